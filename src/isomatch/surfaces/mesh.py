@@ -82,12 +82,15 @@ class Mesh:
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        return 0.5 * np.linalg.norm(self.face_cross, axis=1)
+        areas: FloatArray = 0.5 * np.linalg.norm(self.face_cross, axis=1)
+        return areas
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
         """(n,) barycentric area of each vertex: a third of its faces; 0 where no face uses it."""
-        return np.bincount(self._sound_faces.ravel(), np.repeat(self.face_areas / 3, 3), self.n_vertices)
+        thirds = np.repeat(self.face_areas / 3, 3)
+        areas: FloatArray = np.bincount(self._sound_faces.ravel(), thirds, self.n_vertices).astype(np.float64)
+        return areas
 
     @cached_property
     def area(self) -> float:
@@ -159,7 +162,9 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 def _frozen_vertices(values: ArrayLike) -> FloatArray:
     array = np.array(values, dtype=np.float64, order="C")
     if array.ndim != 2 or array.shape[1] != 3:
-        raise MeshError(f"vertices have shape {array.shape}, expected (n, 3): one row x, y, z for each vertex")
+        raise MeshError(
+            f"vertices have shape {array.shape}, expected (n, 3): one row x, y, z for each vertex"
+        )
     array.flags.writeable = False
     return array
 
@@ -169,7 +174,9 @@ def _frozen_faces(values: ArrayLike) -> IntArray:
     if array.size == 0:
         array = np.zeros((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise MeshError(f"faces have shape {array.shape}, expected (m, 3): split polygons into triangles first")
+        raise MeshError(
+            f"faces have shape {array.shape}, expected (m, 3): split polygons into triangles first"
+        )
     if array.dtype.kind not in "iu":
         raise MeshError(f"faces have type {array.dtype}, expected integers: vertex indices from 0")
     array = np.array(array, dtype=np.int64, order="C")

@@ -1,0 +1,169 @@
+"""Read and write a mesh file; the suffix of its name says the format."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isomatch.errors import FormatError, MeshError
+from isomatch.surfaces.io import obj, off, ply, stl
+from isomatch.surfaces.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """How one format is read and written, and which options of `write_mesh` it has."""
+
+    read: Callable[[bytes, str], Mesh]
+    write: Callable[..., bytes]
+    options: frozenset[str] = frozenset()
+
+
+FORMATS = {
+    ".off": MeshFormat(off.read, off.write),
+    ".obj": MeshFormat(obj.read, obj.write, frozenset({"colors"})),
+    ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
+    ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
+}
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    r"""Read a triangle mesh from an OFF, OBJ, PLY or STL file.
+
+    Vertices keep the order and number of the file, so that an index means the same vertex here and there.
+    Polygons are split into fans of triangles, in order. A file of points without faces gives a mesh of 0 faces.
+    Whether the surface is sound is not judged here; see `check`.
+
+    Parameters
+    ----------
+    path : path_like
+        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+
+    Returns
+    -------
+    Mesh
+        Vertices in the file's units.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that format;
+        the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+
+    Notes
+    -----
+    Linear time; the file is held in memory. STL stores no connectivity: corners at exactly equal positions
+    become one vertex, numbered in order of first appearance.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "triangle.off"
+    >>> _ = path.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    >>> read_mesh(path)
+    Mesh(3 vertices, 1 faces)
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise FormatError(f"{path}: no such file; check the name and the folder") from None
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
+    return mesh_format.read(data, str(path))
+
+
+def write_mesh(
+    path: str | os.PathLike[str],
+    mesh: Mesh,
+    *,
+    binary: bool | None = None,
+    colors: ArrayLike | None = None,
+) -> None:
+    """Write a mesh to an OFF, OBJ, PLY or STL file, replacing the file if there is one.
+
+    The file is written beside its final place and then renamed, so an interrupted write leaves the old file
+    intact.
+
+    Parameters
+    ----------
+    path : path_like
+        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+    mesh : Mesh
+        What to write.
+    binary : bool, optional
+        PLY and STL only: binary (the default there) or text.
+    colors : (n, 3) array_like of uint8, optional
+        PLY and OBJ only: red, green and blue of each vertex, 0…255.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be written
+        to.
+    MeshError
+        If the colours do not fit the mesh, or the mesh does not fit the format.
+
+    Notes
+    -----
+    Coordinates are written so that `read_mesh` returns the same float64 numbers, except in binary STL, which
+    holds float32. STL also loses the order of the vertices and those that no face uses.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "triangle.ply"
+    >>> write_mesh(path, Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> read_mesh(path).vertices[1].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    options: dict[str, object] = {}
+    if binary is not None:
+        options["binary"] = binary
+    if colors is not None:
+        options["colors"] = _vertex_colors(colors, mesh.n_vertices)
+    for option in sorted(options.keys() - mesh_format.options):
+        able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
+        raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
+    _replace(path, mesh_format.write(mesh, **options))
+
+
+def _format_of(path: Path) -> MeshFormat:
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise FormatError(f"{path}: {found} is not a mesh format; use one of {', '.join(FORMATS)}") from None
+
+
+def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
+    array = np.asarray(colors)
+    if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
+        raise MeshError(
+            f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
+            "red, green, blue from 0 to 255 for each vertex"
+        )
+    return array
+
+
+def _replace(path: Path, data: bytes) -> None:
+    final = path.resolve()  # a link keeps pointing at the file it names
+    unfinished = final.with_name(f".{final.name}.{os.getpid()}.unfinished")
+    try:
+        unfinished.write_bytes(data)
+        unfinished.replace(final)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FormatError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
+        ) from None
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -1,0 +1,161 @@
+"""The tables of a PLY file: from text or bytes to columns."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, IntArray
+from isomatch.errors import FormatError
+from isomatch.surfaces.io._ply_header import Element, Header
+from isomatch.surfaces.io._polygons import spans
+from isomatch.surfaces.io._text import TextLines, read_lines
+
+
+@dataclass(frozen=True)
+class Column:
+    """One property of all rows, end to end; ``counts`` is how many values each row has."""
+
+    values: AnyArray
+    counts: IntArray
+
+
+@dataclass(frozen=True)
+class Table:
+    """An element's columns by name; ``place(row)`` says where a row is in the file, for messages."""
+
+    columns: dict[str, Column]
+    place: Callable[[int], str]
+
+
+def read_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
+    """Read every element that the header announces."""
+    return _text_tables(data, name, header) if header.text else _binary_tables(data, name, header)
+
+
+def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
+    body = read_lines(name, data[header.n_bytes :])
+    lines = TextLines(name, body.rows, [number + header.n_lines for number in body.numbers])
+    tables: dict[str, Table] = {}
+    start = 0
+    for element in header.elements:
+        stop = start + (element.n_rows if element.properties else 0)
+        if stop > len(lines):
+            lines.fail(
+                len(lines), f"{element.n_rows} lines of element {element.name}, not {len(lines) - start}"
+            )
+        tables[element.name] = _text_table(element, lines[start:stop])
+        start = stop
+    if start != len(lines):
+        lines.fail(start, "no line after the elements announced in the header", "correct the header's counts")
+    return tables
+
+
+def _text_table(element: Element, lines: TextLines) -> Table:
+    expected = f"{element.name}: " + " ".join(
+        p.name if p.count_type is None else f"count {p.name}…" for p in element.properties
+    )
+    rows = lines.parse()
+    cursor, ends = rows.starts, rows.starts + rows.counts
+    columns: dict[str, Column] = {}
+    for column in element.properties:
+        counts = np.ones(len(lines), dtype=np.int64)
+        if column.count_type is not None:
+            rows.require(cursor < ends, expected)
+            counts = rows.whole(cursor, expected)
+            rows.require(counts >= 0, expected)
+            cursor = cursor + 1
+        rows.require(cursor + counts <= ends, expected)
+        columns[column.name] = Column(rows.values[spans(cursor, counts)], counts)
+        cursor = cursor + counts
+    rows.require(cursor == ends, expected)
+    return Table(columns, lambda row: f"{lines.name}:{lines.numbers[row]}")
+
+
+def _binary_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
+    tables: dict[str, Table] = {}
+    position = header.n_bytes
+    for element in header.elements:
+        uniform = _uniform_table(element, data, position, name)
+        table, position = uniform or _mixed_table(element, data, position, name)
+        tables[element.name] = table
+    if data[position:].strip():
+        raise FormatError(
+            f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more bytes; "
+            "the header's counts do not fit the data, export the file again"
+        )
+    return tables
+
+
+def _uniform_table(element: Element, data: bytes, start: int, name: str) -> tuple[Table, int] | None:
+    """Read a table at once on the guess that all its lists are as long as those of the first row."""
+    row_type = _type_of_first_row(element, data, start)
+    end = start + element.n_rows * row_type.itemsize
+    if not row_type.itemsize or not element.n_rows or end > len(data):
+        return None
+    rows = np.frombuffer(data, row_type, element.n_rows, start)
+    columns: dict[str, Column] = {}
+    for i, column in enumerate(element.properties):
+        values = rows[f"values{i}"]
+        counts = np.full(len(rows), values.shape[1], dtype=np.int64)
+        if column.count_type is not None and (rows[f"count{i}"] != values.shape[1]).any():
+            return None
+        columns[column.name] = Column(values.ravel(), counts)
+    return Table(columns, lambda row: f"{name}: byte {start + row * row_type.itemsize}"), end
+
+
+def _type_of_first_row(element: Element, data: bytes, start: int) -> np.dtype[np.void]:
+    fields: list[tuple[object, ...]] = []
+    for i, column in enumerate(element.properties):
+        count = 1
+        if column.count_type is not None:
+            position = start + np.dtype(fields).itemsize
+            found = np.frombuffer(
+                data[position : position + column.count_type.itemsize].ljust(8, b"\0"), column.count_type
+            )
+            count = max(int(found[0]), 0)
+            fields.append((f"count{i}", column.count_type))
+        fields.append((f"values{i}", column.type, (count,)))
+    return np.dtype(fields)
+
+
+def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[Table, int]:
+    """Walk through a table whose rows differ in length, one row after the other."""
+    sizes = [column.type.itemsize for column in element.properties]
+    readers = [
+        column.count_type and struct.Struct(_struct_code(column.count_type)) for column in element.properties
+    ]
+    starts: list[list[int]] = [[] for _ in sizes]
+    counts: list[list[int]] = [[] for _ in sizes]
+    row_starts: list[int] = []
+    position = start
+    for row in range(element.n_rows if sizes else 0):
+        row_starts.append(position)
+        for i, (size, reader) in enumerate(zip(sizes, readers)):
+            count = 1
+            if reader:
+                count = reader.unpack_from(data, position)[0] if position + reader.size <= len(data) else 0
+                position += reader.size
+            starts[i].append(position)
+            counts[i].append(count)
+            position += count * size
+            if count < 0 or position > len(data):
+                raise FormatError(
+                    f"{name}: byte {row_starts[-1]}: expected {element.n_rows} rows of element {element.name}, "
+                    f"found the end of the file in row {row}; it is cut short or damaged, copy or export it again"
+                )
+    octets = np.frombuffer(data, np.uint8)
+    columns: dict[str, Column] = {}
+    for i, column in enumerate(element.properties):
+        lengths = np.array(counts[i], dtype=np.int64)
+        where = spans(np.array(starts[i], dtype=np.int64), lengths * sizes[i])
+        columns[column.name] = Column(octets[where].view(column.type), lengths)
+    return Table(columns, lambda row: f"{name}: byte {row_starts[row]}"), position
+
+
+def _struct_code(count_type: np.dtype[np.generic]) -> str:
+    order = ">" if count_type.byteorder == ">" else "<"
+    return order + count_type.char.replace("l", "i").replace("L", "I")

@@ -1,0 +1,96 @@
+"""The header of a PLY file: which elements follow, with which properties, in which encoding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch.errors import FormatError
+from isomatch.surfaces.io._text import TextLines
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass(frozen=True)
+class Property:
+    """One column of an element; a list when ``count_type`` is given."""
+
+    name: str
+    type: np.dtype[np.generic]
+    count_type: np.dtype[np.generic] | None = None
+
+
+@dataclass(frozen=True)
+class Element:
+    """A table of the file, such as ``vertex``: its number of rows and its columns."""
+
+    name: str
+    n_rows: int
+    properties: tuple[Property, ...]
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the header announces; ``n_lines`` and ``n_bytes`` are its own length."""
+
+    text: bool
+    elements: tuple[Element, ...]
+    n_lines: int
+    n_bytes: int
+
+
+def read_header(data: bytes, name: str) -> Header:
+    """Read the header of a PLY file."""
+    lines, n_bytes = _header_lines(data, name)
+    words = lines.rows[1].split()
+    if len(words) != 3 or words[0] != "format" or words[1] not in _BYTE_ORDERS:
+        lines.fail(1, f"'format' and one of {', '.join(_BYTE_ORDERS)}")
+    order = _BYTE_ORDERS[words[1]]
+    elements: list[Element] = []
+    for i in range(2, len(lines) - 1):
+        match lines.rows[i].split():
+            case ["element", element, n_rows] if n_rows.isdecimal():
+                elements.append(Element(element, int(n_rows), ()))
+            case ["property", "list", count, kind, column] if elements and _is_list(count, kind):
+                _add(
+                    elements,
+                    Property(column, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[count])),
+                )
+            case ["property", kind, column] if elements and kind in _TYPES:
+                _add(elements, Property(column, np.dtype(order + _TYPES[kind])))
+            case ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                lines.fail(
+                    i, "a line 'element NAME COUNT', 'property TYPE NAME' or 'property list TYPE TYPE NAME'"
+                )
+    return Header(order == "", tuple(elements), len(lines), n_bytes)
+
+
+def _add(elements: list[Element], column: Property) -> None:
+    last = elements[-1]
+    elements[-1] = Element(last.name, last.n_rows, (*last.properties, column))
+
+
+def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
+    """Lines up to ``end_header``, and the number of bytes they take."""
+    if data[:4] not in (b"ply\n", b"ply\r"):
+        raise FormatError(f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file or another suffix")
+    mark = data.find(b"end_header")
+    end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
+    if mark < 0 or end < 0:
+        raise FormatError(
+            f"{name}:1: expected a header closed by 'end_header', found none; copy the file again"
+        )
+    rows = data[:end].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").split("\n")
+    return TextLines(name, rows, list(range(1, len(rows) + 1))), end + 1
+
+
+def _is_list(count: str, kind: str) -> bool:
+    return kind in _TYPES and _TYPES.get(count, "f")[0] in "iu"

@@ -1,0 +1,65 @@
+"""OBJ: the ``v`` and ``f`` lines of a Wavefront file; everything else in it is passed over."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isomatch._arrays import IntArray
+from isomatch.surfaces.io._polygons import triangulate
+from isomatch.surfaces.io._text import NumberRows, TextLines, format_rows, read_lines
+from isomatch.surfaces.mesh import Mesh
+
+_CONTINUED = re.compile(rb"(?:[^\n]*\\\r?\n)+[^\n]*")
+_TEXTURE_AND_NORMAL = re.compile(r"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)")
+
+
+def read(data: bytes, name: str) -> Mesh:
+    """Read an OBJ file; vertices may carry colours, faces may be polygons and count vertices backwards."""
+    if b"\\" in data:
+        data = _CONTINUED.sub(_join_continued, data)
+    lines = read_lines(name, data)
+    lines = TextLines(name, [row.strip() for row in lines.rows], lines.numbers)
+    vertex_lines, face_lines = lines.starting_with("v"), lines.starting_with("f")
+    if not len(vertex_lines):
+        lines.fail(len(lines), "vertex lines v x y z")
+    vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
+    rows = _without_texture(face_lines).parse()
+    rows.require(rows.counts >= 3, "a face of at least 3 corners")
+    corners = rows.whole(np.arange(len(rows.values)), "whole vertex indices")
+    return Mesh(vertices, triangulate(_from_zero(corners, rows, vertex_lines), rows.counts))
+
+
+def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
+    """Write an OBJ file; colours follow the position as three numbers from 0 to 1."""
+    if colors is None:
+        vertices = format_rows("v %r %r %r\n", mesh.vertices)
+    else:
+        vertices = format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([mesh.vertices, colors / 255]))
+    return vertices + format_rows("f %d %d %d\n", mesh.faces + 1)
+
+
+def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
+    """Count from 0; a negative index counts backwards from the last vertex read before its face."""
+    backwards = corners < 0
+    if not backwards.any():
+        return corners - 1
+    read_before = np.searchsorted(vertex_lines.numbers, rows.lines.numbers)
+    return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)
+
+
+def _without_texture(lines: TextLines) -> TextLines:
+    """Keep the first index of ``v/vt/vn``; a corner not so written stays, to be refused as no number."""
+    if not any("/" in row for row in lines.rows):
+        return lines
+    return TextLines(
+        lines.name, _TEXTURE_AND_NORMAL.sub("", "\n".join(lines.rows)).split("\n"), lines.numbers
+    )
+
+
+def _join_continued(match: re.Match[bytes]) -> bytes:
+    r"""Join lines that end in ``\``; blank lines after them keep the numbering of what follows."""
+    joined = re.sub(rb"\\\r?\n", b" ", match[0])
+    return joined + b"\n" * match[0].count(b"\n")
