@@ -1,0 +1,109 @@
+"""The skin of a creature: the zero set of a smooth union of round cones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit, prange
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.datasets.anatomy import Limb
+
+BLEND = 0.022  # width of the fillet between limbs, in body units
+REACH = 0.05  # width over which a limb lets go of its parent when posed, in body units
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A blended implicit surface.
+
+    With dᵢ the signed distance to bone i, the field is f = −b log Σᵢ exp(−dᵢ/b): negative inside, smooth,
+    and within b log(number of bones) of the distance to the union.
+
+    Parameters
+    ----------
+    cones : (m, 8) array
+        Start point, end point, start radius and end radius of each bone.
+    owner : (m,) array of int
+        The limb each bone belongs to.
+    """
+
+    cones: FloatArray
+    owner: IntArray
+
+    @classmethod
+    def of(cls, limbs: tuple[Limb, ...]) -> Skin:
+        """Cover the bones of all limbs."""
+        bones = [np.c_[limb.nodes[:-1], limb.nodes[1:], limb.radii[:-1], limb.radii[1:]] for limb in limbs]
+        return cls(np.concatenate(bones), np.repeat(np.arange(len(limbs)), [len(b) for b in bones]))
+
+    def field(self, points: FloatArray) -> FloatArray:
+        """Value and gradient, (n, 4), of the field at (n, 3) points, in O(n m)."""
+        values: FloatArray = _field(points, self.cones, BLEND)
+        return values
+
+    def project(self, points: FloatArray, steps: int = 4) -> FloatArray:
+        """Move (n, 3) points near the surface onto it by Newton steps along the gradient."""
+        for _ in range(steps):
+            value, gradient = np.split(self.field(points), [1], axis=1)
+            points = points - value * gradient / np.maximum((gradient**2).sum(axis=1, keepdims=True), 0.1)
+        return points
+
+    def membership(self, points: FloatArray) -> FloatArray:
+        """How much each limb owns each point, (n, n_limbs); rows are positive and add up to one."""
+        weights: FloatArray = _membership(points, self.cones, self.owner, int(self.owner.max()) + 1, REACH)
+        return weights
+
+
+@njit(cache=True)
+def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, float, float, float]:
+    """Signed distance to a round cone and its gradient.
+
+    The cone is the union of the balls B(a + t u, r(t)) with r(t) = r₀ − s t, 0 ≤ t ≤ l, and the distance is
+    the least |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum is at
+    t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre.
+    """
+    ux, uy, uz = cone[3] - cone[0], cone[4] - cone[1], cone[5] - cone[2]
+    px, py, pz = x - cone[0], y - cone[1], z - cone[2]
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
+    slope = (cone[6] - cone[7]) / length
+    along = (px * ux + py * uy + pz * uz) / length
+    across = math.sqrt(max(px * px + py * py + pz * pz - along * along, 0.0))
+    t = min(max(along - across * slope / math.sqrt(1 - slope * slope), 0.0), length) / length
+    px, py, pz = px - t * ux, py - t * uy, pz - t * uz
+    reach = math.sqrt(px * px + py * py + pz * pz) + 1e-300
+    return reach - cone[6] + slope * t * length, px / reach, py / reach, pz / reach
+
+
+@njit(cache=True, parallel=True)
+def _field(points: FloatArray, cones: FloatArray, blend: float) -> FloatArray:
+    result = np.zeros((len(points), 4))
+    for i in prange(len(points)):
+        total, gx, gy, gz = 1e-300, 0.0, 0.0, 0.0
+        for j in range(len(cones)):
+            d, dx, dy, dz = _to_cone(points[i, 0], points[i, 1], points[i, 2], cones[j])
+            weight = math.exp(-d / blend)
+            total += weight
+            gx, gy, gz = gx + weight * dx, gy + weight * dy, gz + weight * dz
+        result[i, 0] = -blend * math.log(total)
+        result[i, 1], result[i, 2], result[i, 3] = gx / total, gy / total, gz / total
+    return result
+
+
+@njit(cache=True, parallel=True)
+def _membership(
+    points: FloatArray, cones: FloatArray, owner: IntArray, n_limbs: int, reach: float
+) -> FloatArray:
+    result = np.zeros((len(points), n_limbs))
+    for i in prange(len(points)):
+        total = 0.0
+        for j in range(len(cones)):
+            d = _to_cone(points[i, 0], points[i, 1], points[i, 2], cones[j])[0]
+            weight = math.exp(-d / reach)
+            total += weight
+            result[i, owner[j]] += weight
+        for j in range(n_limbs):
+            result[i, j] /= total
+    return result

@@ -1,0 +1,126 @@
+"""Poses of a creature: each joint turns what lies beyond it, fading in smoothly across the joint.
+
+A pose is a smooth map of space restricted to the rest surface, so it does not depend on the triangulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray
+from isomatch.datasets.anatomy import Joint, Limb
+from isomatch.datasets.implicit import Skin
+from isomatch.errors import IsomatchError
+
+Pose = Mapping[str, ArrayLike]
+BEND_WIDTH = 2.8  # half-length of the bend at a joint, in radii of the limb there
+
+
+def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
+    """Draw the angles of every joint within its natural limits; seed 0 is the rest pose, without any."""
+    if seed == 0:
+        return {}
+    rng = np.random.default_rng(seed)
+    return {joint.name: rng.uniform(*np.transpose(joint.limits)) for limb in limbs for joint in limb.joints}
+
+
+def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> FloatArray:
+    """Carry (n, 3) rest positions to a pose.
+
+    Parameters
+    ----------
+    rest : (n, 3) array
+        Points on the rest surface.
+    limbs : tuple of Limb
+        The body, parents before children.
+    skin : Skin
+        Its surface.
+    pose : mapping of str to (3,) array_like
+        Rotation vector of each joint that turns, in degrees about the rest axes x, y, z.
+
+    Returns
+    -------
+    (n, 3) array
+        Posed positions.
+
+    Raises
+    ------
+    IsomatchError
+        If a joint is unknown or its angles are not three finite numbers.
+
+    Notes
+    -----
+    With the fraction h in [0, 1], a joint at c turns x to c + R(h θ)(x − c). Children are turned before their
+    parents, so that the turns add up to forward kinematics. O(n) time and memory for each joint and limb.
+    """
+    angles = _checked(pose, limbs)
+    if not angles:
+        return rest.copy()
+    membership = skin.membership(rest)
+    points = rest
+    for limb in reversed(limbs):
+        for joint in reversed(limb.joints):
+            if joint.name in angles:
+                fraction = _fraction(rest, membership, limbs, limb, joint)
+                points = _turned(points, limb.nodes[joint.node], angles[joint.name], fraction)
+    return points
+
+
+def _checked(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
+    known = [joint.name for limb in limbs for joint in limb.joints]
+    angles = {name: np.radians(np.asarray(value, dtype=float)) for name, value in pose.items()}
+    for name, value in angles.items():
+        if name not in known:
+            raise IsomatchError(f"pose turns {name!r}, which is no joint; choose from {', '.join(known)}")
+        if value.shape != (3,) or not np.isfinite(value).all():
+            raise IsomatchError(
+                f"pose of {name!r} is {pose[name]!r}; give three finite angles, in degrees about x, y, z"
+            )
+    return {name: value for name, value in angles.items() if value.any()}
+
+
+def _fraction(
+    rest: FloatArray, membership: FloatArray, limbs: tuple[Limb, ...], limb: Limb, joint: Joint
+) -> FloatArray:
+    """How much of a joint's turn each point follows, (n,): by its place along the limb, or its branch's."""
+    fraction = np.zeros(len(rest))
+    for i, other in enumerate(limbs):
+        branch = _branch(limbs, other, limb)
+        if other is limb:
+            fraction += membership[:, i] * _beyond(rest, limb, joint.node)
+        elif branch is not None:
+            fraction += membership[:, i] * _beyond(branch.nodes[:1], limb, joint.node)
+    return fraction
+
+
+def _branch(limbs: tuple[Limb, ...], limb: Limb, ancestor: Limb) -> Limb | None:
+    """Find the child of ``ancestor`` through which ``limb`` hangs on it; None if it does not."""
+    by_name = {other.name: other for other in limbs}
+    while limb.parent is not None and limb.parent != ancestor.name:
+        limb = by_name[limb.parent]
+    return limb if limb.parent else None
+
+
+def _beyond(points: FloatArray, limb: Limb, node: int) -> FloatArray:
+    """0 before a node of a limb, 1 beyond it, rising smoothly in between; 1 everywhere for its first node."""
+    if node == 0:
+        return np.ones(len(points))
+    axis = sum(step / np.linalg.norm(step) for step in np.diff(limb.nodes[node - 1 : node + 2], axis=0))
+    along = (points - limb.nodes[node]) @ (axis / np.linalg.norm(axis))
+    s = np.clip(0.5 + along / (2 * BEND_WIDTH * limb.radii[node]), 0, 1)
+    smooth: FloatArray = s * s * s * (s * (6 * s - 15) + 10)
+    return smooth
+
+
+def _turned(points: FloatArray, centre: FloatArray, angles: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Rodrigues' rotation of each point about a centre by its fraction of a rotation vector."""
+    angle = np.linalg.norm(angles)
+    axis = angles / angle
+    sine, cosine = np.sin(angle * fraction)[:, None], np.cos(angle * fraction)[:, None]
+    arm = points - centre
+    across: FloatArray = np.cross(axis, arm)
+    turned: FloatArray = centre + cosine * arm + sine * across + (1 - cosine) * np.outer(arm @ axis, axis)
+    return turned

@@ -1,0 +1,107 @@
+"""Exact closest points of a triangle mesh, as ground truth between two triangulations of one surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.surfaces.mesh import Mesh
+
+CHUNK = 50_000  # points handled at once, to bound memory
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Where each of n source vertices belongs on the target.
+
+    Parameters
+    ----------
+    vertices : (n,) array of int
+        Nearest target vertex.
+    faces : (n,) array of int
+        Target face that holds the closest point.
+    barycentric : (n, 3) array
+        Weights of the three corners of that face.
+    """
+
+    vertices: IntArray
+    faces: IntArray
+    barycentric: FloatArray
+
+    def points(self, target: Mesh) -> FloatArray:
+        """Compute the precise images, (n, 3), on the target mesh in any pose."""
+        images: FloatArray = np.einsum(
+            "ij,ijx->ix", self.barycentric, target.vertices[target.faces[self.faces]]
+        )
+        return images
+
+
+def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
+    """Closest point of a mesh to each of (n, 3) points.
+
+    Notes
+    -----
+    A face with centroid c and all corners within R of it is no closer to p than |p − c| − R. So once the k
+    nearest centroids have given the distance d, and the k-th centroid is farther than d + R, no other face
+    can be closer. Points for which this fails are tried again with more centroids, up to all of them.
+    """
+    triangles = mesh.vertices[mesh.faces]
+    centroids = triangles.mean(axis=1)
+    radius = np.sqrt(((triangles - centroids[:, None]) ** 2).sum(axis=2).max())
+    tree = KDTree(centroids)
+    faces = np.zeros(len(points), dtype=np.int64)
+    barycentric = np.zeros((len(points), 3))
+    open_points, k = np.arange(len(points)), min(12, mesh.n_faces)
+    while len(open_points):
+        certain = np.zeros(len(open_points), dtype=bool)
+        n_chunks = -(-len(open_points) * k // (12 * CHUNK))
+        for chunk in np.array_split(np.arange(len(open_points)), n_chunks):
+            rows = open_points[chunk]
+            reach, candidates = tree.query(points[rows], k=np.arange(1, k + 1))
+            weights, distance = _closest_on_triangles(points[rows, None], triangles[candidates])
+            best = distance.argmin(axis=1)[:, None]
+            faces[rows] = np.take_along_axis(candidates, best, axis=1)[:, 0]
+            barycentric[rows] = np.take_along_axis(weights, best[:, :, None], axis=1)[:, 0]
+            certain[chunk] = (reach[:, -1] >= distance.min(axis=1) + radius) | (k == mesh.n_faces)
+        open_points, k = open_points[~certain], min(4 * k, mesh.n_faces)
+    nearest: IntArray = KDTree(mesh.vertices).query(points)[1].astype(np.int64)
+    return Truth(nearest, faces, barycentric)
+
+
+def _closest_on_triangles(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Barycentric coordinates (…, 3) of, and distance (…) to, the closest point of each (…, 3, 3) triangle.
+
+    It is the foot of the perpendicular where that falls inside, and else the best point of the three edges.
+    """
+    offset = triangles - points[..., None, :]
+    weights = _foot(offset)
+    best = np.where((weights >= 0).all(axis=-1), _length(weights, offset), np.inf)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        start, edge = offset[..., i, :], offset[..., j, :] - offset[..., i, :]
+        squared = np.maximum(np.einsum("...x,...x->...", edge, edge), 1e-300)
+        t = np.clip(-np.einsum("...x,...x->...", start, edge) / squared, 0, 1)
+        on_edge = np.zeros_like(weights)
+        on_edge[..., i], on_edge[..., j] = 1 - t, t
+        distance = _length(on_edge, offset)
+        closer = distance < best
+        weights, best = np.where(closer[..., None], on_edge, weights), np.where(closer, distance, best)
+    return weights, best
+
+
+def _foot(offset: FloatArray) -> FloatArray:
+    """Barycentric coordinates of the projection of the origin onto the plane of each triangle."""
+    u, v = offset[..., 1, :] - offset[..., 0, :], offset[..., 2, :] - offset[..., 0, :]
+    uu, uv, vv = (np.einsum("...x,...x->...", p, q) for p, q in ((u, u), (u, v), (v, v)))
+    pu, pv = (-np.einsum("...x,...x->...", offset[..., 0, :], p) for p in (u, v))
+    determinant = np.maximum(uu * vv - uv * uv, 1e-300)
+    second, third = (vv * pu - uv * pv) / determinant, (uu * pv - uv * pu) / determinant
+    return np.stack([1 - second - third, second, third], axis=-1)
+
+
+def _length(weights: FloatArray, offset: FloatArray) -> FloatArray:
+    """Distance from the origin to the point of each triangle with the given weights."""
+    squared: FloatArray = (np.einsum("...i,...ix->...x", weights, offset) ** 2).sum(axis=-1)
+    return np.sqrt(squared)
