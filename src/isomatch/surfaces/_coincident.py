@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import AnyArray, IntArray
 
 
-def first_equal(points: FloatArray) -> IntArray:
+def first_equal(points: AnyArray) -> IntArray:
     """For each point, the first point at exactly the same position.
 
     Parameters
     ----------
-    points : (n, 3) array of float
-        Positions. A point with a NaN equals no other point.
+    points : (n, d) array
+        Positions, or any rows. A point with a NaN equals no other point.
 
     Returns
     -------

@@ -36,8 +36,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from an OFF, OBJ, PLY or STL file.
 
     Vertices keep the order and number of the file, so that an index means the same vertex here and there.
-    Polygons are split into fans of triangles, in order. A file of points without faces gives a mesh of 0 faces.
-    Whether the surface is sound is not judged here; see `check`.
+    Polygons are split into fans of triangles, in order. A file of points without faces gives a mesh of 0
+    faces. Whether the surface is sound is not judged here; see `check`.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Raises
     ------
     FormatError
-        If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that format;
-        the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+        If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that
+        format; the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
 
     Notes
     -----
@@ -105,8 +105,8 @@ def write_mesh(
     Raises
     ------
     FormatError
-        If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be written
-        to.
+        If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be
+        written to.
     MeshError
         If the colours do not fit the mesh, or the mesh does not fit the format.
 

@@ -84,8 +84,8 @@ def _binary_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
         tables[element.name] = table
     if data[position:].strip():
         raise FormatError(
-            f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more bytes; "
-            "the header's counts do not fit the data, export the file again"
+            f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more "
+            "bytes; the header's counts do not fit the data, export the file again"
         )
     return tables
 
@@ -144,8 +144,9 @@ def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[
             position += count * size
             if count < 0 or position > len(data):
                 raise FormatError(
-                    f"{name}: byte {row_starts[-1]}: expected {element.n_rows} rows of element {element.name}, "
-                    f"found the end of the file in row {row}; it is cut short or damaged, copy or export it again"
+                    f"{name}: byte {row_starts[-1]}: expected {element.n_rows} rows of element "
+                    f"{element.name}, found the end of the file in row {row}; it is cut short or damaged, "
+                    "copy or export it again"
                 )
     octets = np.frombuffer(data, np.uint8)
     columns: dict[str, Column] = {}

@@ -30,8 +30,8 @@ def read(data: bytes, name: str) -> Mesh:
         )
     else:
         raise FormatError(
-            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {announced} triangles announced "
-            f"at byte 80, found {len(data)}; the file is damaged, copy or export it again"
+            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {announced} "
+            f"triangles announced at byte 80, found {len(data)}; the file is damaged, copy or export it again"
         )
     points = corners.reshape(-1, 3)
     first = first_equal(points)

@@ -1,0 +1,47 @@
+"""Which faces cannot be part of a surface: the judgement that check reports and repair acts on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch.surfaces._coincident import first_equal
+
+
+@dataclass(frozen=True)
+class UnsoundFaces:
+    """One mask over the faces per defect; a face has at most one of them, the first that applies."""
+
+    out_of_range: BoolArray
+    non_finite: BoolArray
+    repeated_index: BoolArray
+    duplicate: BoolArray
+
+    @property
+    def any(self) -> BoolArray:
+        """(m,) faces with a defect."""
+        return self.out_of_range | self.non_finite | self.repeated_index | self.duplicate
+
+
+def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
+    """Find the faces that cannot be part of a surface; any array content is accepted.
+
+    A duplicate has the same three vertices as an earlier face, in any order; the earlier face is none.
+    """
+    out_of_range: BoolArray = np.any((faces < 0) | (faces >= len(vertices)), axis=1)
+    good: BoolArray = np.logical_not(out_of_range)
+    non_finite, repeated, duplicate = (np.zeros(len(faces), dtype=bool) for _ in range(3))
+
+    finite = np.isfinite(vertices).all(axis=1)
+    non_finite[good] = ~finite[faces[good]].all(axis=1)
+    good &= ~non_finite
+
+    a, b, c = faces[good].T
+    repeated[good] = (a == b) | (b == c) | (c == a)
+    good &= ~repeated
+
+    first = first_equal(np.sort(faces[good], axis=1))
+    duplicate[good] = first != np.arange(len(first))
+    return UnsoundFaces(out_of_range, non_finite, repeated, duplicate)
