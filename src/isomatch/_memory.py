@@ -1,0 +1,30 @@
+"""The memory budget: large allocations are estimated first and refused with an alternative."""
+
+from __future__ import annotations
+
+import os
+
+from isomatch.errors import MemoryBudgetError
+
+GIB = 2**30
+
+
+def memory_budget() -> int:
+    """Bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET`` in GiB if set, otherwise half the machine's memory."""
+    wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
+    if wanted:
+        return int(float(wanted) * GIB)
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+    except (AttributeError, ValueError, OSError):
+        return 4 * GIB
+
+
+def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
+    """Raise `MemoryBudgetError` if an allocation is over budget; ``instead`` tells what to do."""
+    budget = memory_budget()
+    if n_bytes > budget:
+        raise MemoryBudgetError(
+            f"{purpose} needs {n_bytes / GIB:.1f} GiB, the budget is {budget / GIB:.1f} GiB "
+            f"(ISOMATCH_MEMORY_BUDGET, in GiB); {instead}"
+        )

@@ -1,0 +1,71 @@
+"""How many threads to use, and the one way to use them: independent items, results in order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any, TypeVar
+
+from threadpoolctl import ThreadpoolController
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def n_threads() -> int:
+    """Threads to use: ``ISOMATCH_NUM_THREADS`` if set, otherwise the processors this process may run on."""
+    wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
+    if wanted.isdigit() and int(wanted) > 0:
+        return int(wanted)
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
+    """Apply a function that releases the interpreter lock to every item; the order of results is kept.
+
+    Results do not depend on the number of threads, because items share nothing.
+    """
+    todo = list(items)
+    workers = min(n_threads(), len(todo))
+    if workers <= 1:
+        return [function(item) for item in todo]
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(function, todo))
+
+
+class _SerialBlas:
+    """Re-entrant: the first thread in limits BLAS to one thread, the last one out restores it."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._depth = 0
+        self._controller: ThreadpoolController | None = None
+        self._limiter: Any = None
+
+    @contextmanager
+    def __call__(self) -> Iterator[None]:
+        with self._lock:
+            if self._controller is None:
+                self._controller = ThreadpoolController()
+            self._depth += 1
+            if self._depth == 1:
+                self._limiter = self._controller.limit(limits=1, user_api="blas")
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._depth -= 1
+                if self._depth == 0:
+                    self._limiter.restore_original_limits()
+
+
+serial_blas = _SerialBlas()
+"""Context in which matrix products use one thread, so that threads can be given to independent items instead.
+
+It makes results independent of the number of threads, and avoids the stalls of nested thread pools.
+"""

@@ -1,0 +1,21 @@
+"""Distance columns: geodesic engines and the sampling that drives them."""
+
+from isomatch.geodesics.engines import (
+    DistanceEngine,
+    EngineName,
+    FastMarching,
+    distance_engine,
+    geodesic_distances,
+)
+from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
+
+__all__ = [
+    "DistanceEngine",
+    "EngineName",
+    "FastMarching",
+    "Sampling",
+    "distance_engine",
+    "farthest_point_sampling",
+    "geodesic_distances",
+    "peripheral_vertex",
+]
