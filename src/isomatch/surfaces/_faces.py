@@ -34,7 +34,7 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
     good: BoolArray = np.logical_not(out_of_range)
     non_finite, repeated, duplicate = (np.zeros(len(faces), dtype=bool) for _ in range(3))
 
-    finite = np.isfinite(vertices).all(axis=1)
+    finite: BoolArray = np.all(np.isfinite(vertices), axis=1)
     non_finite[good] = ~finite[faces[good]].all(axis=1)
     good &= ~non_finite
 

@@ -68,7 +68,7 @@ def check(mesh: Mesh) -> MeshReport:
         duplicate_faces=np.flatnonzero(bad.duplicate),
         zero_area_faces=sound[flatness <= ZERO_AREA_RATIO],
         sliver_faces=sound[(flatness > ZERO_AREA_RATIO) & (flatness < SLIVER_RATIO)],
-        unused_vertices=np.flatnonzero(~used),
+        unused_vertices=np.flatnonzero(finite & ~used),
         coincident_vertices=np.flatnonzero(
             finite & (first_equal(mesh.vertices) != np.arange(mesh.n_vertices))
         ),

@@ -41,7 +41,7 @@ _SURVIVABLE = {
     ),
     "sliver_faces": ("sliver faces", "distances through them are less exact; remesh if there are many"),
     "unused_vertices": (
-        "vertices that no sound face uses",
+        "finite vertices that no sound face uses",
         f"they are at infinite distance from all others and get no match; {_MENDED}",
     ),
     "coincident_vertices": (
@@ -139,7 +139,7 @@ class MeshReport:
             found.append("no faces: there is no surface to measure on; give a mesh, not a set of points")
         elif not self.component_shares.any():
             found.append(
-                "the total area is zero: no face is usable; check the units and the export of the file"
+                "no sound face of positive area: there is no surface to measure on; export the file again"
             )
         return tuple(found)
 

@@ -37,8 +37,7 @@ def read_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
 
 
 def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
-    body = read_lines(name, data[header.n_bytes :])
-    lines = TextLines(name, body.rows, [number + header.n_lines for number in body.numbers])
+    lines = read_lines(name, data[header.n_bytes :], before=header.n_lines)
     tables: dict[str, Table] = {}
     start = 0
     for element in header.elements:

@@ -25,17 +25,21 @@ class TextLines:
         What the lines say.
     numbers : list of int
         The 1-based number of each line in the file.
+    before : int
+        Number of the line before the first of these.
     """
 
     name: str
     rows: list[str]
     numbers: list[int]
+    before: int = 0
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def __getitem__(self, part: slice) -> TextLines:
-        return TextLines(self.name, self.rows[part], self.numbers[part])
+        before = self.numbers[part.start - 1] if part.start and self.numbers else self.before
+        return TextLines(self.name, self.rows[part], self.numbers[part], before)
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
         """Raise a `FormatError` that quotes one row; a row past the end means that the file is cut short."""
@@ -45,7 +49,7 @@ class TextLines:
             raise FormatError(
                 f"{self.name}:{self.numbers[row]}: expected {expected}, found {found}; {remedy}"
             )
-        last = self.numbers[-1] if self.numbers else 1
+        last = self.numbers[-1] if self.numbers else max(self.before, 1)
         raise FormatError(
             f"{self.name}:{last}: expected {expected}, found the end of the file; "
             "it is cut short, copy or export it again"
@@ -121,8 +125,8 @@ class NumberRows:
         return values.astype(np.int64)
 
 
-def read_lines(name: str, data: bytes) -> TextLines:
-    """Split a file into lines, dropping ``#`` comments and blank lines.
+def read_lines(name: str, data: bytes, before: int = 0) -> TextLines:
+    """Split a file, or what follows some lines of it, into lines, dropping ``#`` comments and blank lines.
 
     Any byte is accepted (names in comments come in every encoding), and every kind of line end.
     """
@@ -131,7 +135,7 @@ def read_lines(name: str, data: bytes) -> TextLines:
     if "#" in text:
         rows = [row.partition("#")[0] for row in rows]
     kept = [i for i, row in enumerate(rows) if row and not row.isspace()]
-    return TextLines(name, [rows[i] for i in kept], [i + 1 for i in kept])
+    return TextLines(name, [rows[i] for i in kept], [before + i + 1 for i in kept], before)
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:

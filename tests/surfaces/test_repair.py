@@ -1,0 +1,117 @@
+"""Laws of repair on the whole zoo and on arbitrary meshes, then each mend by its outcome and its sentence."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from isomatch.surfaces import Mesh, check, repair
+from zoo import any_mesh, grid, mobius, specimen, torus, zoo
+
+OPTIONS = st.fixed_dictionaries({name: st.booleans() for name in ("weld", "remove_unused", "orient")})
+
+
+def assert_laws(mesh, **options):
+    mended = repair(mesh, **options)
+    new = mended.mesh
+    # the maps compose back
+    np.testing.assert_array_equal(new.vertices, mesh.vertices[mended.vertex_index])
+    np.testing.assert_array_equal(mended.new_index[mended.vertex_index], np.arange(new.n_vertices))
+    same_corners = np.sort(mended.new_index[mesh.faces[mended.face_index]], axis=1)
+    np.testing.assert_array_equal(same_corners, np.sort(new.faces, axis=1))
+    kept = mended.new_index >= 0
+    np.testing.assert_array_equal(new.vertices[mended.new_index[kept]], mesh.vertices[kept])
+    # order is kept
+    assert (np.diff(mended.vertex_index) > 0).all()
+    assert (np.diff(mended.face_index) > 0).all()
+    # nothing is changed without saying so, and nothing twice
+    assert (new is mesh) == (not mended.changes)
+    again = repair(new, **options)
+    assert again.changes == ()
+    assert again.mesh is new
+    return mended
+
+
+@given(any_mesh(), OPTIONS)
+@settings(max_examples=200, deadline=None)
+def test_laws_on_anything(mesh, options):
+    report = check(assert_laws(mesh, **options).mesh)
+    for field in ("non_finite_vertices", "out_of_range_faces", "repeated_index_faces", "duplicate_faces"):
+        assert not len(getattr(report, field))
+
+
+@pytest.mark.parametrize("specimen", zoo(), ids=repr)
+def test_what_is_left_after_repair(specimen):
+    mended = assert_laws(specimen.mesh)
+    report = check(mended.mesh)
+    assert not len(report.unused_vertices)
+    assert not len(report.coincident_vertices)
+    assert not len(report.inward_components)
+    assert bool(len(report.inconsistent_edges)) == ("one_sided" in specimen.tags)
+
+
+@pytest.mark.parametrize("specimen", zoo("sound") + zoo("extreme"), ids=repr)
+def test_a_sound_mesh_is_left_alone(specimen):
+    assert repair(specimen.mesh).mesh is specimen.mesh
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=25, deadline=None)
+def test_any_winding_of_a_closed_surface_becomes_outward(seed):
+    rng = np.random.default_rng(seed)
+    faces = torus().faces.copy()
+    turned = rng.random(len(faces)) < rng.random()
+    faces[turned] = faces[turned, ::-1]
+    mended = assert_laws(Mesh(torus().vertices, faces)).mesh
+    assert check(mended).ok
+    assert mended.volume == pytest.approx(torus().volume)
+
+
+def test_an_open_surface_keeps_the_side_of_most_of_its_faces():
+    faces = grid(4, 4).faces.copy()
+    faces[[3, 8]] = faces[[3, 8]][:, ::-1]
+    mended = repair(Mesh(grid(4, 4).vertices, faces))
+    assert mended.changes == ("rewound 2 faces",)
+    np.testing.assert_array_equal(np.sort(np.flatnonzero((mended.mesh.faces != faces).any(axis=1))), [3, 8])
+    faces = faces[:, ::-1]
+    assert repair(Mesh(grid(4, 4).vertices, faces)).changes == ("rewound 2 faces",)
+
+
+def test_a_mobius_strip_cannot_be_wound_and_is_left():
+    assert repair(mobius()).changes == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("seam", ["welded 3 vertices onto an earlier vertex at the same position"]),
+        ("wild", ["removed 2 faces with a vertex index out of range"]),
+        ("nan", ["removed 1 face with a non-finite vertex", "removed 1 vertex with non-finite coordinates"]),
+        ("repeated_index", ["removed 1 face with a repeated vertex"]),
+        ("duplicate", ["removed 1 face with the vertices of an earlier face"]),
+        ("unused_vertex", ["removed 1 vertex that no face used"]),
+        ("rewound_face", ["rewound 1 face"]),
+        ("inward", ["rewound 4 faces"]),
+    ],
+)
+def test_each_mend_says_what_it_did_and_leaves_a_sound_mesh(name, changes):
+    mended = repair(specimen(name).mesh)
+    assert list(mended.changes) == changes
+    assert check(mended.mesh).ok
+    assert changes[0] in repr(mended)
+
+
+def test_options_leave_things_as_they_are():
+    assert repair(specimen("seam").mesh, weld=False).changes == ()
+    assert repair(specimen("unused_vertex").mesh, remove_unused=False).changes == ()
+    assert repair(specimen("inward").mesh, orient=False).changes == ()
+
+
+def test_welded_vertices_point_to_the_survivor():
+    mended = repair(specimen("seam").mesh)
+    assert mended.new_index[12:].tolist() == [2, 6, 10]
+    assert mended.mesh.n_vertices == 12
+
+
+def test_faces_of_zero_area_stay_so_that_the_surface_is_not_torn():
+    assert repair(specimen("flat_face").mesh).mesh is specimen("flat_face").mesh
