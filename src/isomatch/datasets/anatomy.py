@@ -87,7 +87,7 @@ def _quadruped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     rise = 0.5 * (leg - 1)  # legs stretch between the ground and the trunk, which rises with them
 
     trunk = _limb(
-        "trunk", None, [[0, -0.36, 0.6], [0, 0, 0.63], [0, 0.34, 0.62]], 
+        "trunk", None, [[0, -0.36, 0.6], [0, 0, 0.63], [0, 0.34, 0.62]],
         girth * np.array([0.15, 0.155, 0.175]), Joint("waist", 1, ((-10, 10), (-8, 8), (-16, 16))),
     )  # fmt: skip
     base = np.array([0, 0.38, 0.68])
@@ -150,7 +150,7 @@ def _biped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     )  # fmt: skip
     skull = np.array([0, 0.02, 1.4 + 0.17 * (head - 1)])
     neck_and_head = _limb(
-        "head", "trunk", np.array([[0, 0, 1.12], [0, 0, 1.22], skull - [0, 0, 0.02], skull + np.array([0, 0.01, 0.05])]),
+        "head", "trunk", [[0, 0, 1.12], [0, 0, 1.22], *(skull + np.array([[0, 0, -0.02], [0, 0.01, 0.05]]))],
         [0.09, 0.075, 0.15 * head, 0.15 * head], Joint("head", 1, ((-16, 14), (-14, 14), (-40, 40))),
     )  # fmt: skip
     nose = _limb(

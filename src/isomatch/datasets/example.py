@@ -49,7 +49,7 @@ def example_pair() -> tuple[Creature, Creature]:
     --------
     >>> source, target = example_pair()
     >>> source, target
-    (Creature(quadruped, style 0, 2992 vertices), Creature(quadruped, style 0, 3296 vertices))
+    (Creature(quadruped, style 0, 2968 vertices), Creature(quadruped, style 0, 3242 vertices))
     """
     with as_file(FILE) as path, np.load(path) as stored:
         source, target = (

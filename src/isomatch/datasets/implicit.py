@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
 from isomatch.datasets.anatomy import Limb
 
+CHUNK = 8192  # points a thread handles at once
 BLEND = 0.022  # width of the fillet between limbs, in body units
 REACH = 0.05  # width over which a limb lets go of its parent when posed, in body units
 
@@ -41,8 +43,7 @@ class Skin:
 
     def field(self, points: FloatArray) -> FloatArray:
         """Value and gradient, (n, 4), of the field at (n, 3) points, in O(n m)."""
-        values: FloatArray = _field(points, self.cones, BLEND)
-        return values
+        return np.concatenate(parallel_map(lambda part: _field(part, self.cones, BLEND), _chunks(points)))
 
     def project(self, points: FloatArray, steps: int = 4) -> FloatArray:
         """Move (n, 3) points near the surface onto it by Newton steps along the gradient."""
@@ -53,17 +54,24 @@ class Skin:
 
     def membership(self, points: FloatArray) -> FloatArray:
         """How much each limb owns each point, (n, n_limbs); rows are positive and add up to one."""
-        weights: FloatArray = _membership(points, self.cones, self.owner, int(self.owner.max()) + 1, REACH)
-        return weights
+        n_limbs = int(self.owner.max()) + 1
+        parts = parallel_map(
+            lambda part: _membership(part, self.cones, self.owner, n_limbs, REACH), _chunks(points)
+        )
+        return np.concatenate(parts)
 
 
-@njit(cache=True)
+def _chunks(points: FloatArray) -> list[FloatArray]:
+    return np.array_split(points, len(points) // CHUNK + 1)
+
+
+@njit(cache=True, nogil=True)
 def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, float, float, float]:
     """Signed distance to a round cone and its gradient.
 
     The cone is the union of the balls B(a + t u, r(t)) with r(t) = r₀ − s t, 0 ≤ t ≤ l, and the distance is
-    the least |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum is at
-    t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre.
+    the least |p − a − t u| − r(t). With h and g the coordinates of p along and across the axis, the minimum
+    is at t = h − g s/√(1 − s²), and the gradient is the direction from that ball's centre.
     """
     ux, uy, uz = cone[3] - cone[0], cone[4] - cone[1], cone[5] - cone[2]
     px, py, pz = x - cone[0], y - cone[1], z - cone[2]
@@ -77,10 +85,10 @@ def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, flo
     return reach - cone[6] + slope * t * length, px / reach, py / reach, pz / reach
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _field(points: FloatArray, cones: FloatArray, blend: float) -> FloatArray:
     result = np.zeros((len(points), 4))
-    for i in prange(len(points)):
+    for i in range(len(points)):
         total, gx, gy, gz = 1e-300, 0.0, 0.0, 0.0
         for j in range(len(cones)):
             d, dx, dy, dz = _to_cone(points[i, 0], points[i, 1], points[i, 2], cones[j])
@@ -92,12 +100,12 @@ def _field(points: FloatArray, cones: FloatArray, blend: float) -> FloatArray:
     return result
 
 
-@njit(cache=True, parallel=True)
+@njit(cache=True, nogil=True)
 def _membership(
     points: FloatArray, cones: FloatArray, owner: IntArray, n_limbs: int, reach: float
 ) -> FloatArray:
     result = np.zeros((len(points), n_limbs))
-    for i in prange(len(points)):
+    for i in range(len(points)):
         total = 0.0
         for j in range(len(cones)):
             d = _to_cone(points[i, 0], points[i, 1], points[i, 2], cones[j])[0]

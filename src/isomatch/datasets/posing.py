@@ -16,7 +16,7 @@ from isomatch.datasets.implicit import Skin
 from isomatch.errors import IsomatchError
 
 Pose = Mapping[str, ArrayLike]
-BEND_WIDTH = 2.8  # half-length of the bend at a joint, in radii of the limb there
+BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there
 
 
 def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
