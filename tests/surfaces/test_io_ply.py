@@ -181,7 +181,13 @@ def test_every_truncation_of_a_mixed_file_is_reported():
             ply.read(data[:length], "a.ply")
 
 
-def test_a_list_count_of_another_type_than_its_size_says():
+def test_a_list_longer_than_the_file():
+    header = [*XYZ, "element face 1", "property list uint int vertex_indices"]
+    with pytest.raises(FormatError, match="found the end of the file in row 0"):
+        ply.read(ply_file("binary_big_endian", header, [POINT, ("I", (2**32 - 1,))]), "a.ply")
+
+
+def test_list_counts_and_indices_of_unusual_types():
     header = [*XYZ, "element face 2", "property list char float vertex_indices"]
     rows = [POINT, ("b3f", (3, 0, 0, 0)), ("b", (-1,))]
     with pytest.raises(FormatError, match="found the end of the file in row 1"):

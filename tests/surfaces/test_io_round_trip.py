@@ -1,5 +1,7 @@
 """Laws of every format: what is written is read back, number for number and in order."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -155,3 +157,16 @@ def test_missing_files_and_folders(tmp_path):
     (tmp_path / "folder.off").mkdir()
     with pytest.raises(FormatError, match=r"folder\.off: cannot be opened"):
         read_mesh(tmp_path / "folder.off")
+
+
+@pytest.mark.parametrize(("suffix", "options"), INDEXED + SOUP)
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_a_damaged_file_gives_a_mesh_or_one_line_that_says_where(suffix, options, data):
+    content = bytearray(FORMATS[suffix].write(grid(3, 3), **options))
+    start = data.draw(st.integers(0, len(content)))
+    content[start : start + data.draw(st.integers(0, 6))] = data.draw(st.binary(max_size=4))
+    try:
+        FORMATS[suffix].read(bytes(content), "file")
+    except FormatError as error:
+        assert re.match(r"file:( byte )?\d+: expected [^\n]+\Z", str(error))

@@ -115,7 +115,9 @@ def _type_of_first_row(element: Element, data: bytes, start: int) -> np.dtype[np
             found = np.frombuffer(
                 data[position : position + column.count_type.itemsize].ljust(8, b"\0"), column.count_type
             )
-            count = max(int(found[0]), 0)
+            count = int(found[0])
+            if not 0 <= count * column.type.itemsize <= len(data):
+                count = 0  # a wrong guess, so that the row is walked through and refused
             fields.append((f"count{i}", column.count_type))
         fields.append((f"values{i}", column.type, (count,)))
     return np.dtype(fields)

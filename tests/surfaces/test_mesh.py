@@ -1,0 +1,85 @@
+"""The mesh: derived quantities against closed forms, and what its constructor refuses."""
+
+import numpy as np
+import pytest
+
+from isomatch.errors import MeshError
+from isomatch.surfaces import Mesh
+from zoo import grid, specimen, torus
+
+TETRAHEDRON = specimen("tetrahedron").mesh
+
+
+def test_torus_converges_to_its_area_and_volume():
+    area, volume = 4 * np.pi**2 * 3, 2 * np.pi**2 * 3
+    coarse, fine = torus(40, 20), torus(80, 40)
+    for measured, true in (("area", area), ("volume", volume)):
+        error = [abs(getattr(mesh, measured) - true) / true for mesh in (coarse, fine)]
+        assert error[1] < 0.01
+        assert error[1] < 0.3 * error[0]  # second order
+
+
+def test_vertex_areas_add_up_and_unused_vertices_have_none():
+    mesh = specimen("unused_vertex").mesh
+    assert mesh.vertex_areas[-1] == 0
+    assert mesh.vertex_areas.sum() == pytest.approx(mesh.area)
+
+
+def test_normals_of_a_torus_point_away_from_its_core():
+    mesh = torus(60, 40)
+    ring = mesh.vertices * [1, 1, 0]
+    core = 3 * ring / np.linalg.norm(ring, axis=1, keepdims=True)
+    assert (np.einsum("ij,ij->i", mesh.vertex_normals, mesh.vertices - core) > 0.99).all()
+
+
+def test_normals_where_no_face_is_are_zero():
+    assert specimen("unused_vertex").mesh.vertex_normals[-1].tolist() == [0, 0, 0]
+
+
+def test_edges_are_sorted_and_each_there_once():
+    assert TETRAHEDRON.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    mesh = torus()
+    assert mesh.n_vertices - len(mesh.edges) + mesh.n_faces == 0
+
+
+def test_components():
+    assert specimen("two_tetrahedra").mesh.components.tolist() == [0] * 4 + [1] * 4
+    assert len(np.unique(specimen("unused_vertex").mesh.components)) == 2
+
+
+def test_volume_does_not_depend_on_the_place():
+    away = Mesh(TETRAHEDRON.vertices + 1e3, TETRAHEDRON.faces)
+    assert away.volume == pytest.approx(TETRAHEDRON.volume)
+    assert TETRAHEDRON.volume == pytest.approx(1 / 6)
+
+
+def test_submesh_keeps_order_and_says_where_it_came_from():
+    sheet = grid(3, 3)
+    part, index = sheet.submesh(np.arange(9) != 0)
+    assert index.tolist() == list(range(1, 9))
+    assert part.n_faces == sheet.n_faces - 1
+    np.testing.assert_array_equal(part.vertices[part.faces], sheet.vertices[sheet.faces[1:]])
+
+
+def test_arrays_cannot_be_changed():
+    for array in (TETRAHEDRON.vertices, TETRAHEDRON.faces):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.zeros((4, 2)), [[0, 1, 2]], r"vertices have shape \(4, 2\), expected \(n, 3\)"),
+        (np.zeros((4, 3)), [[0, 1, 2, 3]], r"faces have shape \(1, 4\), expected \(m, 3\): split polygons"),
+        (np.zeros((4, 3)), [[0, 1, 2.0]], "faces have type float64, expected integers"),
+    ],
+)
+def test_arrays_of_the_wrong_kind(vertices, faces, message):
+    with pytest.raises(MeshError, match=message):
+        Mesh(vertices, faces)
+
+
+def test_what_needs_sound_faces_names_the_bad_ones():
+    with pytest.raises(MeshError, match=r"faces 12, 13 refer to vertices outside 0…11.*repair"):
+        _ = specimen("wild").mesh.area
