@@ -58,9 +58,9 @@ def assert_sphere(mesh):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("n_vertices", "style"), [(2000, 1), (4000, 2), (13_000, 0)])
+@pytest.mark.parametrize(("n_vertices", "style"), [(2000, 1), (3000, 2), (9000, 0)])
 def test_mesh_is_a_sphere_of_good_triangles(kind, n_vertices, style, monkeypatch):
-    monkeypatch.setattr(tessellation, "LARGEST_GRID_MESH", 5000)  # so that the largest is subdivided
+    monkeypatch.setattr(tessellation, "LARGEST_GRID_MESH", 4000)  # so that the largest is subdivided
     made = creature(n_vertices, kind=kind, style=style, pose=style, triangulation=3)
     assert_sphere(made.mesh)
     assert abs(made.mesh.n_vertices / n_vertices - 1) < 0.05
@@ -127,8 +127,8 @@ def winding_numbers(mesh, points):
 
 def test_joints_turn_rigidly_beyond_the_bend():
     """A turned waist carries the head along as it is, and leaves the hind feet where they are."""
-    rest = creature(2000)
-    turned = creature(2000, pose={"waist": [0, 0, 20]})
+    rest = creature(1500)
+    turned = creature(1500, pose={"waist": [0, 0, 20]})
     head = (rest.rest[:, 1] > 0) & (rest.rest[:, 2] > 0.95)
     hind_feet = (rest.rest[:, 1] < -0.2) & (rest.rest[:, 2] < 0.2)
     before, after = (np.linalg.norm(np.diff(x.mesh.vertices[head], axis=0), axis=1) for x in (rest, turned))
@@ -145,14 +145,14 @@ def test_truth_to_itself_is_the_identity(resting):
 
 def test_truth_between_triangulations_is_as_exact_as_the_triangulations():
     gaps = []
-    for n_vertices in (1500, 6000):
+    for n_vertices in (1500, 4500):
         source, target = (creature(n_vertices, triangulation=seed) for seed in (0, 1))
         assert source.mesh.n_vertices != target.mesh.n_vertices
         assert KDTree(target.rest).query(source.rest)[0].min() > 1e-6, "the triangulations share no vertex"
         images = ground_truth(source, target).points(target.rest_mesh)
         gaps.append(np.linalg.norm(images - source.rest, axis=1).mean())
         assert gaps[-1] < 0.05 * edge_lengths(target.rest, target.mesh.edges).mean()
-    assert gaps[1] < gaps[0] / 3, "second order in the edge length"
+    assert gaps[1] < gaps[0] / 2, "second order in the edge length"
 
 
 def test_closest_points_agree_with_trying_every_face():
@@ -189,9 +189,10 @@ def test_symmetric_creature_is_its_mirror_image(symmetric_pair):
     np.testing.assert_allclose(skin.field(source.rest * [-1, 1, 1])[:, 0], 0, atol=1e-6)
     assert mirror_gap(source) < 0.05
     truth = ground_truth(source, target, mirrored=True)
-    np.testing.assert_allclose(truth.points(target.rest_mesh), source.rest * [-1, 1, 1], atol=6e-3)
-    there_and_back = ground_truth(target, source, mirrored=True).vertices[truth.vertices]
+    gap = np.linalg.norm(truth.points(target.rest_mesh) - source.rest * [-1, 1, 1], axis=1)
     edge = edge_lengths(source.rest, source.mesh.edges).mean()
+    assert gap.mean() < 0.05 * edge
+    there_and_back = ground_truth(target, source, mirrored=True).vertices[truth.vertices]
     assert np.linalg.norm(source.rest[there_and_back] - source.rest, axis=1).max() < 2 * edge
 
 

@@ -12,7 +12,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.datasets.anatomy import Limb
 
-CHUNK = 8192  # points a thread handles at once
+CHUNK = 2048  # points a thread handles at once
 BLEND = 0.022  # width of the fillet between limbs, in body units
 REACH = 0.05  # width over which a limb lets go of its parent when posed, in body units
 
@@ -45,7 +45,7 @@ class Skin:
         """Value and gradient, (n, 4), of the field at (n, 3) points, in O(n m)."""
         return np.concatenate(parallel_map(lambda part: _field(part, self.cones, BLEND), _chunks(points)))
 
-    def project(self, points: FloatArray, steps: int = 4) -> FloatArray:
+    def project(self, points: FloatArray, steps: int = 3) -> FloatArray:
         """Move (n, 3) points near the surface onto it by Newton steps along the gradient."""
         for _ in range(steps):
             value, gradient = np.split(self.field(points), [1], axis=1)

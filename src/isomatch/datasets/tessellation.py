@@ -68,8 +68,8 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
         faces = _flipped(vertices, faces)
     for _ in range(levels):
         vertices, faces = _subdivided(vertices, faces)
-        vertices = _smoothed(skin, skin.project(vertices), faces, rounds=1)
-    return _shuffled(vertices, faces, rng)
+        vertices = _smoothed(skin, skin.project(vertices, steps=2), faces, rounds=1)
+    return _shuffled(skin.project(vertices), faces, rng)
 
 
 def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> tuple[FloatArray, IntArray]:
@@ -171,7 +171,7 @@ def _smoothed(skin: Skin, vertices: FloatArray, faces: IntArray, rounds: int) ->
         step = neighbours @ vertices / degree - vertices
         normals = vertex_normals(vertices, faces)
         step -= np.einsum("ij,ij->i", step, normals)[:, None] * normals
-        vertices = skin.project(vertices + 0.7 * step, steps=2)
+        vertices = skin.project(vertices + 0.7 * step, steps=1)
     return vertices
 
 
