@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, local
 from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
@@ -28,14 +28,26 @@ def n_threads() -> int:
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply a function that releases the interpreter lock to every item; the order of results is kept.
 
-    Results do not depend on the number of threads, because items share nothing.
+    Results do not depend on the number of threads, because items share nothing. Called from within an item, it
+    runs in that item's thread.
     """
     todo = list(items)
     workers = min(n_threads(), len(todo))
-    if workers <= 1:
+    if workers <= 1 or getattr(_inside, "item", False):
         return [function(item) for item in todo]
+
+    def apply(item: T) -> R:
+        _inside.item = True
+        try:
+            return function(item)
+        finally:
+            _inside.item = False
+
     with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(function, todo))
+        return list(pool.map(apply, todo))
+
+
+_inside = local()
 
 
 class _SerialBlas:

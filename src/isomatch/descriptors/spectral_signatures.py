@@ -35,7 +35,7 @@ def wave_kernel_signature(
     """
     values, squares = basis.values[1:k], basis.vectors[:, 1:k] ** 2
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
-    energies = np.linspace(logs[0], logs[-1] / 1.02 if logs[-1] > 0 else logs[-1], n_energies)
+    energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
     filters = np.exp(-0.5 * ((energies - logs[:, None]) / max(sigma, 1e-12)) ** 2)
     signature: FloatArray = squares @ (filters / filters.sum(axis=0))  # (n, k) (k, e) -> (n, e)

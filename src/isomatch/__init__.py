@@ -1,0 +1,58 @@
+"""Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone."""
+
+from isomatch.bases import DistanceBasis, LaplaceBasis, distance_basis, laplace_basis
+from isomatch.descriptors import (
+    GeodesicDistanceDescriptor,
+    geodesic_distance_descriptor,
+    heat_kernel_signature,
+    wave_kernel_signature,
+)
+from isomatch.errors import (
+    FormatError,
+    IsomatchError,
+    LandmarkError,
+    MemoryBudgetError,
+    MeshError,
+    MissingDependencyError,
+    NotConvergedError,
+)
+from isomatch.geodesics import farthest_point_sampling, geodesic_distances
+from isomatch.maps import Correspondence
+from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
+from isomatch.surfaces import Mesh, MeshReport, check, read_mesh, repair, write_mesh
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Config",
+    "Correspondence",
+    "DistanceBasis",
+    "FormatError",
+    "GeodesicDistanceDescriptor",
+    "IsomatchError",
+    "LandmarkError",
+    "LaplaceBasis",
+    "MatchResult",
+    "MemoryBudgetError",
+    "Mesh",
+    "MeshError",
+    "MeshReport",
+    "MissingDependencyError",
+    "NotConvergedError",
+    "Outcome",
+    "PreparedShape",
+    "Quality",
+    "check",
+    "distance_basis",
+    "farthest_point_sampling",
+    "geodesic_distance_descriptor",
+    "geodesic_distances",
+    "heat_kernel_signature",
+    "laplace_basis",
+    "match",
+    "prepare",
+    "read_mesh",
+    "repair",
+    "wave_kernel_signature",
+    "write_mesh",
+]

@@ -1,0 +1,97 @@
+"""Which hypothesis is true: energies that tell the map from its mirror image and its half-turned twins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+from isomatch.bases import LaplaceBasis
+from isomatch.matching.alignment import orthogonal_alignment, residual
+from isomatch.matching.config import Orientation
+from isomatch.matching.hypotheses import Hypothesis
+from isomatch.matching.pair import Pair
+from isomatch.surfaces.mesh import vertex_normals
+
+SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the judgement
+SMOOTH = 40  # functions of the surfaces whose normals are compared
+ORIENTED = 0.3  # mean cosine between normals above which a map counts as orientation-preserving
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A hypothesis after upsampling to 50 functions, and the evidence for it.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        What was judged.
+    image : (m,) array of int
+        Target row of each source row, upsampled.
+    residual : float
+        Misfit of the distance descriptors after the best rotation, in units of √(average distance).
+    curvature_mismatch : float
+        Mean absolute difference of the standardised signed mean curvatures.
+    orientation : float
+        Mean cosine between the normals of the smooth target drawn on the source and those of the smooth target: near 1
+        for the true map, near −1 for its mirror image, between for mixtures.
+    """
+
+    hypothesis: Hypothesis
+    image: IntArray
+    residual: float
+    curvature_mismatch: float
+    orientation: float
+
+    @property
+    def energy(self) -> float:
+        """Residual times squared curvature mismatch: distances see all but near-symmetries, curvature sees those."""
+        return self.residual * self.curvature_mismatch**2
+
+
+def judge(pair: Pair, hypotheses: list[Hypothesis]) -> list[Judged]:
+    """Judge every hypothesis; the order is kept."""
+    return parallel_map(lambda hypothesis: _judge(pair, hypothesis), hypotheses)
+
+
+def ranked(judged: list[Judged], orientation: Orientation) -> list[Judged]:
+    """Best first: first those of the wanted orientation, then those not clearly of the other, then the rest."""
+    return sorted(judged, key=lambda j: (_orientation_class(j.orientation, orientation), j.energy))
+
+
+def _orientation_class(cosine: float, wanted: Orientation) -> int:
+    kept = {"preserve": cosine, "reverse": -cosine, "any": abs(cosine)}[wanted]
+    return 0 if kept > ORIENTED else 1 if kept > 0 else 2
+
+
+def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
+    source, target = pair.source, pair.target
+    image = pair.upsampled(hypothesis.alignment.image, SIZES)
+    rotation = orthogonal_alignment(target.cloud.at(image), source.cloud)
+    return Judged(
+        hypothesis,
+        image,
+        residual(target.cloud, source.cloud, image, rotation),
+        float(np.abs(target.curvature[image] - source.curvature).mean()),
+        _orientation(pair, image),
+    )
+
+
+def _orientation(pair: Pair, image: IntArray) -> float:
+    source, target = pair.source.shape, pair.target.shape
+    k = min(SMOOTH, len(source.laplace.values), len(target.laplace.values))
+    drawn = drawn_on_source(
+        source.laplace, target.laplace, pair.functional_map(image, k), target.body.vertices
+    )
+    normals = vertex_normals(drawn, source.body.faces)[pair.source.rows]
+    return float(np.einsum("ij,ij->i", normals, target.smooth_normals[pair.target.rows[image]]).mean())
+
+
+def drawn_on_source(
+    source: LaplaceBasis, target: LaplaceBasis, functional_map: FloatArray, coordinates: FloatArray
+) -> FloatArray:
+    """Carry target coordinates (n_t, 3) to the source through a functional map F: Φ_s F Φ_tᵀ A_t V, (n_s, 3)."""
+    k_source, k_target = functional_map.shape
+    return source.vectors[:, :k_source] @ (functional_map @ target.coefficients(coordinates, k_target))

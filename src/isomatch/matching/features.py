@@ -1,0 +1,116 @@
+"""What helps to recognise a vertex beside its distances: extremities, and signatures that see inside from outside."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.bases import LaplaceBasis
+from isomatch.descriptors import wave_kernel_signature
+from isomatch.geodesics import DistanceEngine
+from isomatch.surfaces import Mesh
+from isomatch.surfaces.mesh import vertex_normals
+
+SIGNATURE_FUNCTIONS = 100  # eigenfunctions in the wave kernel signature
+SIGNATURE_STEP = 5  # every fifth of a hundred energies: neighbours overlap
+CURVATURE_FUNCTIONS = (50, 100, 200)  # smoothness of the surfaces whose mean curvature is taken
+SIGNATURE_WEIGHT, CURVATURE_WEIGHT = 0.6, 0.4
+
+
+def extremal_points(
+    mesh: Mesh, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
+) -> tuple[IntArray, FloatArray]:
+    """Tips of the surface: local maxima of the average geodesic distance, the most remote first.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The surface.
+    engine : DistanceEngine
+        Its distances.
+    average_distance : (n,) array of float
+        Average geodesic distance of each vertex to all others.
+    spacing : float
+        Points nearer than this to a point already kept are passed over, in mesh units.
+    limit : int
+        How many to keep at most.
+
+    Returns
+    -------
+    vertices : (q,) array of int
+    distances : (q, n) array of float
+        Distance columns of these vertices.
+    """
+    i, j = mesh.edges.T
+    highest = np.full(mesh.n_vertices, -np.inf)
+    np.maximum.at(highest, i, average_distance[j])
+    np.maximum.at(highest, j, average_distance[i])
+    peaks = np.flatnonzero(average_distance >= highest)
+    peaks = peaks[np.argsort(-average_distance[peaks], kind="stable")]
+    nearest = np.full(mesh.n_vertices, np.inf)
+    kept: list[int] = []
+    for vertex in peaks:
+        if nearest[vertex] >= spacing:
+            kept.append(int(vertex))
+            engine.lower(nearest, int(vertex))
+            if len(kept) == limit:
+                break
+    vertices = np.array(kept, dtype=np.int64)
+    return vertices, engine.distances_from(vertices)
+
+
+def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
+    """Signed mean curvature of the surface rebuilt from its first k eigenfunctions; positive on outward bumps.
+
+    H = ½ ⟨Δ V_k, N_k⟩ with V_k the low-passed coordinates and N_k their normals; clipped to its 2 % and 98 % quantiles.
+    (n,), in 1 / mesh units.
+    """
+    coefficients = laplace.coefficients(mesh.vertices, k)
+    basis = laplace.vectors[:, :k]
+    normals = vertex_normals(basis @ coefficients, mesh.faces)
+    bending = basis @ (laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
+    curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
+    return np.clip(curvature, *np.quantile(curvature, [0.02, 0.98]))
+
+
+def point_signatures(mesh: Mesh, laplace: LaplaceBasis) -> FloatArray:
+    """Wave kernel signatures and signed mean curvatures, each column standardised by area: (n, 23).
+
+    The logarithm of the signature evens out its scale. Signed curvature is the only part that tells a surface from
+    its mirror image and a chest from a back.
+    """
+    wave = np.log(wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, ::SIGNATURE_STEP])
+    curvature = np.column_stack(
+        [mean_curvature(mesh, laplace, k) for k in CURVATURE_FUNCTIONS if k <= len(laplace.values)]
+    )
+    return np.hstack(
+        [
+            standardised(values, laplace.weights) * (weight / np.sqrt(values.shape[1]))
+            for values, weight in ((wave, SIGNATURE_WEIGHT), (curvature, CURVATURE_WEIGHT))
+        ]
+    )
+
+
+def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Give each column of (n, q) values mean 0 and variance 1 in the weights; constant columns become 0."""
+    centred = values - np.average(values, axis=0, weights=weights)
+    deviation = np.sqrt(np.average(centred**2, axis=0, weights=weights))
+    scale = np.where(deviation > 1e-12 * np.abs(values).max(initial=0.0), deviation, np.inf)
+    return np.asarray(centred / scale, dtype=np.float64)
+
+
+def spread_vertices(mesh: Mesh, count: int) -> IntArray:
+    """Choose vertices evenly in space: Euclidean farthest points, from the one farthest from the centroid.
+
+    A prefix of the result is as even as the whole. O(n count).
+    """
+    points = mesh.vertices - np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas)
+    chosen = np.zeros(min(count, mesh.n_vertices), dtype=np.int64)
+    nearest = np.full(mesh.n_vertices, np.inf)
+    vertex = int((points**2).sum(axis=1).argmax())
+    for i in range(len(chosen)):
+        chosen[i] = vertex
+        np.minimum(nearest, ((points - points[vertex]) ** 2).sum(axis=1), out=nearest)
+        nearest[vertex] = -1.0
+        vertex = int(nearest.argmax())
+    return chosen

@@ -1,0 +1,106 @@
+"""Two shapes seen at a few hundred vertices each: the small problem in which starts are tried and compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.matching.alignment import DescriptorCloud
+from isomatch.matching.nearest import nearest_rows
+from isomatch.matching.prepare import PreparedShape
+
+
+@dataclass(frozen=True, eq=False)
+class Glimpse:
+    """A prepared shape at some of its body vertices.
+
+    Parameters
+    ----------
+    shape : PreparedShape
+        The shape.
+    rows : (m,) array of int
+        Body vertices.
+    """
+
+    shape: PreparedShape
+    rows: IntArray
+
+    @cached_property
+    def cloud(self) -> DescriptorCloud:
+        """Geodesic distance descriptors, (m, k)."""
+        return self.shape.cloud.at(self.rows)
+
+    @cached_property
+    def functions(self) -> FloatArray:
+        """Laplace–Beltrami functions, (m, K)."""
+        return self.shape.laplace.vectors[self.rows]
+
+    @cached_property
+    def signatures(self) -> FloatArray:
+        """Point signatures, (m, q)."""
+        return self.shape.signatures[self.rows]
+
+    @cached_property
+    def positions(self) -> FloatArray:
+        """Positions, (m, 3)."""
+        return self.shape.body.vertices[self.rows]
+
+    @cached_property
+    def curvature(self) -> FloatArray:
+        """Signed mean curvature, standardised over the rows, (m,)."""
+        values = self.shape.curvature[self.rows]
+        deviation = values.std()
+        return (values - values.mean()) / (deviation if deviation > 0 else 1.0)
+
+    @cached_property
+    def _triangular(self) -> tuple[FloatArray, FloatArray]:
+        q, r = np.linalg.qr(self.functions)
+        return q, r
+
+    def fit(self, values: FloatArray, k: int) -> FloatArray:
+        """Least-squares coefficients of (m, q) values in the first k functions, (k, q).
+
+        One QR decomposition serves every k, since its leading columns are that of the leading functions.
+        """
+        q, r = self._triangular
+        coefficients: FloatArray = solve_triangular(r[:k, :k], q[:, :k].T @ values, check_finite=False)
+        return coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Source and target at the vertices on which hypotheses are searched."""
+
+    source: Glimpse
+    target: Glimpse
+
+    @classmethod
+    def of(cls, source: PreparedShape, target: PreparedShape) -> Pair:
+        """Take the first ``n_search`` spread vertices of each shape."""
+        rows = (shape.spread[: shape.config.n_search] for shape in (source, target))
+        return cls(Glimpse(source, next(rows)), Glimpse(target, next(rows)))
+
+    def functional_map(self, image: IntArray, k: int) -> FloatArray:
+        """F (k, k) with Φ_source F ≈ Φ_target[image]: carries functions of the target to the source."""
+        return self.source.fit(self.target.functions[image, :k], k)
+
+    def image_of(self, functional_map: FloatArray) -> IntArray:
+        """Nearest target row of each source row in the spectral domain."""
+        k_source, k_target = functional_map.shape
+        return nearest_rows(
+            self.target.functions[:, :k_target] @ functional_map.T, self.source.functions[:, :k_source]
+        )
+
+    def upsampled(self, image: IntArray, sizes: range | tuple[int, ...]) -> IntArray:
+        """Spectral upsampling (Melzi et al., ZoomOut, 2019): alternate both of the above while k grows."""
+        for k in sizes:
+            image = self.image_of(self.functional_map(image, k))
+        return image
+
+    def difference(self, a: IntArray, b: IntArray) -> float:
+        """Mean distance in space between the images of two maps: how different they are, in √area."""
+        return float(np.linalg.norm(self.target.positions[a] - self.target.positions[b], axis=1).mean())

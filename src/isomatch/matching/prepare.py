@@ -1,0 +1,232 @@
+"""Everything that can be computed from one shape alone, once, for any number of matches."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import serial_blas
+from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
+from isomatch.descriptors import geodesic_distance_descriptor
+from isomatch.errors import MeshError
+from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
+from isomatch.matching.alignment import DescriptorCloud
+from isomatch.matching.config import Config
+from isomatch.matching.features import extremal_points, mean_curvature, point_signatures, spread_vertices
+from isomatch.surfaces import Mesh, check, repair
+
+FEWEST_VERTICES = 50
+FEATURE_SPACING = 0.25  # in √area: keeps fingers from displacing hands
+FEATURE_LIMIT = 8
+LARGE_COMPONENT = 0.05  # share of the area at which a component left out is worth a warning
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PreparedShape:
+    """One shape, ready to be matched.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The user's surface, untouched.
+    body : Mesh
+        What is matched: the largest connected component, welded, wound outward, centred, of unit area. Lengths
+        below are in its units.
+    body_vertex : (n,) array of int
+        Body vertex of each vertex of ``mesh``; −1 for those left out.
+    mesh_vertex : (n_body,) array of int
+        Vertex of ``mesh`` of each body vertex.
+    scale : float
+        √area of the body in mesh units: what a length of 1 in the body is worth.
+    distances : DistanceBasis
+        Geodesic distance basis of the body, rank k.
+    laplace : LaplaceBasis
+        Laplace–Beltrami basis of the body, K functions.
+    samples : (p,) array of int
+        Farthest point samples, vertices of the body.
+    columns : (p, n_body) array of float32
+        Geodesic distances from each sample.
+    features : (q,) array of int
+        Extremal points of the body.
+    feature_columns : (q, n_body) array of float
+        Geodesic distances from each of them.
+    spread : (r,) array of int
+        Body vertices evenly spread in space; every prefix is.
+    config : Config
+        The settings used.
+    seed : int
+        The seed used.
+    left_out : float
+        Share of the area in components other than the body.
+    notes : tuple of str
+        What was left out or mended.
+    seconds : float
+        How long it took.
+    """
+
+    mesh: Mesh
+    body: Mesh
+    body_vertex: IntArray
+    mesh_vertex: IntArray
+    scale: float
+    distances: DistanceBasis
+    laplace: LaplaceBasis
+    samples: IntArray
+    columns: np.ndarray[tuple[int, int], np.dtype[np.float32]]
+    features: IntArray
+    feature_columns: FloatArray
+    spread: IntArray
+    config: Config
+    seed: int
+    left_out: float
+    notes: tuple[str, ...]
+    seconds: float
+
+    def __repr__(self) -> str:
+        return f"PreparedShape({self.mesh!r}, {self.distances!r}, {self.laplace!r})"
+
+    @cached_property
+    def average_distance(self) -> FloatArray:
+        """(n_body,) average geodesic distance of each vertex to the surface."""
+        return self.distances @ self.body.vertex_areas
+
+    @cached_property
+    def intrinsic_scale(self) -> float:
+        """Average distance between two points: the unit in which distances of two shapes are compared."""
+        return float(self.body.vertex_areas @ self.average_distance)
+
+    @cached_property
+    def cloud(self) -> DescriptorCloud:
+        """Geodesic distance descriptors of the body, in units of the intrinsic scale."""
+        descriptor = geodesic_distance_descriptor(self.distances)
+        return DescriptorCloud(
+            descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature
+        )
+
+    @cached_property
+    def signatures(self) -> FloatArray:
+        """(n_body, 23) wave kernel signatures and curvatures."""
+        return point_signatures(self.body, self.laplace)
+
+    @cached_property
+    def curvature(self) -> FloatArray:
+        """(n_body,) signed mean curvature of the body low-passed to 100 functions."""
+        return mean_curvature(self.body, self.laplace, 100)
+
+    @cached_property
+    def smooth_normals(self) -> FloatArray:
+        """(n_body, 3) normals of the body low-passed to 40 functions."""
+        smooth = self.laplace.low_passed(self.body.vertices, 40)
+        return Mesh(smooth, self.body.faces).vertex_normals
+
+    def lifted(self, image: IntArray, target: PreparedShape) -> IntArray:
+        """Express a map of bodies, body vertex → body vertex of the target, in the users' own indices."""
+        found = np.append(target.mesh_vertex[image], -1)
+        return np.asarray(found[np.where(self.body_vertex >= 0, self.body_vertex, len(image))], dtype=np.int64)
+
+
+def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> PreparedShape:
+    """Compute everything about one shape that matching needs.
+
+    Parameters
+    ----------
+    surface : Mesh
+        Any triangle mesh with one main component.
+    config : Config, optional
+        Settings.
+    seed : int
+        Draws where sampling starts, and seeds the eigensolver.
+
+    Returns
+    -------
+    PreparedShape
+        Its ``notes`` tell what was mended or left out.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has no faces, coordinates that are not finite, faces that refer to missing vertices, or fewer
+        than 50 usable vertices.
+
+    Notes
+    -----
+    About 0.5 s for 5 000 vertices and 4 s for 28 000 on one thread; half of it is the Laplace–Beltrami basis. Two shapes
+    are prepared at once by `match`. 8 n (K + k) + 4 n p bytes are kept.
+    """
+    started = time.perf_counter()
+    config = config or Config()
+    body, body_vertex, mesh_vertex, left_out, notes = _body_of(surface)
+    if body.n_vertices < FEWEST_VERTICES:
+        raise MeshError(
+            f"the largest component has {body.n_vertices} vertices, at least {FEWEST_VERTICES} are needed; "
+            "subdivide the mesh, or weld its triangles if they share no vertices"
+        )
+    config = _fitting(config, body.n_vertices)
+    scale = float(np.sqrt(body.area))
+    centre = np.average(body.vertices, axis=0, weights=body.vertex_areas)
+    body = Mesh((body.vertices - centre) / scale, body.faces)
+    with serial_blas():
+        engine = distance_engine(body)
+        sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
+        measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
+        distances = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
+        laplace = laplace_basis(body, config.n_functions, seed)
+        features, feature_columns = extremal_points(
+            body, engine, distances @ body.vertex_areas, FEATURE_SPACING, FEATURE_LIMIT
+        )
+        spread = spread_vertices(body, max(config.n_search, config.n_refine))
+    return PreparedShape(
+        mesh=surface,
+        body=body,
+        body_vertex=body_vertex,
+        mesh_vertex=mesh_vertex,
+        scale=scale,
+        distances=distances,
+        laplace=laplace,
+        samples=sampling.vertices,
+        columns=sampling.columns.astype(np.float32),
+        features=features,
+        feature_columns=feature_columns,
+        spread=spread,
+        config=config,
+        seed=seed,
+        left_out=left_out,
+        notes=notes,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _body_of(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray, float, tuple[str, ...]]:
+    """Largest component of the mended mesh, with index maps both ways and what was done."""
+    report = check(mesh)
+    if report.fatal:
+        raise MeshError("; ".join(report.fatal))
+    mended = repair(mesh)
+    notes = list(mended.changes)
+    labels = mended.mesh.components
+    shares = np.bincount(labels, mended.mesh.vertex_areas) / mended.mesh.area
+    largest = int(shares.argmax())
+    body, kept = mended.mesh.submesh(labels == largest)
+    if len(shares) > 1:
+        notes.append(
+            f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
+            "no path leads to them, so they have no geodesic distance to the rest"
+        )
+    to_body = np.full(mended.mesh.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
+    to_body[kept] = np.arange(len(kept))
+    return body, to_body[mended.new_index], mended.vertex_index[kept], float(1 - shares[largest]), tuple(notes)
+
+
+def _fitting(config: Config, n: int) -> Config:
+    """Reduce what a small mesh cannot provide; the reduced settings are those recorded."""
+    columns = min(config.n_columns, n // 2)
+    return replace(
+        config,
+        n_columns=columns,
+        rank=min(config.rank, columns // 2 if columns < config.n_columns else config.rank),
+        n_functions=max(20, min(config.n_functions, n // 4)),
+    )

@@ -1,0 +1,159 @@
+"""What a match returns: the map, how good it looks, and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Any
+
+from isomatch.maps import Correspondence
+from isomatch.matching.config import Config
+
+
+class Outcome(Enum):
+    """How a match ended; ``advice`` says what it means and what to do."""
+
+    CONVERGED = "converged"
+    PARTIAL = "partial"
+    SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
+    LOW_CONFIDENCE = "low confidence"
+
+    @property
+    def advice(self) -> str:
+        """One sentence: what happened, why, what to do."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Outcome.CONVERGED: "The evidence agrees on one map.",
+    Outcome.PARTIAL: (
+        "The main components are matched; vertices of other components are marked unmatched (−1). Connect or match "
+        "those parts separately if they are needed."
+    ),
+    Outcome.SYMMETRY_AMBIGUOUS: (
+        "A second, symmetric map fits as well. If sides matter, give landmarks: three to five pairs, at least one on "
+        "one side only (a left hand, a right ear)."
+    ),
+    Outcome.LOW_CONFIDENCE: (
+        "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
+        "three to five landmark pairs at extremities, or check that both shapes are complete and of one kind."
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Measures of a map that need no ground truth.
+
+    Parameters
+    ----------
+    distortion_mean, distortion_p95 : float
+        Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
+        own surface, over pairs of a farthest point sample and a spread vertex, by the low-rank distances.
+    coverage : float
+        Share of the target's area within 0.05 √area in space of an image; vertices not reached have no preimage.
+    matched : float
+        Share of the source's vertices that have an image.
+    orientation : float
+        Mean cosine between the target's normals and those of its copy drawn on the source: 1 keeps the outside.
+    residual : float
+        Misfit of the distance descriptors, in units of √(average distance).
+    curvature_mismatch : float
+        Mean difference of signed mean curvature, in standard deviations.
+    energy_ratio : float
+        Energy of the best distinct other hypothesis over that of the map returned; 1 is a tie, large is clear. ``inf``
+        if there was no other.
+    landmark_error : float
+        Mean distance between the images of the landmarks and their given targets / √target area; nan without.
+    """
+
+    distortion_mean: float
+    distortion_p95: float
+    coverage: float
+    matched: float
+    orientation: float
+    residual: float
+    curvature_mismatch: float
+    energy_ratio: float
+    landmark_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A runner-up.
+
+    Parameters
+    ----------
+    map : Correspondence
+        Source → target, through 50 functions, not refined.
+    energy, orientation : float
+        Evidence; lower energy is better.
+    origin : str
+        Where the hypothesis came from.
+    """
+
+    map: Correspondence
+    energy: float
+    orientation: float
+    origin: str
+
+
+@dataclass(frozen=True, eq=False)
+class MatchResult:
+    """Result of `match`.
+
+    Parameters
+    ----------
+    map : Correspondence
+        Source → target.
+    outcome : Outcome
+        How it ended.
+    quality : Quality
+        Measures without ground truth.
+    alternatives : tuple of Alternative
+        Distinct other maps, best first.
+    timings : dict of str to float
+        Seconds of each stage.
+    notes : tuple of str
+        What was mended, left out or replaced on the way.
+    engine : str
+        Geodesic engine that ran.
+    origin : str
+        Where the winning hypothesis came from.
+    config : Config
+        Settings used.
+    seed : int
+        Seed used.
+    """
+
+    map: Correspondence
+    outcome: Outcome
+    quality: Quality
+    alternatives: tuple[Alternative, ...]
+    timings: dict[str, float]
+    notes: tuple[str, ...]
+    engine: str
+    origin: str
+    config: Config
+    seed: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the maps, as plain values for JSON; nan and inf become None."""
+        quality = {key: value if abs(value) < float("inf") else None for key, value in asdict(self.quality).items()}
+        return {
+            "direction": "source -> target",
+            "n_source": len(self.map.vertices),
+            "n_target": self.map.n_target,
+            "outcome": self.outcome.name,
+            "advice": self.outcome.advice,
+            "quality": quality,
+            "alternatives": [
+                {"energy": a.energy, "orientation": a.orientation, "origin": a.origin} for a in self.alternatives
+            ],
+            "timings": self.timings,
+            "notes": list(self.notes),
+            "engine": self.engine,
+            "origin": self.origin,
+            "config": self.config.to_dict(),
+            "seed": self.seed,
+        }
