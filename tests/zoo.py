@@ -121,6 +121,7 @@ def _build() -> list[Specimen]:
         ("huge", Mesh(_CORNERS * 1e300, _OUTWARD), "extreme closed", 2),
         ("minute", Mesh(_CORNERS * 1e-300, _OUTWARD), "extreme closed", 2),
         ("mobius", mobius(), "boundary one_sided inconsistent_edge", 0),
+        ("projective_plane", _projective_plane(), "closed one_sided inconsistent_edge", 1),
         ("two_tetrahedra", _plus(tetrahedron, aside, _OUTWARD + 4), "closed two_components", 4),
         ("touching_tetrahedra", _plus(tetrahedron, -_CORNERS[1:], more), "closed non_manifold_vertex", 3),
         ("book", Mesh(around, pages), "boundary non_manifold_edge", 1),
@@ -142,6 +143,13 @@ def _build() -> list[Specimen]:
         ("point", Mesh(np.zeros((3, 3)), [[0, 1, 2]]), "fatal boundary coincident_vertex zero_area_face", 1),
     ]  # fmt: skip
     return [Specimen(name, mesh, frozenset(tags.split()), euler) for name, mesh, tags, euler in rows]
+
+
+def _projective_plane() -> Mesh:
+    """The projective plane on six vertices, a closed one-sided surface that crosses itself."""
+    faces = ["014", "015", "023", "025", "034", "123", "124", "135", "245", "345"]
+    vertices = [[0, 0, 0], [3, 0, 0], [0, 4, 0], [0, 0, 5], [1, 2, 3], [-2, 1, 1]]
+    return Mesh(vertices, [[int(digit) for digit in face] for face in faces])
 
 
 def _annulus() -> tuple[np.ndarray, np.ndarray]:

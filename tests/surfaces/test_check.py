@@ -130,6 +130,21 @@ def test_long_lists_are_cut_to_five():
     assert "(1–9, 1–10, 2–10, 2–11, 3–11, … (176 in all))" in warning
 
 
+def test_a_vertex_may_be_repeated_at_any_two_corners():
+    mesh = Mesh(np.eye(3), [[0, 1, 2], [0, 0, 1], [0, 1, 1], [0, 1, 0]])
+    assert check(mesh).repeated_index_faces.tolist() == [1, 2, 3]
+
+
+def test_inward_has_no_meaning_where_the_winding_is_inconsistent():
+    mesh = specimen("rewound_face").mesh
+    for faces in (mesh.faces, mesh.faces[:, ::-1]):
+        assert not len(check(Mesh(mesh.vertices, faces)).inward_components)
+
+
+def test_edges_of_three_faces_are_no_boundary():
+    assert len(check(specimen("book").mesh).boundary_edges) == 6
+
+
 def test_closed_forms():
     assert check(torus(20, 15)).euler_number == 0
     assert check(mobius()).n_boundary_loops == 1
