@@ -94,8 +94,8 @@ def creature(
 
     Notes
     -----
-    Poses are near-isometric: 90 % of the edges change their length by less than 18 %, typically 11 %; the others
-    lie at joints near their limits. Time is linear in ``n_vertices``.
+    Poses are near-isometric: 90 % of the edges change their length by less than 18 %, typically 11 %; the
+    others lie at joints near their limits. Time is linear in ``n_vertices``.
 
     Examples
     --------
