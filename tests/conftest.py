@@ -1,21 +1,31 @@
-"""What all tests share: ``zoo.py`` beside this file can be imported, and real shapes are found or skipped."""
-
-import os
-from pathlib import Path
+"""What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
 import pytest
 
-_BESIDE = Path(__file__).parents[2] / "shared" / "data"
-SHARED_DATA = Path(os.environ.get("ISOMATCH_SHARED_DATA", _BESIDE))
+from data import real_file
+from isomatch import prepare
+from isomatch.datasets import example_pair, ground_truth
 
 
 @pytest.fixture(scope="session")
 def shared_data():
     """Find a file of real shapes, which is no part of the repository; skip the test where it is absent."""
+    return real_file
 
-    def find(name):
-        if not (SHARED_DATA / name).exists():
-            pytest.skip(f"needs {name}; folder {SHARED_DATA} not found or incomplete")
-        return SHARED_DATA / name
 
-    return find
+@pytest.fixture(scope="session")
+def example():
+    """The shipped pair of creatures."""
+    return example_pair()
+
+
+@pytest.fixture(scope="session")
+def example_truth(example):
+    """Target vertex of each source vertex of the shipped pair."""
+    return ground_truth(*example).vertices
+
+
+@pytest.fixture(scope="session")
+def prepared_example(example):
+    """Both shipped creatures, prepared with the default settings."""
+    return tuple(prepare(made.mesh) for made in example)

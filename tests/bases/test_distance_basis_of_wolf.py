@@ -1,0 +1,44 @@
+"""The numbers of the paper's comparison of bases: a wolf of 4344 vertices, rank 50, uniform weights."""
+
+import numpy as np
+import pytest
+
+from data import tosca
+from isomatch import distance_basis, geodesic_distances, laplace_basis
+
+
+@pytest.fixture(scope="module")
+def wolf():
+    return tosca("wolf0")
+
+
+@pytest.fixture(scope="module")
+def all_distances(wolf):
+    full = geodesic_distances(wolf, np.arange(wolf.n_vertices))
+    return (full + full.T) / 2
+
+
+def relative_error(basis, distances):
+    approximate = (basis.vectors * basis.values) @ basis.vectors.T
+    return np.linalg.norm(approximate - distances) / np.linalg.norm(distances)
+
+
+@pytest.mark.long
+def test_exact(wolf, all_distances):
+    basis = distance_basis(wolf, 50, method="exact", weights="uniform")
+    assert relative_error(basis, all_distances) < 0.0042
+    assert (basis.values > 0).sum() == 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nystrom(wolf, all_distances, seed):
+    basis = distance_basis(wolf, 50, 100, weights="uniform", seed=seed)
+    assert relative_error(basis, all_distances) < 0.0075
+
+
+def test_laplace_basis(wolf, all_distances):
+    """The best that 50 smooth functions can do when each column is projected on them."""
+    smooth = np.linalg.qr(laplace_basis(wolf, 50).vectors)[0]
+    projected = smooth @ (smooth.T @ all_distances)
+    error = np.linalg.norm(projected - all_distances) / np.linalg.norm(all_distances)
+    assert error == pytest.approx(0.018, abs=0.001)

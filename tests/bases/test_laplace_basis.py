@@ -1,0 +1,149 @@
+"""The Laplace–Beltrami basis: closed forms, orthonormality, residuals, and ARPACK as the second route."""
+
+import numpy as np
+import pytest
+import robust_laplacian
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import eigsh
+
+from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
+from isomatch.bases.laplace_basis import smallest_eigenpairs
+from isomatch.datasets import creature
+from shapes import cylinder, disguised, icosphere
+from zoo import specimen
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return creature(2500).mesh
+
+
+@pytest.fixture(scope="module")
+def basis(mesh):
+    return laplace_basis(mesh, 100)
+
+
+def test_sphere():
+    """ℓ(ℓ + 1), each 2ℓ + 1 times."""
+    values = laplace_basis(icosphere(4), 25).values
+    expected = np.concatenate([np.full(2 * degree + 1, degree * (degree + 1.0)) for degree in range(5)])
+    assert abs(values[0]) < 1e-6
+    np.testing.assert_allclose(values[1:9], expected[1:9], rtol=0.01)
+    np.testing.assert_allclose(values[9:], expected[9:], rtol=0.02)
+
+
+def test_sphere_converges_with_refinement():
+    errors = [abs(laplace_basis(icosphere(level), 4).values[1:] - 2).mean() for level in (2, 3, 4)]
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
+
+
+def test_cylinder():
+    """(2π i / perimeter)² + (π j / height)² with free ends; perimeter 1, height 1.2."""
+    around, along = 50, 61
+    values = laplace_basis(cylinder(around, along), 12).values
+    i, j = np.meshgrid(np.arange(-8, 9), np.arange(12), indexing="ij")
+    expected = np.sort(((2 * np.pi * i) ** 2 + (np.pi * j / 1.2) ** 2).ravel())[:12]
+    np.testing.assert_allclose(values[1:], expected[1:], rtol=0.01)
+
+
+def test_first_function_is_constant(mesh, basis):
+    assert abs(basis.values[0]) < 1e-9 * basis.values[-1]
+    np.testing.assert_allclose(np.abs(basis.vectors[:, 0]), basis.weights.sum() ** -0.5, rtol=1e-6)
+    assert basis.weights.sum() == pytest.approx(mesh.area, rel=0.01)
+
+
+@pytest.mark.parametrize(("n", "k"), [(1500, 20), (2500, 200), (1500, 700)], ids=["krylov", "many", "dense"])
+def test_orthonormal_in_the_areas(n, k):
+    basis = laplace_basis(creature(n).mesh, k)
+    gram = basis.vectors.T @ (basis.weights[:, None] * basis.vectors)
+    np.testing.assert_allclose(gram, np.eye(k), atol=1e-8)
+    assert (np.diff(basis.values) >= -1e-9 * basis.values[-1]).all()
+
+
+def test_residuals_are_small(mesh, basis):
+    stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    left, right = stiffness @ basis.vectors, mass @ (basis.vectors * basis.values)
+    in_dual = 1 / np.sqrt(mass.diagonal())[:, None]
+    residual = np.linalg.norm(in_dual * (left - right), axis=0)
+    assert residual.max() < 0.03 * basis.values[-1]
+    assert np.median(residual) < 1e-4 * basis.values[-1]
+
+
+def test_agrees_with_arpack(mesh, basis):
+    stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    values, vectors = eigsh(stiffness, 100, mass, sigma=-1e-2 / mesh.area, v0=np.ones(mesh.n_vertices))
+    np.testing.assert_allclose(basis.values[1:], values[1:], rtol=1e-6)
+    overlap = np.abs(basis.vectors.T @ (mass @ vectors))
+    projected = np.linalg.norm(overlap[:90], axis=1)  # the last ones may be mixed with what was left out
+    np.testing.assert_allclose(projected, 1, atol=1e-4)
+    np.testing.assert_allclose(np.diag(overlap)[:30], 1, atol=1e-4)
+
+
+def test_deterministic_and_independent_of_the_seed(mesh, basis):
+    again = laplace_basis(mesh, 100)
+    np.testing.assert_array_equal(again.vectors, basis.vectors)
+    other = laplace_basis(mesh, 100, seed=1)
+    np.testing.assert_allclose(other.values[1:], basis.values[1:], rtol=1e-6)
+    np.testing.assert_allclose(np.abs(other.vectors[:, :30]), np.abs(basis.vectors[:, :30]), atol=1e-3)
+
+
+def test_threads_change_nothing(mesh, basis, monkeypatch):
+    for threads in ("1", "2"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        np.testing.assert_array_equal(laplace_basis(mesh, 100).vectors, basis.vectors)
+
+
+def test_relabelling_moving_and_scaling(mesh, basis):
+    other = disguised(mesh, seed=2, scale=10.0)
+    moved = laplace_basis(other.mesh, 100)
+    np.testing.assert_allclose(100 * moved.values[1:], basis.values[1:], rtol=1e-6)
+    carried = 10 * moved.vectors[other.new_vertex, :30]
+    np.testing.assert_allclose(carried, basis.vectors[:, :30], atol=1e-3 * np.abs(basis.vectors).max())
+
+
+def test_signs_follow_the_third_moment(basis):
+    assert (basis.weights @ basis.vectors**3 >= 0).all()
+
+
+def test_low_pass_keeps_what_the_basis_spans_and_nothing_else(basis):
+    mixed = basis.vectors[:, [1, 4, 50]].sum(axis=1, keepdims=True)
+    low = basis.low_passed(mixed, 10)
+    np.testing.assert_allclose(low, basis.vectors[:, [1, 4]].sum(axis=1, keepdims=True), atol=1e-9)
+    np.testing.assert_allclose(basis.low_passed(low, 10), low, atol=1e-9)
+    assert basis.coefficients(mixed, 10).shape == (10, 1)
+    np.testing.assert_allclose(basis.coefficients(mixed).ravel()[[1, 4, 50]], 1)
+
+
+def test_smallest_eigenpairs_of_a_diagonal_matrix():
+    """Clusters and a null space of two, as from two components."""
+    values = np.concatenate([[0, 0, 1, 1, 1, 2], np.linspace(3, 500, 2000)])
+    order = np.random.default_rng(0).permutation(len(values))
+    found, vectors = smallest_eigenpairs(csc_array(diags_array(values[order])), 12)
+    np.testing.assert_allclose(found, np.sort(values)[:12], atol=1e-6)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(12), atol=1e-9)
+
+
+def test_not_converged_is_reported():
+    """Ten thousand nearly equal eigenvalues: no Krylov space separates the first few at this tolerance."""
+    values = 1 + 1e-3 * np.random.default_rng(0).random(10_000)
+    with pytest.raises(
+        NotConvergedError, match=r"of 20 Laplace eigenpairs did not converge.*fewer functions"
+    ):
+        smallest_eigenpairs(csc_array(diags_array(values)), 20, tolerance=1e-9)
+
+
+def test_more_functions_than_vertices():
+    with pytest.raises(MeshError, match="cannot compute 13 eigenfunctions of a surface of 12 vertices"):
+        laplace_basis(icosphere(0), 13)
+
+
+def test_vertex_without_area():
+    with pytest.raises(MeshError, match=r"1 vertices have no area.*repair\(mesh\)"):
+        laplace_basis(specimen("unused_vertex").mesh, 5)
+
+
+@pytest.mark.parametrize("name", ["nan", "out_of_range", "empty", "no_faces"])
+def test_unusable_meshes(name):
+    mesh = specimen(name).mesh
+    with pytest.raises(MeshError):
+        laplace_basis(Mesh(mesh.vertices, mesh.faces), 3)

@@ -1,0 +1,132 @@
+"""Fast marching against distances known in closed form, and the laws it must keep."""
+
+import numpy as np
+import pytest
+
+from isomatch import Mesh, geodesic_distances
+from shapes import cylinder, cylinder_distances, disguised, flat_grid, icosphere, planar_delaunay
+
+
+def euclidean(mesh, sources):
+    return np.linalg.norm(mesh.vertices[sources][:, None] - mesh.vertices, axis=2)
+
+
+def relative_error(computed, exact):
+    """|computed / exact − 1| off the sources."""
+    away = exact > 0
+    return np.abs(computed[away] / exact[away] - 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_planar_mesh(seed):
+    mesh = planar_delaunay(10_000, seed)
+    sources = np.random.default_rng(seed).integers(mesh.n_vertices, size=3)
+    computed, exact = geodesic_distances(mesh, sources), euclidean(mesh, sources)
+    assert relative_error(computed, exact).mean() < 0.002
+    assert (computed - exact).min() > -1e-6, "no path in the plane is shorter than the straight line"
+
+
+def test_acute_and_right_grids_are_exact():
+    for shear in (0.0, -0.4):
+        mesh = flat_grid(30, 40, shear)
+        sources = [0, 15 * 40 + 20, 39]
+        assert relative_error(geodesic_distances(mesh, sources), euclidean(mesh, sources)).max() < 1e-6
+
+
+@pytest.mark.parametrize("shear", [0.7, 1.7, 2.3, -1.7, -3.3])
+def test_obtuse_grid(shear):
+    mesh = flat_grid(40, 60, shear)
+    sources = [20 * 60, 11 * 60 + 40]
+    assert relative_error(geodesic_distances(mesh, sources), euclidean(mesh, sources)).mean() < 0.01
+
+
+@pytest.mark.parametrize("stretch", [2, 4, 6])
+def test_stretched_random_mesh(stretch):
+    """Triangles that were stretched, so that most are obtuse, some extremely."""
+    plain = planar_delaunay(3000, seed=2)
+    mesh = Mesh(plain.vertices * [stretch, 1, 1], plain.faces)
+    sources = [5, 700, 1500]
+    assert relative_error(geodesic_distances(mesh, sources), euclidean(mesh, sources)).mean() < 0.003
+
+
+@pytest.mark.parametrize("source", [0, 40, 1000])
+def test_cylinder_is_exact_around_both_sides(source):
+    computed = geodesic_distances(cylinder(60, 80), [source])
+    assert relative_error(computed, cylinder_distances(60, 80, source)[None]).max() < 1e-6
+
+
+def test_refining_a_sphere_halves_the_error():
+    errors = []
+    for level in range(2, 6):
+        sphere = icosphere(level)
+        sources = [0, 20, 100]
+        exact = np.arccos(np.clip(sphere.vertices[sources] @ sphere.vertices.T, -1, 1))
+        errors.append(np.abs(geodesic_distances(sphere, sources) - exact).mean())
+    ratios = np.divide(errors[:-1], errors[1:])
+    assert (ratios > 1.9).all(), f"errors {errors}"
+    assert errors[-1] < 0.003
+
+
+def test_distance_along_one_edge_is_its_length(example):
+    mesh = example[0].mesh
+    i, j = mesh.edges[::50].T
+    length = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
+    computed = geodesic_distances(mesh, i)[np.arange(len(i)), j]
+    np.testing.assert_array_less(computed, length * (1 + 1e-6))
+    assert (computed / length).mean() > 0.999
+
+
+def test_symmetric_up_to_its_accuracy(example):
+    sources = np.arange(0, 2900, 30)
+    among = geodesic_distances(example[0].mesh, sources)[:, sources]
+    assert np.array_equal(np.diag(among), np.zeros(len(sources)))
+    assert np.abs(among - among.T).mean() < 0.003 * among.mean()
+    assert np.abs(among - among.T).max() < 0.01 * among.max()
+
+
+def test_triangle_inequality_up_to_its_accuracy(example):
+    sources = np.arange(0, 2900, 30)
+    among = geodesic_distances(example[0].mesh, sources)[:, sources]
+    shortcut = (among[:, :, None] + among[None]).min(axis=1)  # through the best third point
+    assert (among - shortcut).max() < 0.01 * among.max()
+
+
+def test_not_shorter_than_the_straight_line_nor_longer_than_edges(example):
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    mesh = example[0].mesh
+    i, j = mesh.edges.T
+    length = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
+    graph = coo_array((length, (i, j)), shape=(mesh.n_vertices,) * 2).tocsr()
+    sources = [0, 700, 2100]
+    computed = geodesic_distances(mesh, sources)
+    assert (computed <= dijkstra(graph, directed=False, indices=sources) * (1 + 1e-6)).all()
+    assert (computed >= euclidean(mesh, sources) * (1 - 1e-6)).all()
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0, 1e-4])
+def test_relabelling_moving_and_scaling_change_nothing(example, scale):
+    mesh = example[0].mesh
+    other = disguised(mesh, seed=3, scale=scale)
+    sources = np.arange(0, 2900, 290)
+    plain = geodesic_distances(mesh, sources)
+    moved = geodesic_distances(other.mesh, other.new_vertex[sources])[:, other.new_vertex]
+    np.testing.assert_allclose(moved, scale * plain, rtol=1e-5, atol=1e-6 * scale)
+
+
+def test_number_of_threads_changes_nothing(example, monkeypatch):
+    sources = np.arange(0, 2900, 100)
+    columns = []
+    for threads in ("1", "2", "5"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        columns.append(geodesic_distances(example[0].mesh, sources))
+    assert np.array_equal(columns[0], columns[1])
+    assert np.array_equal(columns[0], columns[2])
+
+
+def test_sources_are_independent_fronts(example):
+    mesh = example[0].mesh
+    together = geodesic_distances(mesh, [4, 4, 1200])
+    assert np.array_equal(together[0], together[1])
+    assert np.array_equal(together[2:], geodesic_distances(mesh, [1200]))
