@@ -1,0 +1,102 @@
+"""Where to look from: a three-quarter view of a shape that stands on its feet, and the same view of its partner."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from isomatch._arrays import FloatArray
+from isomatch.maps import Correspondence
+from isomatch.surfaces import Mesh
+
+AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # away from the broad side, and above the ground
+UPRIGHT = 1.6  # a shape so much taller than wide is a standing person
+CONTACT = 0.06  # of the height; what is so near the ground carries
+LEAN = np.radians(65.0)  # a partner that leans less than this stays as it is; it may rear or bow
+SNAP = np.radians(35.0)  # a partner turned by nearly a quarter turn is turned by exactly that
+
+
+def camera_of(mesh: Mesh) -> FloatArray:
+    """Choose a view.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A shape with y or z up, as nearly all files have.
+
+    Returns
+    -------
+    (3, 3) array
+        Rows: to the right, up, towards the viewer; orthonormal, right-handed.
+    """
+    up = np.eye(3)[_up_axis(mesh)]
+    areas = mesh.vertex_areas
+    level = mesh.vertices - np.outer(mesh.vertices @ up, up)
+    level = level - np.average(level, axis=0, weights=areas)
+    _, axes = np.linalg.eigh((level * areas[:, None]).T @ level + 1e9 * areas.sum() * np.outer(up, up))
+    narrow, broad = axes[:, 0], axes[:, 1]
+    front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
+    narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
+    broad = broad * (1.0 if np.cross(up, narrow) @ broad >= 0 else -1.0)
+    level_view = np.cos(AZIMUTH) * narrow + np.sin(AZIMUTH) * broad
+    towards = np.cos(ELEVATION) * level_view + np.sin(ELEVATION) * up
+    right = np.cross(up, level_view)
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def _up_axis(mesh: Mesh) -> int:
+    """Axis 1 or 2: a tall one, or else the one along which the shape stands more safely."""
+    used = mesh.vertices[mesh.vertex_areas > 0]
+    extent = np.ptp(used, axis=0)
+    for axis in (1, 2):
+        if extent[axis] > UPRIGHT * np.delete(extent, axis).max():
+            return axis
+    return 1 if _stability(mesh, 1) > _stability(mesh, 2) else 2
+
+
+def _stability(mesh: Mesh, axis: int) -> float:
+    """Distance from the plumb line through the centroid to the rim of the ground contact, relative to the height."""
+    height = mesh.vertices[:, axis]
+    used = mesh.vertex_areas > 0
+    low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
+    ground = np.delete(mesh.vertices, axis, axis=1)
+    centroid = np.average(ground, axis=0, weights=mesh.vertex_areas)
+    try:
+        rim = ConvexHull(ground[used & (height < low + CONTACT * tall)]).equations
+    except (QhullError, ValueError):
+        return -np.inf
+    return float(-(rim[:, :2] @ centroid + rim[:, 2]).max() / tall)
+
+
+def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
+    """Find the rotation under which the source faces as the target does.
+
+    Returns
+    -------
+    (3, 3) array
+        The rotation that brings the source's vertices nearest to their images, replaced by whole quarter turns about
+        the axes when these are near it, so that a shape that stands straight keeps standing straight.
+    """
+    seen = correspondence.matched
+    weights = source.vertex_areas[seen]
+    if not weights.any():
+        return np.eye(3)
+    at_source, at_target = source.vertices[seen], target.vertices[correspondence.vertices[seen]]
+    at_source = at_source - np.average(at_source, axis=0, weights=weights)
+    at_target = at_target - np.average(at_target, axis=0, weights=weights)
+    u, _, vt = np.linalg.svd(at_target.T @ (at_source * weights[:, None]))
+    best = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
+    cosines[0] += np.cos(SNAP) - np.cos(LEAN)
+    nearest = int(cosines.argmax())
+    return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(SNAP) else best
+
+
+_SIGNED = [
+    np.eye(3)[list(order)] * signs
+    for order in permutations(range(3))
+    for signs in product((1.0, -1.0), repeat=3)
+]
+_QUARTER_TURNS = [matrix for matrix in _SIGNED if np.linalg.det(matrix) > 0]

@@ -1,0 +1,103 @@
+"""Colours of position: smooth on the surface, different left and right, front and back, also to the colour-blind."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.surfaces import Mesh
+
+MOST_VIVID = 0.17  # Oklab chroma that a screen can show in most hues
+LESS_GREY = 0.3  # 0: chroma is linear in position, with a wide grey middle; 1: all equally vivid
+UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
+
+_OKLAB_TO_LMS = np.array(
+    [
+        [1.0, 0.3963377774, 0.2158037573],
+        [1.0, -0.1055613458, -0.0638541728],
+        [1.0, -0.0894841775, -1.2914855480],
+    ]
+)
+_LMS_TO_RGB = np.array(
+    [
+        [4.0767416621, -3.3077115913, 0.2309699292],
+        [-1.2684380046, 2.6097574011, -0.3413193965],
+        [-0.0041960863, -0.7034186147, 1.7076147010],
+    ]
+)
+
+
+def position_colours(mesh: Mesh) -> FloatArray:
+    """Colour every vertex by where it is.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Usually the target of a map, whose colours are then pulled back to the source.
+
+    Returns
+    -------
+    (n, 3) array of float
+        Red, green and blue in linear light, 0 … 1.
+
+    Notes
+    -----
+    In Oklab (Ottosson 2020), an approximately uniform colour space, the longest principal axis of the surface runs from
+    blue to yellow, the second from green to red, the third from dark to light. Blue–yellow and dark–light
+    survive every common colour blindness, so two axes stay visible to all.
+
+    Examples
+    --------
+    >>> colours = position_colours(Mesh([[0, 0, 0], [3, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> colours.shape, bool((colours[0] != colours[1]).any())
+    ((3, 3), True)
+    """
+    along, across, third = principal_coordinates(mesh).T
+    lightness = 0.72 + 0.06 * along + 0.12 * third
+    chroma = np.column_stack([0.12 * across - 0.02 * along, 0.15 * along - 0.01])
+    vividness = np.linalg.norm(chroma, axis=1, keepdims=True)
+    chroma *= (MOST_VIVID / np.maximum(vividness, 1e-3)) ** LESS_GREY
+    return linear_rgb(np.column_stack([lightness, chroma]))
+
+
+def principal_coordinates(mesh: Mesh) -> FloatArray:
+    """(n, 3) coordinates along the principal axes, longest first, each −1 … 1 and spread evenly over the area.
+
+    Axes point to where their largest component is positive.
+    """
+    areas = np.maximum(mesh.vertex_areas, 0.0)
+    centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
+    _, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
+    axes = axes[:, ::-1]
+    axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
+    return np.column_stack([_evenly(column, areas) for column in (centred @ axes).T])
+
+
+def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
+    """Half the value, scaled to −1 … 1, half its share of the area: thin limbs and broad bodies both show change."""
+    order = values.argsort()
+    share = np.empty_like(values)
+    share[order] = np.cumsum(areas[order]) / areas.sum()
+    extent = max(float(np.ptp(values)), 1e-300)
+    scaled = 2.0 * (values - values.min()) / extent - 1.0
+    even: FloatArray = 0.5 * scaled + 0.5 * (2.0 * share - 1.0)
+    return even
+
+
+def linear_rgb(oklab: FloatArray) -> FloatArray:
+    """Convert (n, 3) Oklab colours to linear light, clipped to what a screen can show."""
+    rgb: FloatArray = np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0)
+    return rgb
+
+
+def from_screen(rgb: FloatArray) -> FloatArray:
+    """Decode sRGB values to linear light."""
+    linear: FloatArray = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return linear
+
+
+def to_screen(linear: FloatArray) -> FloatArray:
+    """Encode linear light as sRGB values, 0 … 1."""
+    clipped = np.clip(linear, 0.0, 1.0)
+    rgb: FloatArray = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return rgb

@@ -1,0 +1,168 @@
+"""One picture of a map: what has the same colour corresponds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import Normalize
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray
+from isomatch.maps import Correspondence
+from isomatch.surfaces import Mesh
+from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.colours import UNMATCHED_GREY, from_screen, position_colours, to_screen
+from isomatch.view.raster import light, rasterise
+
+WIDTH = 1800
+DPI = 200
+OVERSAMPLING = 2  # samples per pixel and axis
+TALLEST = 1.15  # height of a panel over its width, at most
+MARGIN, TITLE, COLOUR_BAR = 30, 70, 110  # pixels
+
+
+@dataclass(frozen=True, eq=False)
+class ValuePanel:
+    """A further view of the source, coloured by a number for each vertex.
+
+    Parameters
+    ----------
+    values : (n_source,) array_like of float
+        What to show; ``nan`` is grey.
+    label : str
+        What it is, with its unit.
+    highest : float, optional
+        Value of the brightest colour; by default the 99th percentile.
+    """
+
+    values: ArrayLike
+    label: str
+    highest: float | None = None
+
+    def scale(self) -> Normalize:
+        """From 0 to the highest value shown."""
+        values = np.asarray(self.values, dtype=np.float64)
+        finite = values[np.isfinite(values)]
+        highest = self.highest or (float(np.quantile(finite, 0.99)) if len(finite) else 1.0)
+        return Normalize(0.0, highest or 1.0)
+
+
+def draw_map(
+    source: Mesh,
+    target: Mesh,
+    correspondence: Correspondence,
+    path: str | Path,
+    *,
+    titles: tuple[str, str] = ("source", "target"),
+    values: ValuePanel | None = None,
+    width: int = WIDTH,
+) -> None:
+    """Draw both shapes side by side, coloured by the map.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The two shapes. They are drawn at equal area, and the source is turned to face as the target does.
+    correspondence : Correspondence
+        Source → target.
+    path : path_like
+        PNG file to write; an existing one is replaced.
+    titles : (str, str)
+        Names under the two shapes.
+    values : ValuePanel, optional
+        A third panel.
+    width : int
+        Width of the picture in pixels; the height follows from the shapes.
+
+    Notes
+    -----
+    The target has the colours of `position_colours`, the source those of its images; unmatched vertices are grey. Time
+    is linear in faces and pixels.
+    """
+    camera = camera_of(target)
+    turned = camera @ turn_to_target(source, target, correspondence)
+    colours = position_colours(target)
+    panels = [
+        _Panel(source, turned, correspondence.pull_back(colours), titles[0]),
+        _Panel(target, camera, colours, titles[1]),
+    ]
+    if values is not None:
+        shown = np.asarray(values.values, dtype=np.float64)
+        scaled = from_screen(colormaps["cividis"](values.scale()(shown))[:, :3])
+        panels.append(_Panel(source, turned, np.where(np.isnan(shown)[:, None], np.nan, scaled), titles[0]))
+    figure = _arranged(panels, width, 0 if values is None else COLOUR_BAR)
+    if values is not None:
+        _add_colour_bar(figure, values)
+    figure.savefig(path, dpi=DPI)
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    mesh: Mesh
+    camera: FloatArray
+    colours: FloatArray  # (n, 3) in linear light, nan is grey
+    title: str
+
+    def projected(self) -> FloatArray:
+        """(n, 3) right, up and towards the viewer, at unit area, the middle of what is drawn at 0."""
+        points = self.mesh.vertices @ self.camera.T / np.sqrt(self.mesh.area)
+        drawn = points[np.unique(self.mesh.faces)]
+        return np.asarray(points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2, dtype=np.float64)
+
+    def extent(self) -> FloatArray:
+        """Width and height at unit area."""
+        return np.asarray(np.ptp(self.projected()[np.unique(self.mesh.faces)], axis=0)[:2], dtype=np.float64)
+
+    def image(self, width: int, height: int, scale: float) -> FloatArray:
+        """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""
+        width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
+        points = self.projected() * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
+        faces = self.mesh.faces
+        raster = rasterise(points, faces, width, height)
+        colour = raster.interpolated(self.colours, faces)
+        colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
+        diffuse, gloss = light(raster, raster.interpolated(self.mesh.vertex_normals @ self.camera.T, faces))
+        samples = np.zeros((height, width, 4))
+        samples[raster.covered, :3] = colour * diffuse[:, None] + gloss[:, None]
+        samples[raster.covered, 3] = 1.0
+        pixels = samples.reshape(height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 4)
+        mean = pixels.mean(axis=(1, 3))
+        opacity = mean[..., 3:]
+        return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
+
+
+def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
+    """Place the panels in a row, all at one scale, titles below."""
+    extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
+    room = width - right - MARGIN * (len(panels) + 1)
+    tallest = TALLEST * room / len(panels)
+    scale = min(room / extents[:, 0].sum(), tallest / extents[:, 1].max())
+    height = int(np.ceil(scale * extents[:, 1].max()))
+    widths = np.ceil(scale * extents[:, 0]).astype(int)
+    spare = (room - int(widths.sum())) // len(panels)
+    figure = Figure((width / DPI, (height + 2 * MARGIN + TITLE) / DPI), dpi=DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    left = MARGIN
+    for panel, panel_width in zip(panels, widths + spare):
+        image = panel.image(int(panel_width), height, scale)
+        figure.figimage(image, left, TITLE + MARGIN, origin="upper")
+        middle = (left + panel_width / 2) / width
+        figure.text(
+            middle, (TITLE + MARGIN) / 2 / figure.bbox.height, panel.title, ha="center", va="center", size=8
+        )
+        left += int(panel_width) + MARGIN
+    return figure
+
+
+def _add_colour_bar(figure: Figure, values: ValuePanel) -> None:
+    axes = figure.add_axes((1 - COLOUR_BAR / figure.bbox.width, 0.25, 0.01, 0.55))
+    bar = figure.colorbar(ScalarMappable(values.scale(), "cividis"), cax=axes, extend="max")
+    bar.ax.tick_params(labelsize=6)
+    bar.set_label(values.label, size=6)
