@@ -1,4 +1,4 @@
-"""Colours of position: smooth on the surface, different left and right, front and back, also to the colour-blind."""
+"""Colours of position: smooth, and different left and right, front and back, also to the colour-blind."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
     Notes
     -----
-    In Oklab (Ottosson 2020), an approximately uniform colour space, the longest principal axis of the surface runs from
-    blue to yellow, the second from green to red, the third from dark to light. Blue–yellow and dark–light
-    survive every common colour blindness, so two axes stay visible to all.
+    In Oklab (Ottosson 2020), an approximately uniform colour space, the longest principal axis of the surface
+    runs from blue to yellow, the second from green to red, the third from dark to light. The common
+    red–green blindness leaves blue–yellow and dark–light, so two axes stay visible.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """(n, 3) coordinates along the principal axes, longest first, each −1 … 1 and spread evenly over the area.
+    """(n, 3) coordinates along the principal axes, longest first, each −1 … 1 and spread over the area.
 
     Axes point to where their largest component is positive.
     """
@@ -74,7 +74,7 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
 
 
 def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
-    """Half the value, scaled to −1 … 1, half its share of the area: thin limbs and broad bodies both show change."""
+    """Mean of the value and its share of the area, both −1 … 1: thin limbs and broad bodies both show change."""
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()

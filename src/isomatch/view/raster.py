@@ -12,6 +12,7 @@ from isomatch._arrays import BoolArray, FloatArray, IntArray
 
 KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
 FILL_LIGHT = np.array([0.75, 0.05, 0.45])
+TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
 AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
 GLOSS, SHARPNESS = 0.10, 30.0
 CREVICE_RADIUS = 0.025  # of the image height; how far a crevice darkens
@@ -66,7 +67,7 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     Returns
     -------
     Raster
-        Pixels whose centres lie in a triangle show the nearest one. Time is linear in faces and covered pixels.
+        Pixels whose centres lie in triangles show the nearest. Time is linear in faces and covered pixels.
     """
     raster = Raster(
         np.full((height, width), -1, dtype=np.int64),
@@ -125,14 +126,14 @@ def light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     Notes
     -----
     Lambert's law with a key and a fill light wrapped half round the object, Blinn's highlight, and crevices
-    darkened by the difference of the depth to its blurred self (Luft, Colditz & Deussen, *Image enhancement by
-    unsharp masking the depth buffer*, SIGGRAPH 2006).
+    darkened by the difference of the depth to its blurred self (Luft, Colditz & Deussen, *Image
+    enhancement by unsharp masking the depth buffer*, SIGGRAPH 2006).
     """
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     unit = np.where(unit[:, 2:] < 0, -unit, unit)
     key, fill = (direction / np.linalg.norm(direction) for direction in (KEY_LIGHT, FILL_LIGHT))
     lit = AMBIENT + KEY * _wrapped(unit @ key) + FILL * _wrapped(unit @ fill)
-    halfway = key + [0.0, 0.0, 1.0]
+    halfway = key + TOWARDS_VIEWER
     gloss = GLOSS * np.maximum(unit @ (halfway / np.linalg.norm(halfway)), 0.0) ** SHARPNESS
     return lit * (1.0 - CREVICE_DARKNESS * _crevices(raster)), gloss
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import Normalize
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
@@ -83,8 +83,8 @@ def draw_map(
 
     Notes
     -----
-    The target has the colours of `position_colours`, the source those of its images; unmatched vertices are grey. Time
-    is linear in faces and pixels.
+    The target has the colours of `position_colours`, the source those of its images; unmatched vertices are
+    grey. Time is linear in faces and pixels.
     """
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, correspondence)
