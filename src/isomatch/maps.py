@@ -56,7 +56,9 @@ class Correspondence:
     ) -> None:
         image = np.array(vertices, dtype=np.int64)
         if image.ndim != 1:
-            raise LandmarkError(f"a map needs one target vertex for each source vertex, not shape {image.shape}")
+            raise LandmarkError(
+                f"a map needs one target vertex for each source vertex, not shape {image.shape}"
+            )
         bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
         if len(bad):
             raise LandmarkError(
@@ -69,7 +71,9 @@ class Correspondence:
         else:
             corners, weights = np.array(faces, dtype=np.int64), np.array(barycentric, dtype=np.float64)
             if corners.shape != (len(image), 3) or weights.shape != (len(image), 3):
-                raise LandmarkError("faces and barycentric must both have one row of three for each source vertex")
+                raise LandmarkError(
+                    "faces and barycentric must both have one row of three for each source vertex"
+                )
         for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -166,7 +170,9 @@ class Correspondence:
             if path.suffix == ".npz":
                 with np.load(path, allow_pickle=False) as data:
                     optional = [data[key] if key in data else None for key in ("faces", "barycentric")]
-                    return cls(data["vertices"], int(data["n_target"] if n_target is None else n_target), *optional)
+                    return cls(
+                        data["vertices"], int(data["n_target"] if n_target is None else n_target), *optional
+                    )
             if n_target is None:
                 head = path.read_text(encoding="utf-8").split(" target vertices", 1)
                 n_target = int(head[0].rsplit(" ", 1)[-1]) if len(head) == 2 else None

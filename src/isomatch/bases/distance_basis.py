@@ -56,7 +56,9 @@ class DistanceBasis:
 
     def __repr__(self) -> str:
         n, k = self.vectors.shape
-        return f"DistanceBasis({n} points, rank {k}, {self.method}, {len(self.samples)} columns, {self.engine})"
+        return (
+            f"DistanceBasis({n} points, rank {k}, {self.method}, {len(self.samples)} columns, {self.engine})"
+        )
 
     @property
     def rank(self) -> int:

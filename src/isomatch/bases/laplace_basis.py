@@ -16,7 +16,9 @@ from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.surfaces import Mesh
 
-BLOCK = 8  # vectors solved for at once; larger blocks converge in more vectors, smaller ones solve more slowly
+BLOCK = (
+    8  # vectors solved for at once; larger blocks converge in more vectors, smaller ones solve more slowly
+)
 SHIFT = 1e-2  # in units of 1 / area; makes the singular Laplacian definite
 
 

@@ -62,9 +62,7 @@ def distance_engine(surface: Mesh, name: EngineName = "fast_marching") -> Distan
     return FastMarching(surface)
 
 
-def geodesic_distances(
-    surface: Mesh, sources: ArrayLike, engine: EngineName = "fast_marching"
-) -> FloatArray:
+def geodesic_distances(surface: Mesh, sources: ArrayLike, engine: EngineName = "fast_marching") -> FloatArray:
     """Geodesic distances from some vertices to all others.
 
     Parameters
@@ -101,5 +99,7 @@ def geodesic_distances(
         raise MeshError("sources must be a one-dimensional array of vertex indices")
     bad = wanted[(wanted < 0) | (wanted >= surface.n_vertices)]
     if len(bad):
-        raise MeshError(f"sources {some(bad)} are outside 0…{surface.n_vertices - 1}, the vertices of the surface")
+        raise MeshError(
+            f"sources {some(bad)} are outside 0…{surface.n_vertices - 1}, the vertices of the surface"
+        )
     return distance_engine(surface, engine).distances_from(wanted.astype(np.int64))

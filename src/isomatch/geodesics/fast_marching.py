@@ -37,7 +37,9 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
 
     def rows(first: int) -> None:
         for row in range(first, len(sources), threads):
-            _march(stencil.start, stencil.other, stencil.target, stencil.shape, sources[row], out[row], _NO_BOUND)
+            _march(
+                stencil.start, stencil.other, stencil.target, stencil.shape, sources[row], out[row], _NO_BOUND
+            )
 
     parallel_map(rows, range(threads))
     return out

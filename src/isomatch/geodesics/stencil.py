@@ -50,9 +50,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     points = mesh.vertices
     plain = np.column_stack([corner, a, b]), _triangle(points[a], points[b], points[corner])
-    return _group(
-        np.concatenate([plain[0], extra[0]]), np.concatenate([plain[1], extra[1]]), mesh.n_vertices
-    )
+    return _group(np.concatenate([plain[0], extra[0]]), np.concatenate([plain[1], extra[1]]), mesh.n_vertices)
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

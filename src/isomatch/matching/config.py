@@ -46,7 +46,7 @@ class Config:
     rank: int = 50
     n_functions: int = 200
     weights: Weighting = "area"
-    n_search: int = 600
+    n_search: int = 400
     n_refine: int = 1000
     hypotheses: Hypotheses = "all"
     refinement: Refinement = "joint"
@@ -55,8 +55,16 @@ class Config:
     def __post_init__(self) -> None:
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
-                raise ValueError(f"{name} = {getattr(self, name)!r} is not one of {', '.join(map(repr, allowed))}")
-        for name, least in (("n_columns", 8), ("rank", 4), ("n_functions", 20), ("n_search", 20), ("n_refine", 20)):
+                raise ValueError(
+                    f"{name} = {getattr(self, name)!r} is not one of {', '.join(map(repr, allowed))}"
+                )
+        for name, least in (
+            ("n_columns", 8),
+            ("rank", 4),
+            ("n_functions", 20),
+            ("n_search", 20),
+            ("n_refine", 20),
+        ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} = {getattr(self, name)} is too small; at least {least}")
         if self.rank > self.n_columns:

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.matching.alignment import Alignment, icp, orthogonal_alignment
+from isomatch.matching.alignment import Alignment, icp
 from isomatch.matching.initial import images_from_rotation, rotations_from_landmarks
 from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.pair import Pair
@@ -21,11 +21,11 @@ FEATURES_AMONG = 7  # extremal points of the other shape they may go to
 STARTS_PER_SET = 8
 SAME_START = 0.02  # mean distance in space, in √area, below which two starts are one
 SAME_MAP = 0.05  # and below which two converged maps are one
-POOL = 12
+POOL = 10
 SIGNATURE_STEPS, DISTANCE_STEPS, SHORT_STEPS = 4, 8, 4
 SIGNATURE_SHARE = 2.0  # weight of point signatures against descriptors in the first steps
-FLIPPED_PARENTS = 3
-FLIPPED_COLUMNS = 12
+FLIPPED_PARENTS = 2
+FLIPPED_COLUMNS = 10
 FLIPPED_FUNCTIONS = 20
 COMPOSED = 6
 
@@ -141,9 +141,7 @@ def search(pair: Pair, given: list[Hypothesis], automatic: bool) -> list[Hypothe
     pool.add(_each(lambda flip: _laplace_flip(pair, *flip), turned, "laplace flip"))
     best = [h.alignment.rotation for h in pool.hypotheses[:COMPOSED]]
     n = range(len(best))
-    triples = [
-        (a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2
-    ]
+    triples = [(a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2]
     pool.add(
         _each(lambda t: _composition(pair, best[t[0]] @ best[t[1]].T @ best[t[2]]), triples, "composition")
     )
@@ -191,8 +189,3 @@ def _laplace_flip(pair: Pair, functional_map: FloatArray, function: int) -> Alig
 def _composition(pair: Pair, rotation: FloatArray) -> Alignment:
     image = nearest_rows(pair.target.cloud.points @ rotation, pair.source.cloud.points)
     return converged(pair, image, SHORT_STEPS)
-
-
-def aligned_by(pair: Pair, image: IntArray) -> FloatArray:
-    """Rotation that fits a map of the search vertices best."""
-    return orthogonal_alignment(pair.target.cloud.at(image), pair.source.cloud)

@@ -106,7 +106,9 @@ def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int
             "(source vertex, target vertex) of two integers for each landmark"
         )
     if len(pairs) < 3:
-        raise LandmarkError(f"{len(pairs)} landmarks do not fix an alignment; give at least 3, better 5 at extremities")
+        raise LandmarkError(
+            f"{len(pairs)} landmarks do not fix an alignment; give at least 3, better 5 at extremities"
+        )
     for column, (side, n) in enumerate((("source", n_source), ("target", n_target))):
         bad = pairs[(pairs[:, column] < 0) | (pairs[:, column] >= n), column]
         if len(bad):

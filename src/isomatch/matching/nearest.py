@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from isomatch._arrays import FloatArray, Float32Array, IntArray
+from isomatch._arrays import Float32Array, FloatArray, IntArray
 from isomatch._threads import parallel_map
 
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads

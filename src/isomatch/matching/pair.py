@@ -13,6 +13,10 @@ from isomatch.matching.alignment import DescriptorCloud
 from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.prepare import PreparedShape
 
+SEARCH_RANK = (
+    30  # descriptor columns while hypotheses are compared; the rest only sharpens a map already found
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Glimpse:
@@ -31,8 +35,9 @@ class Glimpse:
 
     @cached_property
     def cloud(self) -> DescriptorCloud:
-        """Geodesic distance descriptors, (m, k)."""
-        return self.shape.cloud.at(self.rows)
+        """Leading columns of the geodesic distance descriptors, (m, 30)."""
+        cloud = self.shape.cloud
+        return DescriptorCloud(cloud.points[self.rows, :SEARCH_RANK], cloud.signature[:SEARCH_RANK])
 
     @cached_property
     def functions(self) -> FloatArray:

@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.errors import LandmarkError, NotConvergedError
-from isomatch.maps import Correspondence
 from isomatch.matching import refine
 from isomatch.matching.choice import Judged, judge, ranked
 from isomatch.matching.config import Config
@@ -27,7 +26,9 @@ from isomatch.matching.initial import (
     rotation_from_functions,
     rotations_from_landmarks,
 )
+from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.pair import Pair
+from isomatch.matching.precise import nearest_points
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.quality import landmark_errors, outcome_of, quality_of
 from isomatch.matching.result import Alternative, MatchResult
@@ -35,7 +36,9 @@ from isomatch.surfaces import Mesh
 
 logger = logging.getLogger(__name__)
 
-LANDMARK_SLACK = 0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
+LANDMARK_SLACK = (
+    0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
+)
 
 Progress = Callable[[str], Any]
 
@@ -97,7 +100,9 @@ def match(
     'CONVERGED'
     """
     clock = _Clock(progress)
-    config = config or next((s.config for s in (source, target) if isinstance(s, PreparedShape)), None) or Config()
+    config = (
+        config or next((s.config for s in (source, target) if isinstance(s, PreparedShape)), None) or Config()
+    )
     with serial_blas():
         clock.start("prepare")
         source, target = parallel_map(lambda shape: _prepared(shape, config, seed), [source, target])
@@ -117,13 +122,15 @@ def match(
                 "give landmarks, an initial map or descriptors"
             )
         clock.start("refinement")
-        image = _refined(pair, order[0], config)
+        coordinates = _coordinates(pair, order[0], config)
+        image = nearest_rows(*coordinates)
+        corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
         quality = quality_of(pair, image, order, pairs)
         alternatives = parallel_map(lambda judged: _alternative(pair, judged), order[1:3])
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
-        map=Correspondence(source.lifted(image, target), target.mesh.n_vertices),
+        map=source.lifted(target, image, corners, barycentric),
         outcome=outcome_of(quality, order, notes, source, target),
         quality=quality,
         alternatives=tuple(alternatives),
@@ -160,7 +167,9 @@ def _given(
             raise LandmarkError(
                 f"only {held.sum()} landmarks lie on the main component of both shapes; at least 3 are needed there"
             )
-        rotation = rotations_from_landmarks(target.cloud, source.cloud, at_target[None, held], at_source[None, held])
+        rotation = rotations_from_landmarks(
+            target.cloud, source.cloud, at_target[None, held], at_source[None, held]
+        )
         starts.append((images_from_rotation(pair.target.cloud, pair.source.cloud, rotation[0]), "landmarks"))
     if initial_map is not None:
         image = checked_initial_map(initial_map, *_sizes(source, target))
@@ -201,25 +210,25 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None) -> li
     """Drop hypotheses that contradict the landmarks."""
     if landmarks is None or not order:
         return order
-    errors = [landmark_errors(pair, refine.extended_at(pair, j.image, landmarks[:, 0]), landmarks) for j in order]
+    errors = [
+        landmark_errors(pair, refine.extended_at(pair, j.image, landmarks[:, 0]), landmarks) for j in order
+    ]
     least = min(errors)
     return [j for j, error in zip(order, errors) if error <= least + LANDMARK_SLACK]
 
 
-def _refined(pair: Pair, winner: Judged, config: Config) -> IntArray:
+def _coordinates(pair: Pair, winner: Judged, config: Config) -> refine.Coordinates:
     if config.refinement == "joint":
         return refine.jointly(pair, winner.image)
-    image = refine.by_distances(pair, winner.hypothesis.alignment.image)
-    if config.refinement == "laplace_icp":
-        return refine.by_laplace_icp(pair.source.shape, pair.target.shape, image)
-    return image
+    plain = refine.by_distances(pair, winner.hypothesis.alignment.image)
+    return plain if config.refinement == "none" else refine.by_laplace_icp(pair, plain)
 
 
 def _alternative(pair: Pair, judged: Judged) -> Alternative:
     source, target = pair.source.shape, pair.target.shape
     image = refine.extended(pair, judged.image, np.arange(source.body.n_vertices))
     return Alternative(
-        Correspondence(source.lifted(image, target), target.mesh.n_vertices),
+        source.lifted(target, image),
         judged.energy,
         judged.orientation,
         judged.hypothesis.origin,

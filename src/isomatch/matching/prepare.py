@@ -14,6 +14,7 @@ from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_b
 from isomatch.descriptors import geodesic_distance_descriptor
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
+from isomatch.maps import UNMATCHED, Correspondence
 from isomatch.matching.alignment import DescriptorCloud
 from isomatch.matching.config import Config
 from isomatch.matching.features import extremal_points, mean_curvature, point_signatures, spread_vertices
@@ -103,9 +104,7 @@ class PreparedShape:
     def cloud(self) -> DescriptorCloud:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale."""
         descriptor = geodesic_distance_descriptor(self.distances)
-        return DescriptorCloud(
-            descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature
-        )
+        return DescriptorCloud(descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature)
 
     @cached_property
     def signatures(self) -> FloatArray:
@@ -123,10 +122,33 @@ class PreparedShape:
         smooth = self.laplace.low_passed(self.body.vertices, 40)
         return Mesh(smooth, self.body.faces).vertex_normals
 
-    def lifted(self, image: IntArray, target: PreparedShape) -> IntArray:
-        """Express a map of bodies, body vertex → body vertex of the target, in the users' own indices."""
-        found = np.append(target.mesh_vertex[image], -1)
-        return np.asarray(found[np.where(self.body_vertex >= 0, self.body_vertex, len(image))], dtype=np.int64)
+    def lifted(
+        self,
+        target: PreparedShape,
+        image: IntArray,
+        corners: IntArray | None = None,
+        barycentric: FloatArray | None = None,
+    ) -> Correspondence:
+        """Express a map of bodies in the users' own indices.
+
+        ``image`` (n_body,), ``corners`` (n_body, 3) and ``barycentric`` (n_body, 3) refer to body vertices of the target.
+        """
+        if corners is None or barycentric is None:
+            corners, barycentric = (
+                np.repeat(image[:, None], 3, axis=1),
+                np.tile([1.0, 0.0, 0.0], (len(image), 1)),
+            )
+        vertices, faces = (
+            np.concatenate([target.mesh_vertex[found], np.full((1, *found.shape[1:]), UNMATCHED)])
+            for found in (image, corners)
+        )
+        rows = self.body_vertex  # −1, for vertices left out, picks the last row
+        return Correspondence(
+            vertices[rows],
+            target.mesh.n_vertices,
+            faces[rows],
+            np.vstack([barycentric, [1.0, 0.0, 0.0]])[rows],
+        )
 
 
 def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> PreparedShape:
@@ -218,7 +240,13 @@ def _body_of(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray, float, tuple[str, ..
         )
     to_body = np.full(mended.mesh.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
     to_body[kept] = np.arange(len(kept))
-    return body, to_body[mended.new_index], mended.vertex_index[kept], float(1 - shares[largest]), tuple(notes)
+    return (
+        body,
+        to_body[mended.new_index],
+        mended.vertex_index[kept],
+        float(1 - shares[largest]),
+        tuple(notes),
+    )
 
 
 def _fitting(config: Config, n: int) -> Config:

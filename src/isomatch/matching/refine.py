@@ -14,54 +14,54 @@ from isomatch.surfaces.mesh import vertex_normals
 LAPLACE_FUNCTIONS = 100
 LAPLACE_STEPS = 10
 DISTANCE_STEPS = 15
-COARSE_SIZES = (20, 40, 60, 80, 100, 120, 140)  # functions in the steps without coordinates
-FINE_SIZES = (40, 60, 80, 100, 120, 140, 160, 180, 200)  # and with them
+COARSE_SIZES = (20, 40, 70, 100, 140)  # functions in the steps without coordinates
+FINE_SIZES = (50, 75, 100, 125, 150, 200)  # and with them
 POSITION_UNIT = 0.08  # misfit of positions, in √area, that counts like one of the spectral coordinates
 NORMAL_WEIGHT = 0.3
 
 
-def by_distances(pair: Pair, image: IntArray) -> IntArray:
-    """Align distance descriptors on the search vertices, then once and again on all: the paper's plain method.
+Coordinates = tuple[FloatArray, FloatArray]
+"""Of all target and all source body vertices, in one space: images are nearest neighbours."""
 
-    Returns the target body vertex of every source body vertex.
+
+def by_distances(pair: Pair, image: IntArray) -> Coordinates:
+    """Align distance descriptors on the search vertices, then once on all: the paper's plain method.
+
+    ``image`` (m_s,) holds the target row of each search vertex of the source.
     """
     source, target = pair.source.shape, pair.target.shape
-    rotation = icp(pair.target.cloud, pair.source.cloud, image, DISTANCE_STEPS).rotation
+    at_target, at_source = target.cloud.at(pair.target.rows), source.cloud.at(pair.source.rows)
+    rotation = icp(at_target, at_source, image, DISTANCE_STEPS).rotation
     full = nearest_rows(target.cloud.points @ rotation, source.cloud.points)
     rotation = orthogonal_alignment(target.cloud.at(full), source.cloud)
-    return nearest_rows(target.cloud.points @ rotation, source.cloud.points)
+    return target.cloud.points @ rotation, source.cloud.points
 
 
-def by_laplace_icp(source: PreparedShape, target: PreparedShape, image: IntArray) -> IntArray:
-    """Post-process a full map by iterative closest points in the Laplace–Beltrami basis.
+def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
+    """Post-process by iterative closest points in the Laplace–Beltrami basis, from a map given by coordinates.
 
-    Parameters
-    ----------
-    source, target : PreparedShape
-        The shapes.
-    image : (n_s,) array of int
-        Target body vertex of every source body vertex.
-
-    Returns
-    -------
-    (n_s,) array of int
-        The map after ten steps with 100 functions on ``n_refine`` source vertices, then one on all.
+    Ten steps with 100 functions on ``n_refine`` source vertices, F kept orthogonal.
 
     Notes
     -----
-    Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012. F is kept orthogonal.
+    Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012.
     """
-    k = min(LAPLACE_FUNCTIONS, len(source.laplace.values), len(target.laplace.values))
-    glimpse = Glimpse(source, source.spread[: source.config.n_refine])
+    glimpse, target = _refinement_rows(pair), pair.target.shape
+    k = min(LAPLACE_FUNCTIONS, glimpse.functions.shape[1], len(target.laplace.values))
     phi_target = target.laplace.vectors[:, :k]
-    rows = image[glimpse.rows]
+    rows = nearest_rows(start[0], start[1][glimpse.rows])
     for _ in range(LAPLACE_STEPS):
         turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
         previous, rows = rows, nearest_rows(turned, glimpse.functions[:, :k])
         if (previous == rows).all():
             break
     turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-    return nearest_rows(turned, source.laplace.vectors[:, :k])
+    return turned, glimpse.shape.laplace.vectors[:, :k]
+
+
+def _refinement_rows(pair: Pair) -> Glimpse:
+    shape = pair.source.shape
+    return Glimpse(shape, shape.spread[: shape.config.n_refine])
 
 
 def _orthogonal(matrix: FloatArray) -> FloatArray:
@@ -74,9 +74,7 @@ def extended(pair: Pair, image: IntArray, rows: IntArray) -> IntArray:
     source, target = pair.source.shape, pair.target.shape
     k = min(50, len(source.laplace.values), len(target.laplace.values))
     functional_map = pair.functional_map(image, k)
-    return nearest_rows(
-        target.laplace.vectors[:, :k] @ functional_map.T, source.laplace.vectors[rows, :k]
-    )
+    return nearest_rows(target.laplace.vectors[:, :k] @ functional_map.T, source.laplace.vectors[rows, :k])
 
 
 def extended_at(pair: Pair, image: IntArray, mesh_vertices: IntArray) -> IntArray:
@@ -85,7 +83,7 @@ def extended_at(pair: Pair, image: IntArray, mesh_vertices: IntArray) -> IntArra
     return np.where(rows >= 0, extended(pair, image, np.maximum(rows, 0)), -1)
 
 
-def jointly(pair: Pair, image: IntArray) -> IntArray:
+def jointly(pair: Pair, image: IntArray) -> Coordinates:
     """Spectral upsampling joint with signatures, coordinates and normals.
 
     In each step the target's functions *and coordinates* are fitted on the source by least squares over the source's
@@ -98,35 +96,42 @@ def jointly(pair: Pair, image: IntArray) -> IntArray:
 
     Positions and normals are those of the target and of its own copy, so the pose of either shape does not matter.
 
-    Returns
-    -------
-    (n_s,) array of int
-        Target body vertex of every source body vertex. O(n_t n_s (K + q)) for the last step.
+    Parameters
+    ----------
+    pair : Pair
+        The two shapes.
+    image : (m_s,) array of int
+        Target row of each search vertex of the source.
+
+    Notes
+    -----
+    O(n_t n_refine (K + q)) a step.
     """
-    source, target = pair.source.shape, pair.target.shape
-    glimpse = Glimpse(source, source.spread[: source.config.n_refine])
+    target, glimpse = pair.target.shape, _refinement_rows(pair)
     rows = extended(pair, image, glimpse.rows)
-    limit = min(len(source.laplace.values), len(target.laplace.values))
+    limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     schedule = [(k, False) for k in COARSE_SIZES] + [(k, True) for k in FINE_SIZES]
     for k, geometric in schedule:
-        of_target, of_source = _joint_coordinates(glimpse, target, rows, min(k, limit), geometric)
-        rows = nearest_rows(of_target, of_source[glimpse.rows])
-    of_target, of_source = _joint_coordinates(glimpse, target, rows, limit, True)
-    return nearest_rows(of_target, of_source)
+        if k <= limit:
+            rows = nearest_rows(*_joint_coordinates(glimpse, target, rows, k, geometric, glimpse.rows))
+    everywhere = np.arange(glimpse.shape.body.n_vertices)
+    return _joint_coordinates(glimpse, target, rows, limit, True, everywhere)
 
 
 def _joint_coordinates(
-    glimpse: Glimpse, target: PreparedShape, image: IntArray, k: int, geometric: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of all target and all source vertices in which the next images are nearest neighbours."""
+    glimpse: Glimpse, target: PreparedShape, image: IntArray, k: int, geometric: bool, wanted: IntArray
+) -> Coordinates:
+    """Coordinates of all target vertices and of the wanted source vertices."""
     source = glimpse.shape
-    phi_target, phi_source = target.laplace.vectors[:, :k], source.laplace.vectors[:, :k]
+    phi_target = target.laplace.vectors[:, :k]
     fitted = glimpse.fit(np.hstack([phi_target[image], target.body.vertices[image]]), k)
     functional_map, copy = fitted[:, :k], fitted[:, k:]
     of_target = [phi_target @ functional_map.T / np.sqrt(k), target.signatures]
-    of_source = [phi_source / np.sqrt(k), source.signatures]
+    of_source = [source.laplace.vectors[wanted, :k] / np.sqrt(k), source.signatures[wanted]]
     if geometric:
-        smooth, drawn = target.laplace.low_passed(target.body.vertices, k), phi_source @ copy
+        smooth = target.laplace.low_passed(target.body.vertices, k)
+        drawn = source.laplace.vectors[:, :k] @ copy
         of_target += [smooth / POSITION_UNIT, NORMAL_WEIGHT * vertex_normals(smooth, target.body.faces)]
-        of_source += [drawn / POSITION_UNIT, NORMAL_WEIGHT * vertex_normals(drawn, source.body.faces)]
+        normals = vertex_normals(drawn, source.body.faces)[wanted]
+        of_source += [drawn[wanted] / POSITION_UNIT, NORMAL_WEIGHT * normals]
     return np.hstack(of_target), np.hstack(of_source)

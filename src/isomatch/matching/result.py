@@ -139,7 +139,9 @@ class MatchResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""
-        quality = {key: value if abs(value) < float("inf") else None for key, value in asdict(self.quality).items()}
+        quality = {
+            key: value if abs(value) < float("inf") else None for key, value in asdict(self.quality).items()
+        }
         return {
             "direction": "source -> target",
             "n_source": len(self.map.vertices),
@@ -148,7 +150,8 @@ class MatchResult:
             "advice": self.outcome.advice,
             "quality": quality,
             "alternatives": [
-                {"energy": a.energy, "orientation": a.orientation, "origin": a.origin} for a in self.alternatives
+                {"energy": a.energy, "orientation": a.orientation, "origin": a.origin}
+                for a in self.alternatives
             ],
             "timings": self.timings,
             "notes": list(self.notes),

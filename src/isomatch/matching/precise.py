@@ -1,0 +1,104 @@
+"""From the nearest vertex to the nearest point: images inside the target's triangles."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+
+CHUNK = 2048
+
+
+def nearest_points(
+    of_target: FloatArray, of_source: FloatArray, faces: IntArray, image: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """Find the nearest point of the target's triangles around the nearest vertex.
+
+    Parameters
+    ----------
+    of_target : (n_t, d) array of float
+        Coordinates of the target's vertices; its triangles are flat in these d dimensions.
+    of_source : (n_s, d) array of float
+        Coordinates of the points to be mapped.
+    faces : (m_t, 3) array of int
+        The target's faces.
+    image : (n_s,) array of int
+        Nearest target vertex of each point.
+
+    Returns
+    -------
+    corners : (n_s, 3) array of int
+        Target vertices of the triangle that holds the nearest point; the vertex itself first.
+    barycentric : (n_s, 3) array of float
+        Its weights.
+
+    Notes
+    -----
+    Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around the nearest
+    vertex. About 6 n_s faces, 5 d operations each.
+    """
+    order = np.argsort(faces.ravel(), kind="stable")
+    start = np.zeros(len(of_target) + 1, dtype=np.int64)
+    np.cumsum(np.bincount(faces.ravel(), minlength=len(of_target)), out=start[1:])
+    corners = np.repeat(image[:, None], 3, axis=1)
+    barycentric = np.tile([1.0, 0.0, 0.0], (len(image), 1))
+
+    def chunk(first: int) -> None:
+        rows = slice(first, first + CHUNK)
+        _nearest(of_target, of_source[rows], faces, start, order, corners[rows], barycentric[rows])
+
+    parallel_map(chunk, range(0, len(image), CHUNK))
+    return corners, barycentric
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _nearest(
+    x: FloatArray,
+    points: FloatArray,
+    faces: IntArray,
+    start: IntArray,
+    order: IntArray,
+    corners: IntArray,
+    barycentric: FloatArray,
+) -> None:  # pragma: no cover - compiled
+    for i in range(len(points)):
+        a = corners[i, 0]
+        best = 0.0  # squared distance, less that of the vertex
+        for at in range(start[a], start[a + 1]):
+            face, corner = order[at] // 3, order[at] % 3
+            b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
+            # with u = b − a, v = c − a, p = point − a: minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1
+            uu = uv = vv = up = vp = 0.0
+            for d in range(x.shape[1]):
+                u, v, p = x[b, d] - x[a, d], x[c, d] - x[a, d], points[i, d] - x[a, d]
+                uu += u * u
+                uv += u * v
+                vv += v * v
+                up += u * p
+                vp += v * p
+            # the edges (a, b), (a, c), (b, c), then the inside
+            for case in range(4):
+                s = t = 0.0
+                if case == 0 and uu > 0.0:
+                    s = min(max(up / uu, 0.0), 1.0)
+                elif case == 1 and vv > 0.0:
+                    t = min(max(vp / vv, 0.0), 1.0)
+                elif case == 2:
+                    across = uu - 2.0 * uv + vv
+                    if across > 0.0:
+                        t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
+                        s = 1.0 - t
+                elif case == 3:
+                    determinant = uu * vv - uv * uv
+                    if determinant <= 1e-12 * uu * vv:
+                        continue
+                    s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
+                    if s < 0.0 or t < 0.0 or s + t > 1.0:
+                        continue
+                gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)
+                if gain < best:
+                    best = gain
+                    corners[i, 1], corners[i, 2] = b, c
+                    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
