@@ -57,7 +57,7 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Distance from the plumb line of the centroid to the rim of the ground contact, relative to the height."""
+    """Distance of the plumb line of the centroid from the rim of the ground contact, over the height."""
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
@@ -76,8 +76,8 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     Returns
     -------
     (3, 3) array
-        The rotation that brings the source's vertices nearest to their images; replaced by whole quarter turns
-        about the axes when these are near it, so that a shape that stands straight keeps standing straight.
+        The rotation that brings the source's vertices nearest to their images; replaced by quarter turns about
+        the axes when these are near it, so that a shape that stands straight keeps standing straight.
     """
     seen = correspondence.matched
     weights = source.vertex_areas[seen]

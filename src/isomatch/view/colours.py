@@ -74,7 +74,7 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
 
 
 def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
-    """Mean of the value and its share of the area, both −1 … 1: thin limbs and broad bodies both show change."""
+    """Mean of the value and its share of the area, both −1 … 1: limbs and bodies both show change."""
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()

@@ -1,0 +1,67 @@
+"""The command line: one file for each verb."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, Parameter
+from cyclopts.exceptions import CycloptsError
+
+from isomatch import __version__
+from isomatch.cli.check import check
+from isomatch.cli.demo import demo
+from isomatch.cli.info import info
+from isomatch.cli.match import match
+from isomatch.cli.repair import repair
+from isomatch.errors import IsomatchError
+
+__all__ = ["main"]
+
+DONE, BAD, MISUSED, INTERRUPTED = 0, 1, 2, 130
+
+app = App(
+    name="isomatch",
+    help="Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone.",
+    version=__version__,
+    default_parameter=Parameter(negative=()),
+)
+for verb in (match, check, repair, demo, info):
+    app.command(verb)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments after the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 done, 1 the input or the result is bad, 2 wrong usage.
+    """
+    try:
+        command, bound, _ = app.parse_args(
+            sys.argv[1:] if argv is None else list(argv), exit_on_error=False, print_error=False
+        )
+    except CycloptsError as error:
+        return _complain(f"{error} See isomatch --help.", MISUSED)
+    try:
+        command(*bound.args, **bound.kwargs)
+    except IsomatchError as error:
+        return _complain(str(error), BAD)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        where = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{where}{reason}; check the name, the folder and who may write there", BAD)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    return DONE
+
+
+def _complain(message: str, code: int) -> int:
+    sys.stderr.write(f"isomatch: {' '.join(message.split())}\n")
+    return code

@@ -1,0 +1,59 @@
+"""``isomatch info``: what a bug report should tell."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+import threadpoolctl
+
+import isomatch
+from isomatch._memory import GIB, memory_budget
+from isomatch._threads import n_threads
+from isomatch.cli.terminal import say_json, say_table
+
+NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib", "rich", "cyclopts")
+OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d")
+
+SETTINGS = {
+    "threads": "ISOMATCH_NUM_THREADS",
+    "memory_budget_gib": "ISOMATCH_MEMORY_BUDGET",
+    "numba_cache": "NUMBA_CACHE_DIR",
+}
+
+
+def info(*, json: bool = False) -> None:
+    """Print versions and settings, for bug reports.
+
+    Parameters
+    ----------
+    json : bool
+        Print one JSON object and nothing else.
+    """
+    facts = {
+        "isomatch": isomatch.__version__,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in NEEDED + OPTIONAL},
+        "platform": platform.platform(),
+        "threads": n_threads(),
+        "blas": _blas(),
+        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ beside each module",
+        "memory_budget_gib": round(memory_budget() / GIB, 1),
+    }
+    if json:
+        say_json(facts)
+        return
+    say_table((name, str(value), SETTINGS.get(name, "")) for name, value in facts.items())
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _blas() -> str:
+    libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+    return ", ".join(f"{pool['internal_api']} {pool['version']}" for pool in libraries) or "not recognised"

@@ -1,0 +1,53 @@
+"""Read what the user gives beside the shapes: landmarks, an initial map, settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from isomatch import Config, Correspondence, LandmarkError
+from isomatch._arrays import IntArray
+from isomatch.errors import FormatError
+
+
+def read_landmarks(path: Path) -> IntArray:
+    """Read pairs of 0-based vertices (source, target), one a line, comma or blank separated, ``#`` comments."""
+    pairs = []
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            source, target = (int(word) for word in words)
+        except ValueError:
+            raise FormatError(
+                f"{path}:{number}: {' '.join(words)!r} is not a landmark; write two 0-based vertex indices, "
+                "of the source and of the target"
+            ) from None
+        pairs.append((source, target))
+    if not pairs:
+        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices a line")
+    return np.array(pairs, dtype=np.int64)
+
+
+def read_initial_map(path: Path, n_target: int) -> IntArray:
+    """Read the target vertex of each source vertex, from text or ``.npz``; −1 where unknown."""
+    if not path.exists():
+        raise FormatError(f"{path}: no such file; check the name and the folder")
+    try:
+        return Correspondence.load(path, n_target).vertices
+    except LandmarkError as error:
+        raise LandmarkError(f"{path}: {error}") from None
+
+
+def read_config(path: Path | None) -> Config | None:
+    """Read settings from a TOML file, if one is given."""
+    if path is None:
+        return None
+    try:
+        return Config.from_file(path)
+    except (ValueError, TypeError) as error:
+        message = str(error)
+        where = "" if message.startswith(str(path)) else f"{path}: "
+        raise FormatError(f"{where}{message}; see the documentation of isomatch.Config") from None

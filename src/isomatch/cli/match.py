@@ -1,0 +1,73 @@
+"""``isomatch match``: two files in, a folder with their map out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+import isomatch
+from isomatch.cli.inputs import read_config, read_initial_map, read_landmarks
+from isomatch.cli.outputs import ResultFolder, say_files, say_result
+from isomatch.cli.terminal import progress, say_json
+
+
+def match(
+    source: Path,
+    target: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    landmarks: Path | None = None,
+    initial_map: Path | None = None,
+    config: Path | None = None,
+    seed: int = 0,
+    json: bool = False,
+    force: bool = False,
+) -> None:
+    """Match two meshes: find the target point of every source vertex.
+
+    Parameters
+    ----------
+    source : Path
+        Mesh to map from: .off, .obj, .ply or .stl.
+    target : Path
+        Mesh to map to.
+    output : Path
+        Folder for map.npz, map.txt, result.json and map.png.
+    landmarks : Path
+        Two columns of 0-based vertex indices (source, target), comma or blank separated, # comments.
+    initial_map : Path
+        A first map to start from: one 0-based target index per line (-1: unknown), or a map.npz.
+    config : Path
+        Settings in a TOML file; see isomatch.Config.
+    seed : int
+        Seed of sampling and eigensolver.
+    json : bool
+        Print one JSON object and nothing else.
+    force : bool
+        Replace an earlier result in the folder.
+    """
+    folder = ResultFolder(output)
+    settings = read_config(config)
+    pairs = None if landmarks is None else read_landmarks(landmarks)
+    with progress() as stage:
+        stage("reading")
+        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        start = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
+        folder.claim(force)
+        result = isomatch.match(
+            *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
+        )
+        stage("writing")
+        record = folder.write(result, {"source": str(source), "target": str(target)})
+        from isomatch.view import draw_map  # matplotlib is slow to import
+
+        stage("drawing")
+        draw_map(*shapes, result.map, folder.files["picture"], titles=(source.name, target.name))
+    if json:
+        say_json(record)
+        return
+    say_result(result)
+    say_files(folder.files)

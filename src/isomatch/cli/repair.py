@@ -1,0 +1,52 @@
+"""``isomatch repair``: mend a mesh and say what became of every vertex."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+import isomatch
+from isomatch.cli.terminal import say
+
+
+def repair(
+    file: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    force: bool = False,
+) -> None:
+    """Mend a mesh: weld, remove what is no surface, wind the faces outward.
+
+    Writes the mended mesh and, beside it, NAME.index.npz with vertex_index (original vertex of each new one),
+    new_index (new vertex of each original one, -1: removed) and face_index (original face of each new one).
+
+    Parameters
+    ----------
+    file : Path
+        Mesh: .off, .obj, .ply or .stl.
+    output : Path
+        File for the mended mesh.
+    force : bool
+        Replace earlier files.
+    """
+    index = output.with_suffix(".index.npz")
+    for path in (output, index):
+        if path.exists() and not force:
+            raise isomatch.IsomatchError(
+                f"{path}: already exists; choose another name with -o, or pass --force"
+            )
+    mended = isomatch.repair(isomatch.read_mesh(file))
+    isomatch.write_mesh(output, mended.mesh)
+    np.savez_compressed(
+        index,
+        vertex_index=mended.vertex_index,
+        new_index=mended.new_index,
+        face_index=mended.face_index,
+    )
+    for change in mended.changes or ("nothing to mend",):
+        say(change)
+    say(f"wrote {output}, {index}")
