@@ -96,7 +96,7 @@ class Disguised:
 
 
 def disguised(mesh: Mesh, seed: int = 0, scale: float = 1.0, rotate: bool = True) -> Disguised:
-    """Permute vertices, faces and the first corners of faces; rotate, shift, scale: only the surface is left."""
+    """Permute vertices, faces and first corners of faces; rotate, shift, scale: the surface alone is left."""
     rng = np.random.default_rng(seed)
     old_vertex = rng.permutation(mesh.n_vertices)
     new_vertex = np.argsort(old_vertex)

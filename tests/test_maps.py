@@ -73,9 +73,7 @@ def test_composition_pulls_back_in_two_steps(data, a, b, c):
 
 
 def test_composition_of_maps_that_do_not_meet():
-    with pytest.raises(
-        LandmarkError, match=r"cannot compose .* the first ends on 4 vertices, the second starts"
-    ):
+    with pytest.raises(LandmarkError, match=r"cannot compose .* the first ends on 4 vertices, the second"):
         Correspondence([0, 3], 4).then(Correspondence([0, 1, 2], 5))
 
 
@@ -126,7 +124,7 @@ def test_file_that_is_no_map(tmp_path, suffix):
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(FormatError, match="nowhere.txt: not a map"):
+    with pytest.raises(FormatError, match=r"nowhere\.txt: not a map"):
         Correspondence.load(tmp_path / "nowhere.txt")
 
 
@@ -139,7 +137,7 @@ def test_empty_file(tmp_path, suffix):
 
 def test_binary_file_called_text(tmp_path):
     (tmp_path / "map.txt").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(FormatError, match="map.txt: not a map"):
+    with pytest.raises(FormatError, match=r"map\.txt: not a map"):
         Correspondence.load(tmp_path / "map.txt")
 
 

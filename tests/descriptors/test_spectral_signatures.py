@@ -38,7 +38,7 @@ def test_signs_of_functions_do_not_matter(basis, signature):
 
 @pytest.mark.parametrize("signature", SIGNATURES)
 def test_scale_covariance(example, basis, signature):
-    """Energies and times follow the spectrum, so a shape ten times as large has a hundredth of the density."""
+    """Energies and times follow the spectrum: a shape ten times as large has a hundredth of the density."""
     mesh = example[0].mesh
     large = laplace_basis(Mesh(10 * mesh.vertices, mesh.faces), 60)
     np.testing.assert_allclose(100 * signature(large), signature(basis), rtol=1e-5)

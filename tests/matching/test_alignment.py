@@ -1,0 +1,143 @@
+"""Orthogonal alignment within sign blocks, and iterative closest points, on planted solutions."""
+
+import numpy as np
+import pytest
+from scipy.stats import ortho_group
+
+from isomatch.matching.alignment import DescriptorCloud, icp, orthogonal_alignment, residual
+
+SIGNS = np.array([1, -1, -1, 1, -1, -1, -1, 1, -1, -1.0])
+DECAY = 1 / (1 + np.arange(10.0))
+
+
+def planted_rotation(signature, seed=0):
+    """Orthogonal on the columns of each sign, zero between them."""
+    rotation = np.zeros((len(signature),) * 2)
+    for sign in (1, -1):
+        rows = np.flatnonzero(signature == sign)
+        if len(rows):
+            block = ortho_group.rvs(len(rows), random_state=seed) if len(rows) > 1 else np.array([[-1.0]])
+            rotation[np.ix_(rows, rows)] = block
+    return rotation
+
+
+def random_cloud(n=80, signature=SIGNS, seed=0):
+    return DescriptorCloud(np.random.default_rng(seed).normal(size=(n, len(signature))), signature)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_recovers_a_planted_rotation(seed):
+    target, rotation = random_cloud(seed=seed), planted_rotation(SIGNS, seed)
+    source = DescriptorCloud(target.points @ rotation, SIGNS)
+    found = orthogonal_alignment(target, source)
+    np.testing.assert_allclose(found, rotation, atol=1e-9)
+    assert residual(target, source, np.arange(80), found) < 1e-9
+
+
+def test_real_never_mixes_with_imaginary():
+    """Even where the points ask for it."""
+    target = random_cloud(signature=np.array([1, -1.0]))
+    source = DescriptorCloud(target.points[:, ::-1], target.signature)
+    found = orthogonal_alignment(target, source)
+    assert found[0, 1] == found[1, 0] == 0
+    np.testing.assert_allclose(np.abs(np.diag(found)), 1)
+
+
+def test_distances_are_kept():
+    """X C has the same bilinear form as X: that is what orthogonal within signs means."""
+    target, source = random_cloud(seed=1), random_cloud(seed=2)
+    turned = target.points @ orthogonal_alignment(target, source)
+    before, after = ((x * SIGNS) @ x.T for x in (target.points, turned))
+    np.testing.assert_allclose(after, before, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_other_allowed_rotation_fits_better(seed):
+    target, source = random_cloud(seed=1), random_cloud(seed=2)
+    best = residual(target, source, np.arange(80), orthogonal_alignment(target, source))
+    assert residual(target, source, np.arange(80), planted_rotation(SIGNS, seed)) >= best
+
+
+def test_different_numbers_of_signs_give_a_partial_isometry():
+    """Two real and six imaginary columns onto three and five: nothing is stretched, the excess is dropped."""
+    target = random_cloud(signature=np.array([1, 1, -1, -1, -1, -1, -1, -1.0]))
+    source = random_cloud(signature=np.array([1, -1, 1, -1, 1, -1, -1, -1.0]), seed=3)
+    found = orthogonal_alignment(target, source)
+    assert found.shape == (8, 8)
+    assert not found[np.not_equal.outer(target.signature, source.signature)].any()
+    scale = np.linalg.svd(found, compute_uv=False)
+    np.testing.assert_allclose(scale, [1] * 7 + [0], atol=1e-9)
+
+
+def test_sign_that_one_side_lacks_is_dropped():
+    target = random_cloud(signature=np.array([1, -1.0]))
+    source = random_cloud(signature=np.array([-1.0]))
+    found = orthogonal_alignment(target, source)
+    np.testing.assert_allclose(np.abs(found), [[0], [1]], atol=1e-12)
+
+
+def test_null_columns_are_dropped_not_rotated():
+    target = random_cloud()
+    target.points[:, [3, 5]] = 0
+    found = orthogonal_alignment(target, target)
+    kept = np.delete(np.arange(10), [3, 5])
+    np.testing.assert_allclose(found[[3, 5]], 0, atol=1e-12)
+    np.testing.assert_allclose(found[:, [3, 5]], 0, atol=1e-12)
+    np.testing.assert_allclose(found[np.ix_(kept, kept)], np.eye(8), atol=1e-9)
+
+
+def test_directions_that_few_points_leave_open_are_dropped():
+    """Three points determine three directions of seven; the rest must not become an arbitrary rotation."""
+    target = random_cloud(n=3, signature=-np.ones(7))
+    found = orthogonal_alignment(target, target)
+    np.testing.assert_allclose(np.linalg.svd(found, compute_uv=False), [1, 1, 1, 0, 0, 0, 0], atol=1e-7)
+    np.testing.assert_allclose(target.points @ found, target.points, atol=1e-7)
+
+
+@pytest.fixture
+def planted():
+    """A cloud that decays like descriptors, and its rows permuted and rotated."""
+    target = DescriptorCloud(random_cloud(n=300).points * DECAY, SIGNS)
+    truth = np.random.default_rng(4).permutation(300)
+    return target, DescriptorCloud(target.points[truth] @ planted_rotation(SIGNS, 5), SIGNS), truth
+
+
+def test_icp_finds_a_planted_permutation_from_a_rough_map(planted):
+    target, source, truth = planted
+    rng = np.random.default_rng(6)
+    rough = np.where(rng.random(300) < 0.4, rng.integers(300, size=300), truth)
+    found = icp(target, source, rough, 30)
+    np.testing.assert_array_equal(found.image, truth)
+    np.testing.assert_allclose(found.rotation, planted_rotation(SIGNS, 5), atol=1e-9)
+    assert found.residual < 1e-9
+    assert found.n_iterations < 30
+
+
+def test_icp_stays_at_the_solution(planted):
+    target, source, truth = planted
+    found = icp(target, source, truth, 30)
+    assert found.n_iterations == 1
+    np.testing.assert_array_equal(found.image, truth)
+
+
+def test_icp_never_fits_worse_after_more_steps(planted):
+    target, source, _ = planted
+    start = np.random.default_rng(7).integers(300, size=300)
+    residuals = [icp(target, source, start, steps).residual for steps in (0, 1, 2, 4, 8)]
+    assert (np.diff(residuals) <= 1e-12).all(), residuals
+
+
+def test_icp_without_steps_keeps_the_map(planted):
+    target, source, truth = planted
+    found = icp(target, source, truth[::-1].copy(), 0)
+    np.testing.assert_array_equal(found.image, truth[::-1])
+    assert found.n_iterations == 0
+
+
+def test_extra_coordinates_decide_what_the_descriptors_leave_open(planted):
+    """All descriptors equal: only the extra coordinates tell the rows apart."""
+    _, _, truth = planted
+    same = DescriptorCloud(np.ones((300, 1)), np.ones(1))
+    extra = np.random.default_rng(8).normal(size=(300, 3))
+    found = icp(same, same, np.zeros(300, dtype=int), 5, (extra, extra[truth]))
+    np.testing.assert_array_equal(found.image, truth)

@@ -1,0 +1,172 @@
+"""The whole match on shapes with known truth, and what its result tells."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data import tosca
+from isomatch import (
+    Config,
+    Outcome,
+    geodesic_distances,
+    heat_kernel_signature,
+    match,
+    prepare,
+    wave_kernel_signature,
+)
+from isomatch.datasets import creature, ground_truth
+from shapes import disguised
+from zoo import torus
+
+
+def errors(image, truth, target):
+    """Geodesic distance on the target from each image to its truth, divided by √(target area)."""
+    wanted, row = np.unique(truth, return_inverse=True)
+    apart = np.zeros(len(image))
+    for first in range(0, len(wanted), 500):
+        columns = geodesic_distances(target, wanted[first : first + 500])
+        here = (row >= first) & (row < first + 500)
+        apart[here] = columns[row[here] - first, image[here]]
+    return apart / np.sqrt(target.area)
+
+
+def test_example_pair(example, example_truth, prepared_example):
+    found = match(*prepared_example)
+    assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
+    assert found.outcome is Outcome.CONVERGED
+    assert found.quality.orientation > 0.8
+    assert found.quality.coverage > 0.99
+    assert found.quality.matched == 1
+
+
+def test_refinement_improves_the_plain_method(example, example_truth, prepared_example):
+    landmarks = prepared_example[0].mesh_vertex[prepared_example[0].samples[:5]]
+    pairs = np.column_stack([landmarks, example_truth[landmarks]])
+    mean = {}
+    for refinement in ("none", "laplace_icp", "joint"):
+        config = Config(hypotheses="given", refinement=refinement)
+        image = match(*prepared_example, landmarks=pairs, config=config).map.vertices
+        mean[refinement] = errors(image, example_truth, example[1].mesh).mean()
+    assert mean["joint"] < mean["laplace_icp"] < mean["none"] < 0.05, mean
+
+
+def test_true_initial_map_is_kept(example, example_truth, prepared_example):
+    config = Config(hypotheses="given")
+    found = match(*prepared_example, initial_map=example_truth, config=config)
+    assert found.origin == "initial map"
+    assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
+
+
+def test_initial_map_of_a_few_vertices(example, example_truth, prepared_example):
+    sparse = np.full(len(example_truth), -1)
+    sparse[::40] = example_truth[::40]
+    found = match(*prepared_example, initial_map=sparse, config=Config(hypotheses="given"))
+    assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
+
+
+@pytest.mark.parametrize("kind", ["true functions", "signatures"])
+def test_initial_descriptors(example, example_truth, prepared_example, kind):
+    if kind == "true functions":
+        target = np.random.default_rng(0).normal(size=(12, 3)) @ example[1].rest.T
+        target = np.sin(target.T)
+        both = target[example_truth], target
+    else:
+        both = tuple(
+            np.hstack([wave_kernel_signature(s.laplace), heat_kernel_signature(s.laplace)])
+            for s in prepared_example
+        )
+    found = match(*prepared_example, initial_descriptors=both, config=Config(hypotheses="given"))
+    assert found.origin == "descriptors"
+    if kind == "true functions":
+        assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
+
+
+def test_orientation_chooses_between_a_map_and_its_mirror_image():
+    source = creature(1500, symmetric=True, triangulation=1)
+    target = creature(1500, symmetric=True, triangulation=2, pose=2)
+    shapes = prepare(source.mesh), prepare(disguised(target.mesh, rotate=False).mesh)
+    new_vertex = disguised(target.mesh, rotate=False).new_vertex
+    for orientation, mirrored in (("preserve", False), ("reverse", True)):
+        found = match(*shapes, config=replace(shapes[0].config, orientation=orientation))
+        truth = new_vertex[ground_truth(source, target, mirrored=mirrored).vertices]
+        assert errors(found.map.vertices, truth, shapes[1].mesh).mean() < 0.025, orientation
+        assert (found.quality.orientation > 0) == (orientation == "preserve")
+
+
+def test_landmarks_choose_the_mirror_image_against_the_orientation():
+    """What the user says outweighs what the program prefers."""
+    source = creature(1500, symmetric=True, triangulation=1)
+    target = creature(1500, symmetric=True, triangulation=2)
+    mirrored = ground_truth(source, target, mirrored=True).vertices
+    shape = prepare(source.mesh)
+    pairs = np.column_stack([shape.samples[:8], mirrored[shape.samples[:8]]])
+    found = match(shape, target.mesh, landmarks=pairs)
+    assert errors(found.map.vertices, mirrored, target.mesh).mean() < 0.025
+    assert found.quality.landmark_error < 0.05
+
+
+def test_different_things_give_low_confidence(prepared_example):
+    found = match(prepared_example[0], torus(60, 30))
+    assert found.outcome is Outcome.LOW_CONFIDENCE
+    assert "landmark" in found.outcome.advice
+
+
+def test_result_is_told_in_plain_values(prepared_example):
+    stages = []
+    pairs = np.column_stack([prepared_example[0].samples[:5]] * 2)
+    found = match(
+        prepared_example[0],
+        prepared_example[0],
+        landmarks=pairs,
+        config=Config(hypotheses="given"),
+        seed=3,
+        progress=stages.append,
+    )
+    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert told["direction"] == "source -> target"
+    assert told["outcome"] == "CONVERGED"
+    assert told["quality"]["energy_ratio"] is None, "there is no rival: inf is not JSON"
+    assert told["quality"]["landmark_error"] == 0
+    assert told["config"]["hypotheses"] == "given"
+    assert (told["seed"], told["engine"], told["origin"]) == (3, "fast_marching", "landmarks")
+    assert stages == ["prepare", "hypotheses", "choice", "refinement", "quality"]
+    assert set(told["timings"]) == {*stages, "total"}
+
+
+def test_alternatives_are_other_maps(prepared_example):
+    found = match(*prepared_example)
+    assert 1 <= len(found.alternatives) <= 2
+    for alternative in found.alternatives:
+        assert alternative.map.shape == found.map.shape
+        assert (alternative.map.vertices != found.map.vertices).mean() > 0.2
+
+
+@pytest.mark.parametrize("outcome", Outcome)
+def test_every_outcome_has_advice(outcome):
+    assert outcome.advice.endswith(".")
+
+
+@pytest.fixture(scope="module")
+def wolves():
+    """Two poses of the wolf, the target in disguise, and the first five samples as landmarks."""
+    source = prepare(tosca("wolf0"))
+    other = disguised(tosca("wolf1"), seed=11)
+    landmarks = source.mesh_vertex[source.samples[:5]]
+    return source, other, np.column_stack([landmarks, other.new_vertex[landmarks]])
+
+
+@pytest.mark.parametrize(("refinement", "bound"), [("none", 0.011), ("laplace_icp", 0.003), ("joint", 0.003)])
+def test_wolf_from_landmarks(wolves, refinement, bound):
+    source, other, pairs = wolves
+    config = Config(hypotheses="given", refinement=refinement)
+    found = match(source, other.mesh, landmarks=pairs, config=config)
+    assert errors(found.map.vertices, other.new_vertex, other.mesh).mean() < bound
+
+
+@pytest.mark.long
+def test_wolf_without_landmarks(wolves):
+    source, other, _ = wolves
+    found = match(source, other.mesh)
+    assert errors(found.map.vertices, other.new_vertex, other.mesh).mean() < 0.003

@@ -1,0 +1,70 @@
+"""Nearest rows in single precision, against all distances in double precision."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from isomatch.matching.nearest import nearest_rows
+
+
+def brute_force(candidates, queries):
+    """The first of the nearest candidates."""
+    return ((candidates[None] - queries[:, None]) ** 2).sum(axis=2).argmin(axis=1)
+
+
+@pytest.mark.parametrize(("n", "m", "d"), [(1, 1, 1), (7, 3, 2), (600, 1300, 50), (400, 900, 223)])
+def test_same_as_brute_force(n, m, d):
+    rng = np.random.default_rng(n)
+    candidates, queries = rng.normal(size=(n, d)), rng.normal(size=(m, d))
+    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
+
+
+@given(st.data(), st.integers(1, 9), st.integers(1, 4))
+def test_first_of_equals_on_small_integers(data, n, d):
+    """Integers are exact in single precision, so ties are true ties."""
+    table = arrays(np.float64, (n + 3, d), elements=st.integers(-3, 3).map(float))
+    both = data.draw(table)
+    found, expected = nearest_rows(both[:n], both[n:]), brute_force(both[:n], both[n:])
+    apart = np.linalg.norm(both[:n][found] - both[n:], axis=1)
+    np.testing.assert_array_equal(apart, np.linalg.norm(both[:n][expected] - both[n:], axis=1))
+
+
+def test_of_repeated_candidates_the_first():
+    rows = np.random.default_rng(0).normal(size=(40, 6))
+    candidates = np.vstack([rows, rows, rows])
+    np.testing.assert_array_equal(nearest_rows(candidates, rows), np.arange(40))
+
+
+@pytest.mark.parametrize("offset", [1e3, 1e6, -1e8])
+def test_large_common_offset(offset):
+    """A common shift must not cost the digits that single precision has."""
+    rng = np.random.default_rng(1)
+    candidates = rng.normal(size=(500, 20)) + offset
+    queries = candidates[rng.integers(500, size=300)] + 0.1 * rng.normal(size=(300, 20))
+    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
+
+
+def test_two_tight_clusters_far_apart():
+    """No common shift helps here: within a cluster, single precision sees all candidates as equal."""
+    rng = np.random.default_rng(2)
+    where = np.where(np.arange(600) % 2, 1000.0, -1000.0)[:, None]
+    candidates = where + 1e-3 * rng.normal(size=(600, 8))
+    queries = candidates + 1e-5 * rng.normal(size=(600, 8))
+    np.testing.assert_array_equal(nearest_rows(candidates, queries), brute_force(candidates, queries))
+
+
+def test_blocks_and_threads_change_nothing(monkeypatch):
+    rng = np.random.default_rng(3)
+    candidates, queries = rng.normal(size=(300, 30)), rng.normal(size=(2000, 30))
+    whole = []
+    for threads in ("1", "2"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        whole.append(nearest_rows(candidates, queries))
+    np.testing.assert_array_equal(*whole)
+    np.testing.assert_array_equal(whole[0][700:701], nearest_rows(candidates, queries[700:701]))
+
+
+def test_no_queries():
+    assert nearest_rows(np.ones((3, 2)), np.zeros((0, 2))).shape == (0,)

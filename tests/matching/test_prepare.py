@@ -1,0 +1,137 @@
+"""What is computed from one shape alone."""
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Mesh, MeshError, prepare
+from isomatch.datasets import creature
+from shapes import disguised, icosphere, two_spheres
+from zoo import grid
+
+
+@pytest.fixture(scope="module")
+def shape(prepared_example):
+    return prepared_example[0]
+
+
+def test_body_is_centred_and_of_unit_area(example, shape):
+    areas = shape.body.vertex_areas
+    assert shape.body.area == pytest.approx(1)
+    np.testing.assert_allclose(areas @ shape.body.vertices, 0, atol=1e-12)
+    assert shape.scale == pytest.approx(example[0].mesh.area ** 0.5)
+
+
+def test_sound_mesh_is_all_body(example, shape):
+    n = example[0].mesh.n_vertices
+    np.testing.assert_array_equal(shape.body_vertex, np.arange(n))
+    np.testing.assert_array_equal(shape.mesh_vertex, np.arange(n))
+    assert shape.left_out == pytest.approx(0, abs=1e-12)
+    assert shape.notes == ()
+
+
+def test_sizes_are_those_of_the_settings(shape):
+    n = shape.body.n_vertices
+    assert shape.columns.shape == (100, n)
+    assert shape.distances.vectors.shape == (n, 50)
+    assert shape.laplace.vectors.shape == (n, 200)
+    assert len(np.unique(shape.spread)) == len(shape.spread) == 1000
+
+
+def test_columns_are_distances_from_the_samples(shape):
+    assert (shape.columns[np.arange(100), shape.samples] == 0).all()
+    again = shape.distances.row(shape.samples[:10])
+    assert np.abs(again - shape.columns[:10]).mean() < 0.01 * shape.columns.mean()
+
+
+def test_extremal_points_are_apart_and_remote(shape):
+    assert 4 <= len(shape.features) <= 8
+    among = shape.feature_columns[:, shape.features]
+    assert among[~np.eye(len(among), dtype=bool)].min() >= 0.24
+    assert shape.average_distance[shape.features[0]] == shape.average_distance.max()
+
+
+def test_every_prefix_of_the_spread_vertices_is_even(shape):
+    points = shape.body.vertices
+    for count in (50, 200, 1000):
+        chosen = points[shape.spread[:count]]
+        apart = np.linalg.norm(chosen[:, None] - chosen, axis=2)[~np.eye(count, dtype=bool)].min()
+        reach = np.linalg.norm(points[:, None] - chosen, axis=2).min(axis=1).max()
+        assert reach <= apart * (1 + 1e-9)
+
+
+def test_signatures_and_curvature_are_standardised(shape):
+    areas = shape.laplace.weights
+    np.testing.assert_allclose(areas @ shape.signatures, 0, atol=1e-9)
+    assert shape.signatures.shape == (shape.body.n_vertices, 23)
+
+
+def test_curvature_of_a_sphere_is_one_over_its_radius():
+    """In units of √area: 1 / r = √(4π); and outward bumps are positive."""
+    curvature = prepare(icosphere(4), Config(n_functions=100)).curvature
+    np.testing.assert_allclose(curvature, (4 * np.pi) ** 0.5, rtol=0.02)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4])
+def test_moved_and_scaled_shape_is_prepared_alike(example, shape, scale):
+    other = disguised(example[0].mesh, seed=9, scale=scale)
+    moved = prepare(other.mesh)
+    np.testing.assert_array_equal(moved.samples, other.new_vertex[shape.samples])
+    np.testing.assert_array_equal(moved.features, other.new_vertex[shape.features])
+    np.testing.assert_array_equal(moved.spread, other.new_vertex[shape.spread])
+    np.testing.assert_allclose(moved.columns[:, other.new_vertex], shape.columns, atol=1e-5)
+    np.testing.assert_allclose(moved.signatures[other.new_vertex], shape.signatures, atol=1e-3)
+    np.testing.assert_allclose(moved.average_distance[other.new_vertex], shape.average_distance, atol=1e-5)
+
+
+def test_inside_out_mesh_is_wound_outward(example, shape):
+    mesh = example[0].mesh
+    turned = prepare(Mesh(mesh.vertices, mesh.faces[:, ::-1]))
+    assert turned.body.volume == pytest.approx(shape.body.volume)
+    assert any("w" in note for note in turned.notes), "and the user is told"
+    assert turned.notes
+
+
+def test_duplicated_seam_is_welded():
+    """An animal whose every triangle has vertices of its own, as STL files have: one shape, not a thousand."""
+    mesh = creature(1500).mesh
+    soup = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
+    shape = prepare(soup)
+    assert shape.body.n_vertices == mesh.n_vertices
+    assert (shape.body_vertex >= 0).all()
+    offset = soup.vertices - shape.scale * shape.body.vertices[shape.body_vertex]
+    np.testing.assert_allclose(offset - offset[0], 0, atol=1e-9)
+
+
+def test_smaller_component_is_left_out_and_noted():
+    mesh = two_spheres(3, 0.5)
+    n = mesh.n_vertices // 2
+    shape = prepare(mesh, Config(n_functions=50))
+    assert (shape.body_vertex[:n] >= 0).all()
+    assert (shape.body_vertex[n:] == -1).all()
+    assert shape.left_out == pytest.approx(0.2, abs=0.01)
+    assert any(
+        "1 smaller components with 20.0% of the area are left unmatched" in note for note in shape.notes
+    )
+
+
+def test_small_mesh_gets_reduced_settings_that_are_recorded():
+    shape = prepare(icosphere(2))
+    assert shape.config == Config(n_columns=81, rank=40, n_functions=40)
+    assert shape.laplace.vectors.shape == (162, 40)
+
+
+def test_too_few_vertices():
+    with pytest.raises(MeshError, match=r"the largest component has 42 vertices, at least 50 .*subdivide"):
+        prepare(icosphere(1))
+
+
+def test_over_and_over_the_same(example, shape):
+    again = prepare(example[0].mesh)
+    np.testing.assert_array_equal(again.distances.vectors, shape.distances.vectors)
+    np.testing.assert_array_equal(again.laplace.vectors, shape.laplace.vectors)
+
+
+def test_open_sheet_is_prepared():
+    shape = prepare(grid(15, 20))
+    assert shape.body.n_vertices == 300
+    assert np.isfinite(shape.signatures).all()
