@@ -1,0 +1,256 @@
+"""Every verb by exit code and artefact; every kind of bad input by one line."""
+
+import contextlib
+import io
+import json
+import subprocess
+import sys
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+import isomatch
+from isomatch.cli import main
+from isomatch.cli.inputs import read_initial_map
+from isomatch.datasets import example_pair, ground_truth
+
+QUICK = """
+n_columns = 40
+rank = 20
+n_functions = 60
+n_search = 150
+n_refine = 200
+"""
+RESULT_FILES = ("map.npz", "map.txt", "result.json", "map.png")
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory):
+    """Folder with both shapes as files and settings that make a match quick."""
+    folder = tmp_path_factory.mktemp("shapes")
+    for name, creature in zip(("source", "target"), example_pair()):
+        isomatch.write_mesh(folder / f"{name}.ply", creature.mesh)
+    (folder / "quick.toml").write_text(QUICK)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def matched(shapes, tmp_path_factory):
+    """Folder of one finished match, and what was said about it."""
+    out = tmp_path_factory.mktemp("result") / "deep" / "out"
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert run_match(shapes, out) == 0
+    return out, said.getvalue()
+
+
+def run_match(shapes, out, *more, config=None):
+    ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
+    return main(["match", *ends, "-o", str(out), "--config", str(config or shapes / "quick.toml"), *more])
+
+
+def one_line(capsys):
+    """Standard error, after seeing that it is one line that starts with the program's name."""
+    said = capsys.readouterr().err
+    assert said.startswith("isomatch: ")
+    assert said.count("\n") == 1
+    assert said.endswith("\n")
+    return said
+
+
+def test_match_writes_all_files_in_agreement(matched):
+    folder, _ = matched
+    assert sorted(path.name for path in folder.iterdir()) == sorted(RESULT_FILES)
+    source, target = example_pair()
+    found = isomatch.Correspondence.load(folder / "map.npz")
+    assert found.shape == (source.mesh.n_vertices, target.mesh.n_vertices)
+    as_text = isomatch.Correspondence.load(folder / "map.txt")
+    assert as_text.n_target == found.n_target
+    np.testing.assert_array_equal(as_text.vertices, found.vertices)
+    record = json.loads((folder / "result.json").read_text())
+    assert record["direction"] == "source -> target"
+    assert record["config"]["n_columns"] == 40
+    assert matplotlib.image.imread(folder / "map.png").shape[1] >= 1600
+
+
+def test_match_tells_outcome_quality_and_files(matched):
+    folder, said = matched
+    for word in ("distortion, mean", "of √area", "seconds: prepare", str(folder / "map.png")):
+        assert word in said
+
+
+def test_match_refuses_to_overwrite(shapes, matched, capsys):
+    folder, _ = matched
+    before = (folder / "map.npz").read_bytes()
+    assert run_match(shapes, folder) == 1
+    said = one_line(capsys)
+    assert "map.npz: already exists" in said
+    assert "--force" in said
+    assert (folder / "map.npz").read_bytes() == before
+
+
+def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched, tmp_path, capsys):
+    folder, _ = matched
+    (tmp_path / "map.npz").write_bytes(b"an earlier result")
+    landmarks = tmp_path / "landmarks.csv"
+    landmarks.write_text("# source, target\n" + "".join(f"{s}, {t}  # a pair\n" for s, t in true_pairs()))
+    hints = ["--landmarks", str(landmarks), "--initial-map", str(folder / "map.npz")]
+    assert run_match(shapes, tmp_path, *hints, "--force", "--json", "--seed", "3") == 0
+    said = capsys.readouterr()
+    record = json.loads(said.out)
+    assert said.err == ""
+    assert record["seed"] == 3
+    assert record["outcome"] in isomatch.Outcome.__members__
+    assert record["quality"]["landmark_error"] < 0.05
+    assert record == json.loads((tmp_path / "result.json").read_text())
+    assert all(path.startswith(str(tmp_path)) for path in record["files"].values())
+
+
+def true_pairs():
+    source, target = example_pair()
+    truth = ground_truth(source, target).vertices
+    return [(vertex, truth[vertex]) for vertex in range(0, source.mesh.n_vertices, 400)]
+
+
+def test_an_initial_map_is_read_from_plain_text_and_from_npz(matched, tmp_path):
+    found = isomatch.Correspondence.load(matched[0] / "map.npz")
+    np.savetxt(tmp_path / "plain.txt", found.vertices, fmt="%d")
+    for path in (tmp_path / "plain.txt", matched[0] / "map.txt", matched[0] / "map.npz"):
+        np.testing.assert_array_equal(read_initial_map(path, found.n_target), found.vertices)
+
+
+def run_with(shapes, out, option, file):
+    if option == "--config":
+        return run_match(shapes, out, config=file)
+    return run_match(shapes, out, option, str(file))
+
+
+@pytest.mark.parametrize(
+    ("option", "content", "complaint"),
+    [
+        ("--landmarks", "1 2\n3 x\n", "given:2: '3 x' is not a landmark"),
+        ("--landmarks", "1 2 3\n", "given:1: '1 2 3' is not a landmark"),
+        ("--landmarks", "# nothing\n", "given: no landmarks"),
+        ("--landmarks", "1 2\n3 4\n5 999999\n", "target vertices 999999"),
+        ("--landmarks", "1 2\n3 4\n", "2 landmarks do not fix"),
+        ("--initial-map", "0\n1\n", "initial map has shape (2,)"),
+        ("--initial-map", "0\n999999\n", "source vertices 1 are mapped outside"),
+        ("--initial-map", "a\n", "not a map"),
+        ("--config", "colour = 3\n", "unknown setting colour"),
+        ("--config", "rank = \n", "given: Invalid value"),
+        ("--config", "rank = 1000\n", "exceeds n_columns"),
+    ],
+)
+def test_bad_input_files_are_named(shapes, tmp_path, capsys, option, content, complaint):
+    given = tmp_path / "given"
+    given.write_text(content)
+    assert run_with(shapes, tmp_path / "out", option, given) == 1
+    assert complaint in one_line(capsys)
+    assert not (tmp_path / "out" / "map.npz").exists()
+
+
+@pytest.mark.parametrize("option", ["--landmarks", "--initial-map", "--config"])
+def test_missing_input_files_are_named(shapes, tmp_path, capsys, option):
+    assert run_with(shapes, tmp_path / "out", option, tmp_path / "absent") == 1
+    assert "absent: no such file" in one_line(capsys)
+
+
+def test_bad_shapes_and_folders_are_named(shapes, tmp_path, capsys):
+    ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
+    assert main(["match", ends[0], str(tmp_path / "absent.ply"), "-o", str(tmp_path / "out")]) == 1
+    assert "absent.ply: no such file" in one_line(capsys)
+    assert main(["match", ends[0], str(shapes / "quick.toml"), "-o", str(tmp_path / "out")]) == 1
+    assert "not a mesh format" in one_line(capsys)
+    (tmp_path / "file").write_text("")
+    assert main(["match", *ends, "-o", str(tmp_path / "file")]) == 1
+    assert "file: file exists" in one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["match"],
+        ["match", "a.ply"],
+        ["match", "a.ply", "b.ply"],
+        ["match", "a.ply", "b.ply", "-o", "out", "--unknown"],
+        ["match", "a.ply", "b.ply", "-o", "out", "--seed", "many"],
+        ["polish"],
+        ["check"],
+        ["info", "--unknown"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage_exits_2(argv, capsys):
+    assert main(argv) == 2
+    assert "isomatch --help" in one_line(capsys)
+
+
+def test_check_reports(shapes, capsys):
+    assert main(["check", str(shapes / "source.ply")]) == 0
+    assert "no defects" in capsys.readouterr().out
+    assert main(["check", str(shapes / "source.ply"), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["ok"] is True
+    assert report["n_vertices"] == 2968
+
+
+def test_check_lives_with_warnings_but_not_with_fatal_defects(tmp_path, capsys):
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]]
+    faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    isomatch.write_mesh(tmp_path / "unused.off", isomatch.Mesh(corners, faces))
+    assert main(["check", str(tmp_path / "unused.off")]) == 0
+    capsys.readouterr()
+    isomatch.write_mesh(tmp_path / "points.off", isomatch.Mesh(corners, []))
+    assert main(["check", str(tmp_path / "points.off"), "--json"]) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["fatal"]
+    assert said.err.count("\n") == 1
+    assert "no faces" in said.err
+
+
+def test_repair_writes_mesh_and_index(tmp_path, capsys):
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    isomatch.write_mesh(tmp_path / "torn.off", isomatch.Mesh(points, [[0, 1, 2], [3, 4, 5]]))
+    argv = ["repair", str(tmp_path / "torn.off"), "-o", str(tmp_path / "whole.off")]
+    assert main(argv) == 0
+    assert "welded 2 vertices" in capsys.readouterr().out
+    assert isomatch.read_mesh(tmp_path / "whole.off").n_vertices == 4
+    with np.load(tmp_path / "whole.index.npz") as index:
+        assert index["new_index"].tolist() == [0, 1, 2, 1, 2, 3]
+    assert main(argv) == 1
+    assert "already exists" in one_line(capsys)
+    assert main([*argv, "--force"]) == 0
+
+
+def test_info_tells_versions(capsys):
+    assert main(["info", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["isomatch"] == isomatch.__version__
+    assert {"python", "numba", "pygeodesic", "threads", "blas", "memory_budget_gib"} <= facts.keys()
+    assert main(["info"]) == 0
+    assert isomatch.__version__ in capsys.readouterr().out
+
+
+def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
+    (tmp_path / "map.npz").write_bytes(b"an earlier demo")
+    assert main(["demo", "-o", str(tmp_path)]) == 0
+    assert "error, mean" in capsys.readouterr().out
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["demo.png", "map.npz", "map.txt", "result.json"]
+    assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015
+
+
+def test_help_shows_defaults_and_version_is_told(capsys):
+    assert main(["match", "--help"]) == 0
+    assert "default: 0" in " ".join(capsys.readouterr().out.split())
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == isomatch.__version__
+
+
+def test_the_program_itself(tmp_path):
+    absent = str(tmp_path / "absent.off")
+    run = subprocess.run([sys.executable, "-m", "isomatch", "check", absent], capture_output=True, text=True)
+    assert run.returncode == 1
+    assert run.stdout == ""
+    assert run.stderr == f"isomatch: {absent}: no such file; check the name and the folder\n"

@@ -1,0 +1,99 @@
+"""The house: which room may import which, who may print, and that every public name says what it is."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import isomatch
+
+PACKAGE = Path(isomatch.__file__).parent
+FOUNDATION = {"errors", "_arrays", "_memory", "_threads"}
+SURFACES = FOUNDATION | {"surfaces"}
+GEODESICS = SURFACES | {"geodesics"}
+BASES = GEODESICS | {"bases"}
+DESCRIPTORS = BASES | {"descriptors"}
+MATCHING = DESCRIPTORS | {"maps", "matching"}
+EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
+
+MAY_IMPORT = {
+    **dict.fromkeys(FOUNDATION, FOUNDATION),
+    "surfaces": SURFACES,
+    "datasets": SURFACES | {"datasets"},
+    "geodesics": GEODESICS,
+    "bases": BASES,
+    "descriptors": DESCRIPTORS,
+    "maps": FOUNDATION,
+    "matching": MATCHING,
+    "baselines": MATCHING | {"baselines"},
+    "evaluation": EVALUATION,
+    "view": MATCHING | {"view"},
+    "cli": EVALUATION | {"view", "cli", "__init__"},
+    "__init__": MATCHING,
+    "__main__": {"cli"},
+}
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def room_of(path):
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imported_rooms(path):
+    """Rooms of the package that a file imports, anywhere in it; the package itself counts as ``__init__``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: imports are absolute"
+            names = (
+                [f"{node.module}.{a.name}" for a in node.names]
+                if node.module == "isomatch"
+                else [node.module]
+            )
+        else:
+            continue
+        for name in names:
+            top, *rest = name.split(".")
+            if top == "isomatch":
+                known = (rest and (PACKAGE / rest[0]).exists()) or (
+                    rest and (PACKAGE / f"{rest[0]}.py").exists()
+                )
+                yield rest[0] if known else "__init__", node.lineno
+
+
+def test_every_room_has_a_place_in_the_order():
+    assert {room_of(path) for path in FILES} <= set(MAY_IMPORT)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_imports_only_rooms_before_it(path):
+    allowed = MAY_IMPORT[room_of(path)]
+    wrong = [f"line {line}: {room}" for room, line in imported_rooms(path) if room not in allowed]
+    assert not wrong, f"{room_of(path)} may import {sorted(allowed)}"
+
+
+def test_the_checker_sees_imports():
+    assert {"cli", "errors"} <= {room for room, _ in imported_rooms(PACKAGE / "cli" / "__init__.py")}
+
+
+def test_only_the_command_line_prints_or_exits():
+    for path in FILES:
+        if room_of(path) in ("cli", "__main__"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                called = ast.unparse(node.func)
+                assert called not in ("print", "exit", "quit", "sys.exit"), (
+                    f"{path}:{node.lineno} calls {called}"
+                )
+
+
+@pytest.mark.parametrize("name", isomatch.__all__)
+def test_every_public_name_is_documented(name):
+    documentation = getattr(isomatch, name).__doc__
+    generated = f"{name}("  # what dataclass writes when there is no docstring
+    assert documentation
+    assert not documentation.startswith(generated)

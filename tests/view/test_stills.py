@@ -1,0 +1,115 @@
+"""Pictures: size, and that what corresponds has one colour."""
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from isomatch.datasets import example_pair, ground_truth
+from isomatch.maps import Correspondence
+from isomatch.surfaces import Mesh
+from isomatch.view import ValuePanel, draw_map, position_colours
+from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.raster import rasterise
+
+WIDTH = 400
+
+
+@pytest.fixture(scope="module")
+def pair():
+    source, target = example_pair()
+    truth = Correspondence(ground_truth(source, target).vertices, target.mesh.n_vertices)
+    return source.mesh, target.mesh, truth
+
+
+def drawn(path, *args, **options):
+    draw_map(*args, path, width=WIDTH, **options)
+    return matplotlib.image.imread(path)[..., :3]
+
+
+def test_a_picture_has_the_size_asked_for_and_shows_two_shapes(tmp_path, pair):
+    image = drawn(tmp_path / "map.png", *pair)
+    assert image.shape[1] == WIDTH
+    inked = (image < 0.98).any(axis=2)
+    left, right = inked[:, : WIDTH // 2].mean(), inked[:, WIDTH // 2 :].mean()
+    assert left == pytest.approx(right, rel=0.3)
+    assert left > 0.1
+    border = np.concatenate([inked[:3].ravel(), inked[:, :3].ravel(), inked[:, -3:].ravel()])
+    assert not border.any()
+
+
+def test_identical_shapes_under_the_identity_look_identical(tmp_path, pair):
+    mesh = pair[0]
+    identity = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    image = drawn(tmp_path / "map.png", mesh, mesh, identity, titles=("", ""))
+    columns = np.flatnonzero((image < 0.98).any(axis=(0, 2)))
+    gap = np.flatnonzero(np.diff(columns) > 5)
+    assert len(gap) == 1
+    first, second = columns[: gap[0] + 1], columns[gap[0] + 1 :]
+    assert len(first) == len(second)
+    np.testing.assert_allclose(image[:, first], image[:, second], atol=1e-6)
+
+
+def test_the_true_map_pulls_back_nearly_the_own_colours_of_corresponding_places(pair):
+    source, target, truth = pair
+    colours = truth.pull_back(position_colours(target))
+    edge_contrast = np.abs(np.diff(colours[source.edges], axis=1)).mean()
+    shuffled = np.random.default_rng(0).permutation(colours)
+    assert edge_contrast < 0.1 * np.abs(np.diff(shuffled[source.edges], axis=1)).mean()
+
+
+def test_unmatched_parts_are_grey(tmp_path, pair):
+    source, target, _ = pair
+    nothing = Correspondence(np.full(source.n_vertices, -1), target.n_vertices)
+    image = drawn(tmp_path / "map.png", source, target, nothing, titles=("", ""))
+    saturation = image.max(axis=2) - image.min(axis=2)
+    half = WIDTH // 2 - 10
+    assert saturation[:, :half].max() < 0.01
+    assert saturation[:, -half:].max() > 0.2
+
+
+def test_a_panel_of_values_adds_a_shape_and_a_scale(tmp_path, pair):
+    source = pair[0]
+    values = np.where(np.arange(source.n_vertices) % 7, source.vertices[:, 2], np.nan)
+    image = drawn(tmp_path / "map.png", *pair, values=ValuePanel(values, "height, mesh units"))
+    assert image.shape[1] == WIDTH
+    assert ValuePanel([0.0, np.nan], "nothing").scale().vmax > 0
+
+
+def test_colours_separate_the_ends_of_every_axis(pair):
+    target = pair[1]
+    colours = position_colours(target)
+    assert colours.min() >= 0
+    assert colours.max() <= 1
+    for axis in range(3):
+        low, high = target.vertices[:, axis].argmin(), target.vertices[:, axis].argmax()
+        assert np.abs(colours[low] - colours[high]).max() > 0.1
+
+
+def test_the_nearest_triangle_is_seen_and_positions_are_exact():
+    points = np.array([[0, 0, 1], [10, 0, 1], [0, 10, 1], [0, 0, 5], [4, 0, 5], [0, 4, 5]], dtype=float)
+    raster = rasterise(points, np.array([[0, 1, 2], [3, 4, 5]]), 10, 10)
+    assert raster.face[1, 1] == 1
+    assert raster.face[4, 4] == 0
+    assert raster.face[9, 9] == -1
+    seen = raster.interpolated(points, np.array([[0, 1, 2], [3, 4, 5]]))
+    rows, columns = np.nonzero(raster.covered)
+    np.testing.assert_allclose(seen[:, :2], np.column_stack([columns, rows]) + 0.5)
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_the_camera_finds_which_axis_is_up(pair, up):
+    source = pair[0]
+    vertices = source.vertices if up == "z" else source.vertices[:, [1, 2, 0]]
+    camera = camera_of(Mesh(vertices, source.faces))
+    np.testing.assert_allclose(camera @ camera.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(camera) == pytest.approx(1)
+    assert camera[1]["xyz".index(up)] > 0.9
+
+
+def test_a_partner_that_was_turned_over_is_turned_back(pair):
+    source = pair[0]
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    target = Mesh(source.vertices @ turn.T, source.faces)
+    identity = Correspondence(np.arange(source.n_vertices), source.n_vertices)
+    np.testing.assert_allclose(turn_to_target(source, target, identity), turn, atol=1e-9)
+    np.testing.assert_allclose(turn_to_target(source, source, identity), np.eye(3), atol=1e-9)
