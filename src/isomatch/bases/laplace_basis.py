@@ -98,7 +98,7 @@ def laplace_basis(surface: Mesh, k: int = 200, seed: int = 0) -> LaplaceBasis:
     operator = csc_array(scale @ stiffness @ scale)  # unit area, orthonormal in the plain sense
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed)
-    vectors = fix_signs(vectors / np.sqrt(weights)[:, None], weights)
+    vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
     return LaplaceBasis(vectors, np.maximum(values, 0.0) / area, weights)
 
 

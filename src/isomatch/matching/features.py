@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import wave_kernel_signature
 from isomatch.geodesics import DistanceEngine
+from isomatch.matching.nearest import Cells
 from isomatch.surfaces import Mesh
 from isomatch.surfaces.mesh import vertex_normals
 
@@ -70,7 +74,8 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     normals = vertex_normals(basis @ coefficients, mesh.faces)
     bending = basis @ (laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
-    return np.clip(curvature, *np.quantile(curvature, [0.02, 0.98]))
+    low, high = np.quantile(curvature, [0.02, 0.98])
+    return np.asarray(np.clip(curvature, low, high), dtype=np.float64)
 
 
 def point_signatures(mesh: Mesh, laplace: LaplaceBasis) -> FloatArray:
@@ -106,11 +111,31 @@ def spread_vertices(mesh: Mesh, count: int) -> IntArray:
     """
     points = mesh.vertices - np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas)
     chosen = np.zeros(min(count, mesh.n_vertices), dtype=np.int64)
-    nearest = np.full(mesh.n_vertices, np.inf)
-    vertex = int((points**2).sum(axis=1).argmax())
-    for i in range(len(chosen)):
-        chosen[i] = vertex
-        np.minimum(nearest, ((points - points[vertex]) ** 2).sum(axis=1), out=nearest)
-        nearest[vertex] = -1.0
-        vertex = int(nearest.argmax())
+    chosen[0] = (points**2).sum(axis=1).argmax()
+    _spread(points, chosen)
     return chosen
+
+
+@numba.njit(cache=True, nogil=True)
+def _spread(points: FloatArray, chosen: IntArray) -> None:  # pragma: no cover - compiled
+    nearest = np.full(len(points), np.inf)
+    for i in range(len(chosen)):
+        if i:
+            chosen[i] = np.argmax(nearest)
+        x, y, z = points[chosen[i]]
+        for j in range(len(points)):
+            squared = (points[j, 0] - x) ** 2 + (points[j, 1] - y) ** 2 + (points[j, 2] - z) ** 2
+            if squared < nearest[j]:
+                nearest[j] = squared
+        nearest[chosen[i]] = -1.0
+
+
+def surface_cells(mesh: Mesh, centres: IntArray) -> Cells:
+    """Partition the vertices by the centre nearest along edges."""
+    i, j = mesh.edges.T
+    lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
+    graph = coo_array((np.maximum(lengths, 1e-300), (i, j)), shape=(mesh.n_vertices,) * 2).tocsr()
+    _, _, nearest = dijkstra(graph, directed=False, indices=centres, min_only=True, return_predecessors=True)
+    number = np.zeros(mesh.n_vertices, dtype=np.int64)
+    number[centres] = np.arange(len(centres))
+    return Cells.of(centres, number[nearest])

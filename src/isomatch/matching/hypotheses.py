@@ -101,12 +101,12 @@ def feature_starts(pair: Pair) -> list[IntArray]:
 
 
 def converged(pair: Pair, image: IntArray, steps: int = DISTANCE_STEPS) -> Alignment:
-    """Iterative closest points on the distance descriptors alone."""
+    """Run iterative closest points on the distance descriptors alone."""
     return icp(pair.target.cloud, pair.source.cloud, image, steps)
 
 
 def guided(pair: Pair, image: IntArray) -> Alignment:
-    """Iterative closest points, first with point signatures beside the distances, then without."""
+    """Run iterative closest points, first with point signatures beside the distances, then without."""
     share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.points**2).sum(axis=1).mean() / 2)
     signatures = share * pair.target.signatures, share * pair.source.signatures
     first = icp(pair.target.cloud, pair.source.cloud, image, SIGNATURE_STEPS, signatures)

@@ -94,7 +94,8 @@ def rotation_from_functions(
     rows = np.arange(f_target.shape[1])[None]
     as_target = DescriptorCloud(f_target.T, target.signature)
     as_source = DescriptorCloud(f_source.T, source.signature)
-    return rotations_from_landmarks(as_target, as_source, rows, rows)[0]
+    rotation: FloatArray = rotations_from_landmarks(as_target, as_source, rows, rows)[0]
+    return rotation
 
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:

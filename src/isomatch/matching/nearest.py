@@ -1,6 +1,8 @@
-"""Nearest rows in high dimension: blocked matrix products, with near ties settled in double precision."""
+"""Exact nearest rows in high dimension: by matrix products for few rows, by cells of a surface for many."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -32,11 +34,8 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     centre = candidates.mean(axis=0)
     x, y = candidates - centre, queries - centre
     norms = np.einsum("ij,ij->i", x, x)
-    table = np.empty((x.shape[1] + 1, len(x)), dtype=np.float32)  # filled by the next two lines
-    table[:-1] = x.T
-    table[-1] = -0.5 * norms
-    probes = np.ones((len(y), y.shape[1] + 1), dtype=np.float32)
-    probes[:, :-1] = y
+    table = np.vstack([x.T, -0.5 * norms]).astype(np.float32)
+    probes = np.hstack([y, np.ones((len(y), 1))]).astype(np.float32)
     slack = TIE * float(max(norms.max(initial=0.0), np.einsum("ij,ij->i", y, y).max(initial=0.0)))
 
     def block(first: int) -> IntArray:
@@ -45,7 +44,74 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
         _settle(probes[rows] @ table, x, y[rows], slack, best)
         return best
 
-    parts = parallel_map(block, range(0, len(y), BLOCK))
+    return _joined(parallel_map(block, range(0, len(y), BLOCK)))
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """A partition of the vertices of a surface around some centres.
+
+    Parameters
+    ----------
+    centres : (c,) array of int
+        Vertices.
+    start : (c + 1,) array of int
+    members : (n,) array of int
+        ``members[start[a]:start[a + 1]]`` are the vertices of cell a, increasing.
+    """
+
+    centres: IntArray
+    start: IntArray
+    members: IntArray
+
+    @classmethod
+    def of(cls, centres: IntArray, owner: IntArray) -> Cells:
+        """Group vertices by the number of the centre that owns them, (n,)."""
+        start = np.zeros(len(centres) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(owner, minlength=len(centres)), out=start[1:])
+        return cls(centres, start, np.argsort(owner, kind="stable"))
+
+
+def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: Cells) -> IntArray:
+    """Give the answer of `nearest_rows`, where candidates are the vertices of a surface in smooth coordinates.
+
+    Parameters
+    ----------
+    candidates : (n, d) array of float
+        Coordinates of every vertex.
+    queries : (m, d) array of float
+    cells : Cells
+        Any partition of the vertices; compact cells make it fast.
+
+    Returns
+    -------
+    (m,) array of int
+
+    Notes
+    -----
+    By the triangle inequality no vertex of a cell is nearer than the distance to its centre less the cell's radius in
+    these coordinates. A surface is two-dimensional whatever d is, so a handful of cells is opened for each query:
+    2 m c d operations for the centres, about m d n / c for each cell opened.
+    """
+    x = np.ascontiguousarray(candidates[cells.members])
+    middle = candidates.mean(axis=0)
+    centres = candidates[cells.centres] - middle
+    norms = np.einsum("ij,ij->i", centres, centres)
+    radius = np.zeros(len(centres))
+    _radii(x, candidates[cells.centres], cells.start, radius)
+
+    def block(first: int) -> IntArray:
+        y = np.ascontiguousarray(queries[first : first + BLOCK])
+        shifted = y - middle
+        apart = shifted @ (-2.0 * centres.T) + norms + np.einsum("ij,ij->i", shifted, shifted)[:, None]
+        best = np.zeros(len(y), dtype=np.int64)
+        _open_cells(np.sqrt(np.maximum(apart, 0.0)), radius, x, y, cells.start, cells.members, best)
+        return best
+
+    return _joined(parallel_map(block, range(0, len(queries), BLOCK)))
+
+
+def _joined(parts: list[IntArray]) -> IntArray:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 
@@ -63,10 +129,52 @@ def _settle(
         winner, nearest = -1, np.inf
         for j in range(n):
             if row[j] >= bar:
-                distance = 0.0
-                for d in range(x.shape[1]):
-                    difference = x[j, d] - y[i, d]
-                    distance += difference * difference
+                distance = _squared(x, j, y, i)
                 if distance < nearest:
                     winner, nearest = j, distance
         best[i] = winner
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"})
+def _radii(
+    x: FloatArray, centres: FloatArray, start: IntArray, radius: FloatArray
+) -> None:  # pragma: no cover - compiled
+    for a in range(len(centres)):
+        for j in range(start[a], start[a + 1]):
+            radius[a] = max(radius[a], _squared(x, j, centres, a))
+        radius[a] = np.sqrt(radius[a])
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"})
+def _open_cells(
+    apart: FloatArray,
+    radius: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    start: IntArray,
+    members: IntArray,
+    best: IntArray,
+) -> None:  # pragma: no cover - compiled
+    for i in range(len(y)):
+        first = np.argmin(apart[i])
+        winner, nearest, reach = -1, np.inf, np.inf
+        for turn in range(-1, len(radius)):
+            cell = first if turn < 0 else turn
+            # the margin covers the rounding of the product that gave the distances of the centres
+            if (turn == first) or apart[i, cell] * (1.0 - 1e-6) - radius[cell] > reach:
+                continue
+            for j in range(start[cell], start[cell + 1]):
+                distance = _squared(x, j, y, i)
+                if distance < nearest or (distance == nearest and members[j] < winner):
+                    winner, nearest = members[j], distance
+            reach = np.sqrt(nearest) * (1.0 + 1e-9) + 1e-7 * apart[i, first]
+        best[i] = winner
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"}, inline="always")
+def _squared(x: FloatArray, j: int, y: FloatArray, i: int) -> float:  # pragma: no cover - compiled
+    total = 0.0
+    for d in range(x.shape[1]):
+        difference = x[j, d] - y[i, d]
+        total += difference * difference
+    return total

@@ -59,7 +59,7 @@ class Glimpse:
         """Signed mean curvature, standardised over the rows, (m,)."""
         values = self.shape.curvature[self.rows]
         deviation = values.std()
-        return (values - values.mean()) / (deviation if deviation > 0 else 1.0)
+        return np.asarray((values - values.mean()) / (deviation if deviation > 0 else 1.0), dtype=np.float64)
 
     @cached_property
     def _triangular(self) -> tuple[FloatArray, FloatArray]:

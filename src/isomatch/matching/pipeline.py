@@ -26,7 +26,7 @@ from isomatch.matching.initial import (
     rotation_from_functions,
     rotations_from_landmarks,
 )
-from isomatch.matching.nearest import nearest_rows
+from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import nearest_points
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -123,7 +123,7 @@ def match(
             )
         clock.start("refinement")
         coordinates = _coordinates(pair, order[0], config)
-        image = nearest_rows(*coordinates)
+        image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
         quality = quality_of(pair, image, order, pairs)

@@ -36,8 +36,8 @@ def nearest_points(
 
     Notes
     -----
-    Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around the nearest
-    vertex. About 6 n_s faces, 5 d operations each.
+    Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around
+    the nearest vertex. About 6 n_s faces, 5 d operations each.
     """
     order = np.argsort(faces.ravel(), kind="stable")
     start = np.zeros(len(of_target) + 1, dtype=np.int64)

@@ -17,7 +17,14 @@ from isomatch.geodesics import distance_engine, farthest_point_sampling, periphe
 from isomatch.maps import UNMATCHED, Correspondence
 from isomatch.matching.alignment import DescriptorCloud
 from isomatch.matching.config import Config
-from isomatch.matching.features import extremal_points, mean_curvature, point_signatures, spread_vertices
+from isomatch.matching.features import (
+    extremal_points,
+    mean_curvature,
+    point_signatures,
+    spread_vertices,
+    surface_cells,
+)
+from isomatch.matching.nearest import Cells
 from isomatch.surfaces import Mesh, check, repair
 
 FEWEST_VERTICES = 50
@@ -115,6 +122,11 @@ class PreparedShape:
     def curvature(self) -> FloatArray:
         """(n_body,) signed mean curvature of the body low-passed to 100 functions."""
         return mean_curvature(self.body, self.laplace, 100)
+
+    @cached_property
+    def cells(self) -> Cells:
+        """Partition of the body around its spread vertices, for nearest neighbours."""
+        return surface_cells(self.body, self.spread)
 
     @cached_property
     def smooth_normals(self) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.matching.alignment import icp, orthogonal_alignment
-from isomatch.matching.nearest import nearest_rows
+from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
@@ -32,7 +32,7 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
     source, target = pair.source.shape, pair.target.shape
     at_target, at_source = target.cloud.at(pair.target.rows), source.cloud.at(pair.source.rows)
     rotation = icp(at_target, at_source, image, DISTANCE_STEPS).rotation
-    full = nearest_rows(target.cloud.points @ rotation, source.cloud.points)
+    full = nearest_in_cells(target.cloud.points @ rotation, source.cloud.points, target.cells)
     rotation = orthogonal_alignment(target.cloud.at(full), source.cloud)
     return target.cloud.points @ rotation, source.cloud.points
 
@@ -49,10 +49,10 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     glimpse, target = _refinement_rows(pair), pair.target.shape
     k = min(LAPLACE_FUNCTIONS, glimpse.functions.shape[1], len(target.laplace.values))
     phi_target = target.laplace.vectors[:, :k]
-    rows = nearest_rows(start[0], start[1][glimpse.rows])
+    rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
     for _ in range(LAPLACE_STEPS):
         turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-        previous, rows = rows, nearest_rows(turned, glimpse.functions[:, :k])
+        previous, rows = rows, nearest_in_cells(turned, glimpse.functions[:, :k], target.cells)
         if (previous == rows).all():
             break
     turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
@@ -74,11 +74,12 @@ def extended(pair: Pair, image: IntArray, rows: IntArray) -> IntArray:
     source, target = pair.source.shape, pair.target.shape
     k = min(50, len(source.laplace.values), len(target.laplace.values))
     functional_map = pair.functional_map(image, k)
-    return nearest_rows(target.laplace.vectors[:, :k] @ functional_map.T, source.laplace.vectors[rows, :k])
+    turned = target.laplace.vectors[:, :k] @ functional_map.T
+    return nearest_in_cells(turned, source.laplace.vectors[rows, :k], target.cells)
 
 
 def extended_at(pair: Pair, image: IntArray, mesh_vertices: IntArray) -> IntArray:
-    """Same for source vertices in the user's indices; −1 for those off the body."""
+    """Do the same for source vertices in the user's indices; −1 for those off the body."""
     rows = pair.source.shape.body_vertex[mesh_vertices]
     return np.where(rows >= 0, extended(pair, image, np.maximum(rows, 0)), -1)
 
@@ -113,7 +114,8 @@ def jointly(pair: Pair, image: IntArray) -> Coordinates:
     schedule = [(k, False) for k in COARSE_SIZES] + [(k, True) for k in FINE_SIZES]
     for k, geometric in schedule:
         if k <= limit:
-            rows = nearest_rows(*_joint_coordinates(glimpse, target, rows, k, geometric, glimpse.rows))
+            coordinates = _joint_coordinates(glimpse, target, rows, k, geometric, glimpse.rows)
+            rows = nearest_in_cells(*coordinates, target.cells)
     everywhere = np.arange(glimpse.shape.body.n_vertices)
     return _joint_coordinates(glimpse, target, rows, limit, True, everywhere)
 
