@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 import robust_laplacian
+from scipy.linalg import eigh
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
 from isomatch.datasets import creature
-from shapes import cylinder, disguised, icosphere
-from zoo import specimen
+from shapes import cylinder, disguised, icosphere, planar_delaunay
+from zoo import specimen, torus
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +78,17 @@ def test_agrees_with_arpack(mesh, basis):
     projected = np.linalg.norm(overlap[:90], axis=1)  # the last ones may be mixed with what was left out
     np.testing.assert_allclose(projected, 1, atol=1e-4)
     np.testing.assert_allclose(np.diag(overlap)[:30], 1, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["sphere", "torus", "plane"])
+def test_a_quarter_of_the_vertices_of_a_small_mesh(name):
+    """What a match asks of meshes of a few hundred vertices; repeated eigenvalues included."""
+    mesh = {"sphere": icosphere(3), "torus": torus(30, 15), "plane": planar_delaunay(700)}[name]
+    k = mesh.n_vertices // 4
+    basis = laplace_basis(mesh, k)
+    stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    expected = eigh(stiffness.toarray(), mass.toarray(), eigvals_only=True)[:k]
+    np.testing.assert_allclose(basis.values[1:], expected[1:], rtol=1e-6)
 
 
 def test_deterministic_and_independent_of_the_seed(mesh, basis):

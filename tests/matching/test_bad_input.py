@@ -63,8 +63,8 @@ def defective(mesh, defect):
     [
         ("nan", "finite"),
         ("infinite", "finite"),
-        ("out of range", "outside 0…"),
-        ("negative", "outside 0…"),
+        ("out of range", r"out of range \(3\).*repair\(mesh\)"),
+        ("negative", r"out of range \(3\)"),
         ("empty", "no (vertices|faces)"),
         ("points only", "no faces"),
         ("one point", "area"),
@@ -87,7 +87,7 @@ def test_unused_vertex_is_unmatched_and_noted(animal, shape):
     found = match(with_more(animal.mesh, [[9, 9, 9]]), shape, landmarks=pairs, config=GIVEN)
     assert found.map.vertices[n] == -1
     np.testing.assert_array_equal(found.map.vertices[:n], np.arange(n))
-    assert any(note.startswith("source: ") and "unused" in note for note in found.notes), found.notes
+    assert any(note.startswith("source: ") and "no face used" in note for note in found.notes), found.notes
     assert found.outcome is Outcome.CONVERGED
     assert found.quality.matched == pytest.approx(n / (n + 1))
 
@@ -214,9 +214,8 @@ SYMMETRIC = {
 def test_shapes_without_features_end_in_a_result_or_a_named_error(name):
     try:
         found = match(SYMMETRIC[name], SYMMETRIC[name])
-    except IsomatchError as error:
-        assert len(str(error)) > 20
-    else:
-        assert isinstance(found, MatchResult)
-        assert found.map.vertices.min() >= -1
-        assert np.isfinite(found.quality.distortion_mean)
+    except IsomatchError:
+        return  # by name, which is all that is asked of shapes whose parts all look alike
+    assert isinstance(found, MatchResult)
+    assert found.map.vertices.min() >= -1
+    assert np.isfinite(found.quality.distortion_mean)
