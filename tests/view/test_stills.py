@@ -106,6 +106,13 @@ def test_the_camera_finds_which_axis_is_up(pair, up):
     assert camera[1]["xyz".index(up)] > 0.9
 
 
+def test_a_sheet_is_seen_from_above():
+    square = Mesh([[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]])
+    camera = camera_of(square)
+    np.testing.assert_allclose(np.abs(camera[2]), [0, 1, 0], atol=1e-9)
+    assert np.linalg.det(camera) == pytest.approx(1)
+
+
 def test_a_partner_that_was_turned_over_is_turned_back(pair):
     source = pair[0]
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])

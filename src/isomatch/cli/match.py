@@ -65,7 +65,12 @@ def match(
         from isomatch.view import draw_map  # matplotlib is slow to import
 
         stage("drawing")
-        draw_map(*shapes, result.map, folder.files["picture"], titles=(source.name, target.name))
+        draw_map(
+            *shapes,
+            result.map,
+            folder.files["picture"],
+            titles=(f"source: {source.name}", f"target: {target.name}"),
+        )
     if json:
         say_json(record)
         return

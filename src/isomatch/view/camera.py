@@ -12,6 +12,7 @@ from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 
 AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # away from the broad side, and above the ground
+FLAT = 0.1  # a shape so much thinner than wide is a sheet, seen from above
 UPRIGHT = 1.6  # a shape so much taller than wide is a standing person
 CONTACT = 0.06  # of the height; what is so near the ground carries
 LEAN = np.radians(65.0)  # a partner that leans less than this stays as it is; it may rear or bow
@@ -24,26 +25,34 @@ def camera_of(mesh: Mesh) -> FloatArray:
     Parameters
     ----------
     mesh : Mesh
-        A shape with y or z up, as nearly all files have.
+        A sheet, which is seen from above, or a shape with y or z up, as nearly all files have.
 
     Returns
     -------
     (3, 3) array
         Rows: to the right, up, towards the viewer; orthonormal, right-handed.
     """
-    up = np.eye(3)[_up_axis(mesh)]
     areas = mesh.vertex_areas
-    level = mesh.vertices - np.outer(mesh.vertices @ up, up)
-    level = level - np.average(level, axis=0, weights=areas)
-    _, axes = np.linalg.eigh((level * areas[:, None]).T @ level + 1e9 * areas.sum() * np.outer(up, up))
-    narrow, broad = axes[:, 0], axes[:, 1]
+    moments, axes = _principal_axes(mesh.vertices, areas)
+    if moments[0] < FLAT**2 * moments[1]:
+        return np.array([axes[:, 2], np.cross(axes[:, 0], axes[:, 2]), axes[:, 0]])
+    up = np.eye(3)[_up_axis(mesh)]
+    _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
     front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
+    narrow = level_axes[:, 1]  # column 0 is up, along which nothing is left
     narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
-    broad = broad * (1.0 if np.cross(up, narrow) @ broad >= 0 else -1.0)
+    broad = np.cross(up, narrow)
     level_view = np.cos(AZIMUTH) * narrow + np.sin(AZIMUTH) * broad
     towards = np.cos(ELEVATION) * level_view + np.sin(ELEVATION) * up
     right = np.cross(up, level_view)
     return np.array([right, np.cross(towards, right), towards])
+
+
+def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Second moments, smallest first, and their directions as columns."""
+    centred = points - np.average(points, axis=0, weights=areas)
+    moments, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
+    return moments, axes
 
 
 def _up_axis(mesh: Mesh) -> int:

@@ -79,7 +79,9 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
 
 
 @numba.njit(cache=True, nogil=True)
-def _fill(points, faces, face, barycentric, depth):  # type: ignore[no-untyped-def]
+def _fill(
+    points: FloatArray, faces: IntArray, face: IntArray, barycentric: FloatArray, depth: FloatArray
+) -> None:  # pragma: no cover - compiled
     height, width = depth.shape
     for f in range(len(faces)):
         a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
