@@ -1,10 +1,18 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from data import real_file
 from isomatch import prepare
 from isomatch.datasets import example_pair, ground_truth
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_for_matrix_products():
+    """Small products stall where they share processors with other work."""
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 @pytest.fixture(scope="session")
