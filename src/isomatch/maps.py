@@ -119,7 +119,7 @@ class Correspondence:
         return carried
 
     def __matmul__(self, values: ArrayLike) -> FloatArray:
-        """Same as `pull_back`: the map as a matrix, applied."""
+        """Pull back: the map as a matrix, applied."""
         return self.pull_back(values)
 
     def then(self, other: Correspondence) -> Correspondence:
@@ -169,7 +169,7 @@ class Correspondence:
         try:
             if path.suffix == ".npz":
                 with np.load(path, allow_pickle=False) as data:
-                    optional = [data[key] if key in data else None for key in ("faces", "barycentric")]
+                    optional = [data.get(key) for key in ("faces", "barycentric")]
                     return cls(
                         data["vertices"], int(data["n_target"] if n_target is None else n_target), *optional
                     )

@@ -9,6 +9,7 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from isomatch import __version__
+from isomatch.cli.bench import bench
 from isomatch.cli.check import check
 from isomatch.cli.demo import demo
 from isomatch.cli.info import info
@@ -26,7 +27,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for verb in (match, check, repair, demo, info):
+for verb in (match, check, repair, demo, bench, info):
     app.command(verb)
 
 

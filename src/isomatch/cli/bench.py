@@ -1,0 +1,73 @@
+"""``isomatch bench``: methods over a benchmark set, resumable, with tables and curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from isomatch.cli.terminal import progress, say, say_json
+from isomatch.evaluation import BenchmarkRun, run_benchmark, write_tables
+
+
+def bench(
+    *,
+    sets: Annotated[str, Parameter(name="--set")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    data: Path | None = None,
+    methods: str = "isomatch",
+    pairs: int | None = None,
+    points: int = 1000,
+    seed: int = 0,
+    jobs: int | None = None,
+    json: bool = False,
+) -> None:
+    """Run methods over benchmark sets and measure their maps against the truth.
+
+    Parameters
+    ----------
+    sets : str
+        faust_r, tosca_iso_r, scape, tosca, creatures; several with commas.
+    output : Path
+        Folder for rows.jsonl, pairs.csv, summary.csv and curves; rows already there are not run again.
+    data : Path
+        Folder of the sets; creatures need none.
+    methods : str
+        isomatch, pyfm; several with commas.
+    pairs : int
+        Pairs to draw from each set; all by default.
+    points : int
+        Truth points judged in each pair.
+    seed : int
+        Seed of both draws.
+    jobs : int
+        Pairs at once, each on one thread; by default one for each processor. With 1, a pair has all threads.
+    json : bool
+        Print one JSON object and nothing else.
+    """
+    folder = None if data is None else str(data)
+    with progress() as stage:
+        for name in sets.split(","):
+            run = BenchmarkRun(name, tuple(methods.split(",")), folder, pairs, points, seed, jobs)
+            for count, row in enumerate(run_benchmark(run, output), 1):
+                stage(f"{name}: {count} rows, last {row['pair']} by {row['method']}")
+    table = write_tables(output)
+    if json:
+        say_json({"summary": table, "folder": str(output)})
+        return
+    say("mean geodesic error × 100 / √(target area)", "bold")
+    say(
+        f"{'set':12} {'method':10} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
+    )
+    for row in table:
+        say(
+            f"{row['set']:12} {row['method']:10} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
+            f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
+            + (f"  {row['problems']} without a map" if row["problems"] else "")
+        )
+    say(f"written to {output}: pairs.csv, summary.csv, curves.png, curves.svg")
+
+
+def _number(value: Any) -> str:
+    return f"{value:6.2f}" if isinstance(value, float) else f"{'–':>6}"
