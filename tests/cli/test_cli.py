@@ -1,6 +1,7 @@
 """Every verb by exit code and artefact; every kind of bad input by one line."""
 
 import contextlib
+import dataclasses
 import io
 import json
 import subprocess
@@ -13,6 +14,8 @@ import pytest
 import isomatch
 from isomatch.cli import main
 from isomatch.cli.inputs import read_initial_map
+from isomatch.cli.outputs import _MEASURES
+from isomatch.cli.terminal import json_text
 from isomatch.datasets import example_pair, ground_truth
 
 QUICK = """
@@ -254,3 +257,14 @@ def test_the_program_itself(tmp_path):
     assert run.returncode == 1
     assert run.stdout == ""
     assert run.stderr == f"isomatch: {absent}: no such file; check the name and the folder\n"
+
+
+def test_numbers_that_json_does_not_know_become_null():
+    assert json.loads(json_text({"a": [float("inf"), 1.5], "b": (float("nan"), "x")})) == {
+        "a": [None, 1.5],
+        "b": [None, "x"],
+    }
+
+
+def test_every_measure_of_quality_is_told_with_a_name():
+    assert {field.name for field in dataclasses.fields(isomatch.Quality)} <= set(_MEASURES)

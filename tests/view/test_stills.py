@@ -85,6 +85,12 @@ def test_colours_separate_the_ends_of_every_axis(pair):
         assert np.abs(colours[low] - colours[high]).max() > 0.1
 
 
+def test_a_stray_vertex_changes_no_colour(pair):
+    mesh = pair[1]
+    strayed = Mesh(np.vstack([mesh.vertices, [[1e6, 0, 0]]]), mesh.faces)
+    np.testing.assert_allclose(position_colours(strayed)[:-1], position_colours(mesh), atol=1e-9)
+
+
 def test_the_nearest_triangle_is_seen_and_positions_are_exact():
     points = np.array([[0, 0, 1], [10, 0, 1], [0, 10, 1], [0, 0, 5], [4, 0, 5], [0, 4, 5]], dtype=float)
     raster = rasterise(points, np.array([[0, 1, 2], [3, 4, 5]]), 10, 10)

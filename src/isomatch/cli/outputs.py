@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -69,18 +70,26 @@ def say_files(files: dict[str, str]) -> None:
     say("wrote " + ", ".join(files.values()))
 
 
+# field of `isomatch.Quality`: what it is called, how it is written, in which unit
+_MEASURES = {
+    "misfit": ("misfit", "{:.2f}", "0: one shape; 0.4: right, of two people"),
+    "rival_misfit": ("misfit of the next best map", "{:.2f} ×", "1 is a tie, large is clear"),
+    "distortion_mean": ("distortion, mean", "{:.2%}", "of √area, between pairs of points"),
+    "distortion_p95": ("distortion, 95th percentile", "{:.2%}", "of √area"),
+    "coverage": ("coverage", "{:.1%}", "of the target's area is near an image"),
+    "matched": ("matched", "{:.1%}", "of the source's vertices have an image"),
+    "orientation": ("orientation", "{:.2f}", "1 keeps the outside, −1 inverts it"),
+    "residual": ("descriptor residual", "{:.2f}", "of √(average distance)"),
+    "curvature_mismatch": ("curvature mismatch", "{:.2f}", "standard deviations"),
+    "landmark_error": ("landmark error", "{:.2%}", "of √(target area)"),
+}
+
+
 def _quality_rows(result: MatchResult) -> list[tuple[str, str, str]]:
-    quality = result.quality
-    rows = [
-        ("distortion, mean", f"{100 * quality.distortion_mean:.2f} %", "of √area, between pairs of points"),
-        ("distortion, 95th percentile", f"{100 * quality.distortion_p95:.2f} %", "of √area"),
-        ("coverage", f"{100 * quality.coverage:.1f} %", "of the target's area is near an image"),
-        ("matched", f"{100 * quality.matched:.1f} %", "of the source's vertices have an image"),
-        ("orientation", f"{quality.orientation:.2f}", "1 keeps the outside, −1 turns it inside out"),
-        ("descriptor residual", f"{quality.residual:.2f}", "of √(average distance)"),
-        ("curvature mismatch", f"{quality.curvature_mismatch:.2f}", "standard deviations"),
-        ("energy ratio", f"{quality.energy_ratio:.2f}", "next best map over this one; 1 is a tie"),
-    ]
-    if quality.landmark_error == quality.landmark_error:
-        rows.append(("landmark error", f"{100 * quality.landmark_error:.2f} %", "of √(target area)"))
+    """Name, value and unit of every measure that was taken."""
+    rows = []
+    for field, value in asdict(result.quality).items():
+        name, written, unit = _MEASURES.get(field, (field, "{:.3g}", ""))
+        if not isnan(value):
+            rows.append((name, written.format(value) if isfinite(value) else "none", unit))
     return rows

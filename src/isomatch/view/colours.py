@@ -78,8 +78,9 @@ def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()
-    extent = max(float(np.ptp(values)), 1e-300)
-    scaled = 2.0 * (values - values.min()) / extent - 1.0
+    used = values[areas > 0]  # a vertex that no face uses may lie anywhere
+    extent = max(float(np.ptp(used)), 1e-300)
+    scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     even: FloatArray = 0.5 * scaled + 0.5 * (2.0 * share - 1.0)
     return even
 
