@@ -15,6 +15,7 @@ from isomatch.errors import (
     MeshError,
     MissingDependencyError,
     NotConvergedError,
+    SettingError,
 )
 from isomatch.geodesics import farthest_point_sampling, geodesic_distances
 from isomatch.maps import Correspondence
@@ -42,6 +43,7 @@ __all__ = [
     "Outcome",
     "PreparedShape",
     "Quality",
+    "SettingError",
     "check",
     "distance_basis",
     "farthest_point_sampling",

@@ -31,6 +31,10 @@ class MissingDependencyError(IsomatchError):
     """An optional package is needed; the message gives the install command."""
 
 
+class SettingError(IsomatchError, ValueError):
+    """A setting has a value that makes no sense; the message names the setting and what is allowed."""
+
+
 def some(indices: Iterable[int], limit: int = 5) -> str:
     """Write at most ``limit`` indices and the total count, for error messages.
 

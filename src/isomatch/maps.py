@@ -176,8 +176,11 @@ class Correspondence:
             if n_target is None:
                 head = path.read_text(encoding="utf-8").split(" target vertices", 1)
                 n_target = int(head[0].rsplit(" ", 1)[-1]) if len(head) == 2 else None
-            image = np.loadtxt(path, dtype=np.int64, ndmin=1, comments="#")
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            words = [line.split("#", 1)[0] for line in path.read_text(encoding="utf-8").splitlines()]
+            image = np.array([word for word in words if word.strip()], dtype=np.int64)
+            if not len(image):
+                raise ValueError("the file is empty")
+        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise FormatError(
                 f"{path}: not a map ({error}); expected an .npz with 'vertices', or one target index a line"
             ) from error

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import eigsh
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._memory import require_memory
 from isomatch.bases.signs import fix_signs
-from isomatch.errors import MeshError
+from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
     Sampling,
@@ -150,7 +150,7 @@ def distance_basis(
     if method == "exact":
         return exact_basis(engine, measure, k)
     if not 0 < k <= p:
-        raise ValueError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
+        raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     sampling = farthest_point_sampling(engine, p, peripheral_vertex(surface, engine, seed))
     return nystrom_basis(sampling, measure, k, engine.name)
 

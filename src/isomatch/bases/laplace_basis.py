@@ -13,12 +13,13 @@ from scipy.sparse.linalg import splu
 from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
 from isomatch.bases.signs import fix_signs
-from isomatch.errors import MeshError, NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError, some
 from isomatch.surfaces import Mesh
 
 BLOCK = (
     8  # vectors solved for at once; larger blocks converge in more vectors, smaller ones solve more slowly
 )
+DENSE = 1000  # vertices up to which all eigenpairs are computed at once
 SHIFT = 1e-2  # in units of 1 / area; makes the singular Laplacian definite
 
 
@@ -81,11 +82,16 @@ def laplace_basis(surface: Mesh, k: int = 200, seed: int = 0) -> LaplaceBasis:
     -----
     L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*,
     SGP 2020 (package robust_laplacian). The eigenpairs come from a block Krylov space of the shifted inverse with full
-    reorthogonalisation; solving for a few vectors at once and projecting by matrix products makes it more than
+    reorthogonalisation; solving for a few vectors at once and projecting by matrix products makes it about
     twice as fast as ARPACK (``benchmarks/``). O(n k²) time, about 24 n k bytes.
     """
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
+    unused = np.flatnonzero(np.bincount(surface.sound_faces.ravel(), minlength=surface.n_vertices) == 0)
+    if len(unused):
+        raise MeshError(
+            f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
+        )
     stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
     weights = np.asarray(mass.diagonal(), dtype=np.float64)
     if not (weights > 0).all():
@@ -112,7 +118,7 @@ def smallest_eigenpairs(
     A relative residual of 1e-4 of the inverse bounds the eigenvalue error by its square.
     """
     n = operator.shape[0]
-    if n <= max(4 * k, 40 * BLOCK):
+    if n <= max(4 * k, DENSE):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
     factor = splu(
@@ -121,7 +127,7 @@ def smallest_eigenpairs(
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
-    limit = (min(n // 2, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
+    limit = (min(n - BLOCK, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
     space = np.zeros((n, limit), order="F")
     projected = np.zeros((limit, limit))  # spaceᵀ (H + σ)⁻¹ space
     start = np.random.default_rng(seed).standard_normal((n, BLOCK))

@@ -18,6 +18,7 @@ import numpy as np
 from isomatch._threads import n_threads
 from isomatch.baselines import pyfm_zoomout
 from isomatch.datasets.benchmarks import BenchmarkPair, benchmark_set
+from isomatch.errors import SettingError
 from isomatch.evaluation.princeton import THRESHOLDS, cumulative_curve, geodesic_errors
 from isomatch.maps import Correspondence
 from isomatch.matching import match
@@ -77,7 +78,7 @@ class BenchmarkRun:
     def __post_init__(self) -> None:
         unknown = sorted(set(self.methods) - set(METHODS))
         if unknown:
-            raise ValueError(f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}")
+            raise SettingError(f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}")
 
 
 def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import MeshError, some
+from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics.fast_marching import march, march_bounded
 from isomatch.geodesics.stencil import stencil_of
 from isomatch.surfaces import Mesh
@@ -37,22 +37,31 @@ class FastMarching:
     name = "fast_marching"
 
     def __init__(self, mesh: Mesh) -> None:
-        self._stencil = stencil_of(mesh)
+        extent = float(np.abs(mesh.vertices).max(initial=0.0))
+        # squares of lengths must neither overflow nor vanish; otherwise the mesh is taken as it is
+        self._unit = 1.0 if extent == 0.0 or 1e-100 < extent < 1e100 else extent
+        self._stencil = stencil_of(Mesh(mesh.vertices / self._unit, mesh.faces))
         self.n_points = mesh.n_vertices
 
     def distances_from(self, sources: IntArray) -> FloatArray:
         """(m, n) distances from each of m sources; ``inf`` where unreachable."""
-        return march(self._stencil, sources)
+        distances = march(self._stencil, sources)
+        return distances if self._unit == 1.0 else distances * self._unit
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        march_bounded(self._stencil, source, nearest)
+        if self._unit == 1.0:
+            march_bounded(self._stencil, source, nearest)
+            return
+        scaled = nearest / self._unit
+        march_bounded(self._stencil, source, scaled)
+        nearest[:] = scaled * self._unit
 
 
 def distance_engine(surface: Mesh, name: EngineName = "fast_marching") -> DistanceEngine:
     """Build the named engine for a surface."""
     if name != "fast_marching":
-        raise ValueError(f"unknown geodesic engine {name!r}; available: 'fast_marching'")
+        raise SettingError(f"unknown geodesic engine {name!r}; available: 'fast_marching'")
     if not np.isfinite(surface.vertices).all():
         bad = np.flatnonzero(~np.isfinite(surface.vertices).all(axis=1))
         raise MeshError(

@@ -10,7 +10,9 @@ import numpy as np
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch.surfaces import Mesh
 
-UNFOLD_STEPS = 8  # faces crossed at most in search of a vertex that splits an obtuse angle
+UNFOLD_STEPS = 40  # faces crossed at most in search of a vertex that splits an obtuse angle
+
+RIGHT_ANGLE = 1e-9  # cosines below this are those of a right angle, which needs and gives no split
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
 
     Cost: O(faces) time, about 240 bytes a vertex.
     """
-    faces = mesh.faces
+    faces = mesh.sound_faces
     opposite = _opposite_corners(faces, mesh.n_vertices)
     extra = _split_obtuse(mesh.vertices, faces.ravel(), opposite)
     # every corner c of every face, with its edge (a, b), as (c, a, b, |ab|, x, y)
@@ -114,7 +116,8 @@ def _split_obtuse(
             continue
         bx = ((points[a] - points[c]) * cb).sum() / ax
         by = np.sqrt(max((cb**2).sum() - bx * bx, 0.0))
-        if bx >= 0.0 or by == 0.0:
+        cb_length = np.sqrt(bx * bx + by * by)
+        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:
             continue
         # (lx, ly), (rx, ry): the unfolded edge in front; d must see the angle within 90 degrees of both a and b
         left, lx, ly = a, ax, 0.0
@@ -139,8 +142,9 @@ def _split_obtuse(
                 nx, ny = -nx, -ny
             dx = lx + along * ex / length + away * nx
             dy = ly + along * ey / length + away * ny
-            acute_to_a = dx >= 0.0
-            acute_to_b = dx * bx + dy * by >= 0.0
+            slack = RIGHT_ANGLE * np.sqrt(dx * dx + dy * dy)
+            acute_to_a = dx >= -slack
+            acute_to_b = dx * bx + dy * by >= -slack * cb_length
             if acute_to_a and acute_to_b:
                 for side in range(2):
                     e = a if side == 0 else b

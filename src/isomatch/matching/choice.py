@@ -17,6 +17,8 @@ from isomatch.surfaces.mesh import vertex_normals
 
 SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the judgement
 SMOOTH = 40  # functions of the surfaces whose normals are compared
+CONTENDER = 3.0  # energy, against the best, up to which a hypothesis is refined and compared again
+MOST_CONTENDERS = 4
 ORIENTED = 0.3  # mean cosine between normals above which a map counts as orientation-preserving
 
 
@@ -46,6 +48,11 @@ class Judged:
     orientation: float
 
     @property
+    def side(self) -> float:
+        """1 if the map keeps the outside of the surface, −1 if it mirrors."""
+        return 1.0 if self.orientation >= 0 else -1.0
+
+    @property
     def energy(self) -> float:
         """Residual times squared curvature mismatch: distances see all but near-symmetries, curvature sees those."""
         return self.residual * self.curvature_mismatch**2
@@ -59,6 +66,30 @@ def judge(pair: Pair, hypotheses: list[Hypothesis]) -> list[Judged]:
 def ranked(judged: list[Judged], orientation: Orientation) -> list[Judged]:
     """Best first: first those of the wanted orientation, then those not clearly of the other, then the rest."""
     return sorted(judged, key=lambda j: (_orientation_class(j.orientation, orientation), j.energy))
+
+
+def ranked_by_side(judged: list[Judged], orientation: Orientation) -> list[Judged]:
+    """Best first among maps that agree with landmarks: landmarks may ask for the mirror image, nothing for a mixture."""
+    return sorted(
+        judged,
+        key=lambda j: (
+            _orientation_class(j.orientation, orientation) > 0,
+            _orientation_class(j.orientation, "any"),
+            j.energy,
+        ),
+    )
+
+
+def contenders(order: list[Judged], orientation: Orientation) -> list[Judged]:
+    """Keep the best of a ranking and those near enough to deserve a full refinement: same side, comparable energy."""
+    best = order[0]
+    side = _orientation_class(best.orientation, orientation)
+    return [
+        judged
+        for judged in order
+        if _orientation_class(judged.orientation, orientation) == side
+        and judged.energy <= CONTENDER * best.energy
+    ][:MOST_CONTENDERS]
 
 
 def _orientation_class(cosine: float, wanted: Orientation) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from isomatch.bases import Weighting
+from isomatch.errors import SettingError
 
 Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint"]
@@ -55,30 +56,25 @@ class Config:
     def __post_init__(self) -> None:
         for name, allowed in _CHOICES.items():
             if getattr(self, name) not in allowed:
-                raise ValueError(
+                raise SettingError(
                     f"{name} = {getattr(self, name)!r} is not one of {', '.join(map(repr, allowed))}"
                 )
-        for name, least in (
-            ("n_columns", 8),
-            ("rank", 4),
-            ("n_functions", 20),
-            ("n_search", 20),
-            ("n_refine", 20),
-        ):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)} is too small; at least {least}")
+        for name, least in _LEAST.items():
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < least:
+                raise SettingError(f"{name} = {value!r} is not an integer of at least {least}")
         if self.rank > self.n_columns:
-            raise ValueError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
+            raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
 
     @classmethod
     def from_file(cls, path: str | Path) -> Config:
-        """Read settings from a TOML file; an unknown key is a `ValueError` that lists the known ones."""
+        """Read settings from a TOML file; an unknown key is a `SettingError` that lists the known ones."""
         with Path(path).open("rb") as file:
             values = tomllib.load(file)
         known = [field.name for field in fields(cls)]
         unknown = sorted(set(values) - set(known))
         if unknown:
-            raise ValueError(f"{path}: unknown setting {', '.join(unknown)}; known are {', '.join(known)}")
+            raise SettingError(f"{path}: unknown setting {', '.join(unknown)}; known are {', '.join(known)}")
         return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
@@ -92,3 +88,4 @@ _CHOICES = {
     "refinement": ("none", "laplace_icp", "joint"),
     "orientation": ("preserve", "reverse", "any"),
 }
+_LEAST = {"n_columns": 8, "rank": 4, "n_functions": 20, "n_search": 20, "n_refine": 20}

@@ -86,7 +86,7 @@ def point_signatures(mesh: Mesh, laplace: LaplaceBasis) -> FloatArray:
     """
     wave = np.log(wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, ::SIGNATURE_STEP])
     curvature = np.column_stack(
-        [mean_curvature(mesh, laplace, k) for k in CURVATURE_FUNCTIONS if k <= len(laplace.values)]
+        [mean_curvature(mesh, laplace, min(k, len(laplace.values))) for k in CURVATURE_FUNCTIONS]
     )
     return np.hstack(
         [

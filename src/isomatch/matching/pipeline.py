@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map, serial_blas
-from isomatch.errors import LandmarkError, NotConvergedError
+from isomatch.errors import LandmarkError, MeshError, NotConvergedError
 from isomatch.matching import refine
-from isomatch.matching.choice import Judged, judge, ranked
+from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.config import Config
 from isomatch.matching.hypotheses import Hypothesis, converged, search
 from isomatch.matching.initial import (
@@ -105,7 +105,8 @@ def match(
     )
     with serial_blas():
         clock.start("prepare")
-        source, target = parallel_map(lambda shape: _prepared(shape, config, seed), [source, target])
+        shapes = [("source", source), ("target", target)]
+        source, target = parallel_map(lambda shape: _prepared(*shape, config, seed), shapes)
         pair = Pair.of(source, target)
         parallel_map(lambda shape: (shape.cloud, shape.signatures, shape.curvature), [source, target])
         clock.start("hypotheses")
@@ -122,16 +123,16 @@ def match(
                 "give landmarks, an initial map or descriptors"
             )
         clock.start("refinement")
-        coordinates = _coordinates(pair, order[0], config)
+        order, fits, coordinates = _refined(pair, order, config)
         image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
-        quality = quality_of(pair, image, order, pairs)
+        quality = quality_of(pair, image, order, fits, pairs)
         alternatives = parallel_map(lambda judged: _alternative(pair, judged), order[1:3])
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, image, corners, barycentric),
-        outcome=outcome_of(quality, order, notes, source, target),
+        outcome=outcome_of(quality, source, target),
         quality=quality,
         alternatives=tuple(alternatives),
         timings=clock.stop(),
@@ -143,8 +144,13 @@ def match(
     )
 
 
-def _prepared(shape: Mesh | PreparedShape, config: Config, seed: int) -> PreparedShape:
-    return shape if isinstance(shape, PreparedShape) else prepare(shape, config, seed)
+def _prepared(side: str, shape: Mesh | PreparedShape, config: Config, seed: int) -> PreparedShape:
+    if isinstance(shape, PreparedShape):
+        return shape
+    try:
+        return prepare(shape, config, seed)
+    except MeshError as error:
+        raise MeshError(f"{side}: {error}") from error
 
 
 def _sizes(source: PreparedShape, target: PreparedShape) -> tuple[int, int]:
@@ -200,9 +206,11 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
     known = np.flatnonzero(on_body >= 0)
     if len(known) < 3:
         raise LandmarkError("the initial map leaves (nearly) everything unmatched; it cannot start anything")
+    columns = pair.target.cloud.points.shape[1]
     stand_in = known[cKDTree(pair.source.cloud.points[known]).query(pair.source.cloud.points)[1]]
     return np.asarray(
-        cKDTree(pair.target.cloud.points).query(target.cloud.points[on_body[stand_in]])[1], dtype=np.int64
+        cKDTree(pair.target.cloud.points).query(target.cloud.points[on_body[stand_in], :columns])[1],
+        dtype=np.int64,
     )
 
 
@@ -214,14 +222,25 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None) -> li
         landmark_errors(pair, refine.extended_at(pair, j.image, landmarks[:, 0]), landmarks) for j in order
     ]
     least = min(errors)
-    return [j for j, error in zip(order, errors) if error <= least + LANDMARK_SLACK]
+    agreeing = [j for j, error in zip(order, errors) if error <= least + LANDMARK_SLACK]
+    return ranked_by_side(agreeing, pair.source.shape.config.orientation)
 
 
-def _coordinates(pair: Pair, winner: Judged, config: Config) -> refine.Coordinates:
+def _refined(
+    pair: Pair, order: list[Judged], config: Config
+) -> tuple[list[Judged], list[refine.JointFit], refine.Coordinates]:
+    """Refine and give the final coordinates; with the joint refinement, contenders are refined and ranked by misfit."""
     if config.refinement == "joint":
-        return refine.jointly(pair, winner.image)
-    plain = refine.by_distances(pair, winner.hypothesis.alignment.image)
-    return plain if config.refinement == "none" else refine.by_laplace_icp(pair, plain)
+        few = contenders(order, config.orientation)
+        fits = parallel_map(lambda judged: refine.jointly(pair, judged.image, judged.side), few)
+        best = sorted(range(len(few)), key=lambda i: fits[i].misfit)
+        few, fits = [few[i] for i in best], [fits[i] for i in best]
+        rest = [judged for judged in order if all(judged is not other for other in few)]
+        return few + rest, fits, refine.joint_coordinates(pair, fits[0])
+    coordinates = refine.by_distances(pair, order[0].hypothesis.alignment.image)
+    if config.refinement == "laplace_icp":
+        coordinates = refine.by_laplace_icp(pair, coordinates)
+    return order, [], coordinates
 
 
 def _alternative(pair: Pair, judged: Judged) -> Alternative:

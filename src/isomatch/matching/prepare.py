@@ -193,16 +193,16 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
     """
     started = time.perf_counter()
     config = config or Config()
-    body, body_vertex, mesh_vertex, left_out, notes = _body_of(surface)
+    body, unit, body_vertex, mesh_vertex, left_out, notes = _body_of(surface)
     if body.n_vertices < FEWEST_VERTICES:
         raise MeshError(
             f"the largest component has {body.n_vertices} vertices, at least {FEWEST_VERTICES} are needed; "
             "subdivide the mesh, or weld its triangles if they share no vertices"
         )
     config = _fitting(config, body.n_vertices)
-    scale = float(np.sqrt(body.area))
+    root = float(np.sqrt(body.area))
     centre = np.average(body.vertices, axis=0, weights=body.vertex_areas)
-    body = Mesh((body.vertices - centre) / scale, body.faces)
+    body = Mesh((body.vertices - centre) / root, body.faces)
     with serial_blas():
         engine = distance_engine(body)
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
@@ -218,7 +218,7 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
         body=body,
         body_vertex=body_vertex,
         mesh_vertex=mesh_vertex,
-        scale=scale,
+        scale=root * unit,
         distances=distances,
         laplace=laplace,
         samples=sampling.vertices,
@@ -234,26 +234,29 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
     )
 
 
-def _body_of(mesh: Mesh) -> tuple[Mesh, IntArray, IntArray, float, tuple[str, ...]]:
-    """Largest component of the mended mesh, with index maps both ways and what was done."""
+def _body_of(mesh: Mesh) -> tuple[Mesh, float, IntArray, IntArray, float, tuple[str, ...]]:
+    """Largest component of the mended mesh, its unit of length, index maps both ways, and what was done."""
     report = check(mesh)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
     mended = repair(mesh)
     notes = list(mended.changes)
-    labels = mended.mesh.components
-    shares = np.bincount(labels, mended.mesh.vertex_areas) / mended.mesh.area
+    unit = float(np.abs(mended.mesh.vertices).max())  # so that areas neither overflow nor vanish
+    whole = Mesh(mended.mesh.vertices / unit, mended.mesh.faces)
+    labels = whole.components
+    shares = np.bincount(labels, whole.vertex_areas) / whole.area
     largest = int(shares.argmax())
-    body, kept = mended.mesh.submesh(labels == largest)
+    body, kept = whole.submesh(labels == largest)
     if len(shares) > 1:
         notes.append(
             f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
             "no path leads to them, so they have no geodesic distance to the rest"
         )
-    to_body = np.full(mended.mesh.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
+    to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
     to_body[kept] = np.arange(len(kept))
     return (
         body,
+        unit,
         to_body[mended.new_index],
         mended.vertex_index[kept],
         float(1 - shares[largest]),

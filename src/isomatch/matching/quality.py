@@ -9,12 +9,18 @@ from isomatch._arrays import IntArray
 from isomatch.matching.choice import Judged
 from isomatch.matching.pair import Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
+from isomatch.matching.refine import JointFit
 from isomatch.matching.result import Outcome, Quality
 
+DIFFERENT = 0.05  # mean distance in space between images, in √area, from which two refined maps are two
+TIE = 1.05  # misfit of a different map, against the best, below which nothing decides between them
+POOR_MISFIT, POOR_DISTORTION = 0.5, 0.1
 REACH = 0.05  # a target vertex this near to an image, in √area, is covered
 
 
-def quality_of(pair: Pair, image: IntArray, order: list[Judged], landmarks: IntArray | None) -> Quality:
+def quality_of(
+    pair: Pair, image: IntArray, order: list[Judged], fits: list[JointFit], landmarks: IntArray | None
+) -> Quality:
     """Measure a map of bodies.
 
     Parameters
@@ -25,6 +31,8 @@ def quality_of(pair: Pair, image: IntArray, order: list[Judged], landmarks: IntA
         Target body vertex of each source body vertex.
     order : list of Judged
         The winner and its rivals.
+    fits : list of JointFit
+        Refined winner and contenders, in the same order; empty without joint refinement.
     landmarks : (m, 2) array of int, optional
         Given pairs, in the users' indices.
     """
@@ -35,12 +43,13 @@ def quality_of(pair: Pair, image: IntArray, order: list[Judged], landmarks: IntA
     )
     gap, _ = cKDTree(target.body.vertices[np.unique(image)]).query(target.body.vertices)
     winner = order[0]
-    rivals = [j.energy for j in order[1:] if j.orientation * winner.orientation > 0]
     landmark_error = np.nan
     if landmarks is not None:
         at_source = source.body_vertex[landmarks[:, 0]]
         landmark_error = landmark_errors(pair, np.where(at_source >= 0, image[at_source], -1), landmarks)
     return Quality(
+        misfit=fits[0].misfit if fits else np.nan,
+        rival_misfit=_rival(pair, fits),
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=float(target.body.vertex_areas[gap < REACH].sum() / target.body.area),
@@ -48,9 +57,20 @@ def quality_of(pair: Pair, image: IntArray, order: list[Judged], landmarks: IntA
         orientation=winner.orientation,
         residual=winner.residual,
         curvature_mismatch=winner.curvature_mismatch,
-        energy_ratio=min(rivals) / winner.energy if rivals and winner.energy > 0 else np.inf,
         landmark_error=landmark_error,
     )
+
+
+def _rival(pair: Pair, fits: list[JointFit]) -> float:
+    """Misfit of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
+    if not fits:
+        return np.nan
+    places = pair.target.shape.body.vertices
+    for fit in fits[1:]:
+        apart = np.linalg.norm(places[fit.image] - places[fits[0].image], axis=1).mean()
+        if apart > DIFFERENT:
+            return fit.misfit / max(fits[0].misfit, 1e-12)
+    return np.inf
 
 
 def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
@@ -61,18 +81,12 @@ def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
     return float(np.where(image[held] == wanted[held], 0.0, np.maximum(apart, 0.0)).mean())
 
 
-def outcome_of(
-    quality: Quality,
-    order: list[Judged],
-    notes: tuple[str, ...],
-    source: PreparedShape,
-    target: PreparedShape,
-) -> Outcome:
+def outcome_of(quality: Quality, source: PreparedShape, target: PreparedShape) -> Outcome:
     """Sum up the evidence."""
-    if quality.energy_ratio < 1.05:
-        return Outcome.SYMMETRY_AMBIGUOUS
-    if quality.distortion_mean > 0.1 or quality.curvature_mismatch > 0.9:
+    if quality.misfit > POOR_MISFIT or quality.distortion_mean > POOR_DISTORTION:
         return Outcome.LOW_CONFIDENCE
+    if quality.rival_misfit < TIE:
+        return Outcome.SYMMETRY_AMBIGUOUS
     if any(shape.left_out > LARGE_COMPONENT for shape in (source, target)):
         return Outcome.PARTIAL
     return Outcome.CONVERGED

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.alignment import icp, orthogonal_alignment
+from isomatch.matching.alignment import orthogonal_alignment
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
-LAPLACE_FUNCTIONS = 100
 LAPLACE_STEPS = 10
 DISTANCE_STEPS = 15
 COARSE_SIZES = (20, 40, 70, 100, 140)  # functions in the steps without coordinates
@@ -25,29 +26,33 @@ Coordinates = tuple[FloatArray, FloatArray]
 
 
 def by_distances(pair: Pair, image: IntArray) -> Coordinates:
-    """Align distance descriptors on the search vertices, then once on all: the paper's plain method.
+    """Align distance descriptors on the refinement vertices, then twice on all: the paper's plain method.
 
     ``image`` (m_s,) holds the target row of each search vertex of the source.
     """
     source, target = pair.source.shape, pair.target.shape
-    at_target, at_source = target.cloud.at(pair.target.rows), source.cloud.at(pair.source.rows)
-    rotation = icp(at_target, at_source, image, DISTANCE_STEPS).rotation
-    full = nearest_in_cells(target.cloud.points @ rotation, source.cloud.points, target.cells)
-    rotation = orthogonal_alignment(target.cloud.at(full), source.cloud)
-    return target.cloud.points @ rotation, source.cloud.points
+
+    def turned(rows: IntArray, found: IntArray) -> FloatArray:
+        return target.cloud.points @ orthogonal_alignment(target.cloud.at(found), source.cloud.at(rows))
+
+    points = turned(pair.source.rows, pair.target.rows[image])
+    everywhere = np.arange(source.body.n_vertices)
+    for rows in (*[_refinement_rows(pair).rows] * DISTANCE_STEPS, everywhere, everywhere):
+        points = turned(rows, nearest_in_cells(points, source.cloud.points[rows], target.cells))
+    return points, source.cloud.points
 
 
 def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     """Post-process by iterative closest points in the Laplace–Beltrami basis, from a map given by coordinates.
 
-    Ten steps with 100 functions on ``n_refine`` source vertices, F kept orthogonal.
+    Ten steps with all functions on ``n_refine`` source vertices, one on all; F is kept orthogonal.
 
     Notes
     -----
     Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012.
     """
     glimpse, target = _refinement_rows(pair), pair.target.shape
-    k = min(LAPLACE_FUNCTIONS, glimpse.functions.shape[1], len(target.laplace.values))
+    k = min(glimpse.functions.shape[1], len(target.laplace.values))
     phi_target = target.laplace.vectors[:, :k]
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
     for _ in range(LAPLACE_STEPS):
@@ -56,7 +61,9 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
         if (previous == rows).all():
             break
     turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-    return turned, glimpse.shape.laplace.vectors[:, :k]
+    laplace = glimpse.shape.laplace
+    full = nearest_in_cells(turned, laplace.vectors[:, :k], target.cells)
+    return phi_target @ _orthogonal(laplace.coefficients(phi_target[full], k)).T, laplace.vectors[:, :k]
 
 
 def _refinement_rows(pair: Pair) -> Glimpse:
@@ -84,8 +91,28 @@ def extended_at(pair: Pair, image: IntArray, mesh_vertices: IntArray) -> IntArra
     return np.where(rows >= 0, extended(pair, image, np.maximum(rows, 0)), -1)
 
 
-def jointly(pair: Pair, image: IntArray) -> Coordinates:
-    """Spectral upsampling joint with signatures, coordinates and normals.
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """A map refined on the refinement vertices.
+
+    Parameters
+    ----------
+    image : (n_refine,) array of int
+        Target body vertex of each refinement vertex.
+    side : float
+        1 if the map keeps the outside, −1 if it mirrors.
+    misfit : float
+        Mean distance of these vertices from their images in the joint coordinates of the last step. It judges a map by
+        everything at once: spectrum, signatures, positions and normals after the best smooth fit.
+    """
+
+    image: IntArray
+    side: float
+    misfit: float
+
+
+def jointly(pair: Pair, image: IntArray, side: float = 1.0) -> JointFit:
+    """Upsample spectrally, joint with signatures, coordinates and normals.
 
     In each step the target's functions *and coordinates* are fitted on the source by least squares over the source's
     refinement vertices, F and c; the next images are nearest neighbours, among all target vertices, in
@@ -103,37 +130,46 @@ def jointly(pair: Pair, image: IntArray) -> Coordinates:
         The two shapes.
     image : (m_s,) array of int
         Target row of each search vertex of the source.
+    side : float
+        −1 for a map that mirrors, so that normals are compared with the right sign.
 
     Notes
     -----
-    O(n_t n_refine (K + q)) a step.
+    O(n_refine n_centres (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
     target, glimpse = pair.target.shape, _refinement_rows(pair)
     rows = extended(pair, image, glimpse.rows)
+    misfit = np.inf
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     schedule = [(k, False) for k in COARSE_SIZES] + [(k, True) for k in FINE_SIZES]
     for k, geometric in schedule:
-        if k <= limit:
-            coordinates = _joint_coordinates(glimpse, target, rows, k, geometric, glimpse.rows)
-            rows = nearest_in_cells(*coordinates, target.cells)
-    everywhere = np.arange(glimpse.shape.body.n_vertices)
-    return _joint_coordinates(glimpse, target, rows, limit, True, everywhere)
+        of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side * geometric, glimpse.rows)
+        rows = nearest_in_cells(of_target, of_source, target.cells)
+        misfit = float(np.linalg.norm(of_target[rows] - of_source, axis=1).mean())
+    return JointFit(rows, side, misfit)
 
 
-def _joint_coordinates(
-    glimpse: Glimpse, target: PreparedShape, image: IntArray, k: int, geometric: bool, wanted: IntArray
+def joint_coordinates(pair: Pair, fit: JointFit) -> Coordinates:
+    """Coordinates of all target and all source body vertices under a fit, with all functions."""
+    target, glimpse = pair.target.shape, _refinement_rows(pair)
+    limit = min(glimpse.functions.shape[1], len(target.laplace.values))
+    return _joint(glimpse, target, fit.image, limit, fit.side, np.arange(glimpse.shape.body.n_vertices))
+
+
+def _joint(
+    glimpse: Glimpse, target: PreparedShape, image: IntArray, k: int, side: float, wanted: IntArray
 ) -> Coordinates:
-    """Coordinates of all target vertices and of the wanted source vertices."""
+    """Coordinates of all target vertices and of the wanted source vertices; positions and normals unless side is 0."""
     source = glimpse.shape
     phi_target = target.laplace.vectors[:, :k]
     fitted = glimpse.fit(np.hstack([phi_target[image], target.body.vertices[image]]), k)
     functional_map, copy = fitted[:, :k], fitted[:, k:]
     of_target = [phi_target @ functional_map.T / np.sqrt(k), target.signatures]
     of_source = [source.laplace.vectors[wanted, :k] / np.sqrt(k), source.signatures[wanted]]
-    if geometric:
+    if side:
         smooth = target.laplace.low_passed(target.body.vertices, k)
         drawn = source.laplace.vectors[:, :k] @ copy
         of_target += [smooth / POSITION_UNIT, NORMAL_WEIGHT * vertex_normals(smooth, target.body.faces)]
-        normals = vertex_normals(drawn, source.body.faces)[wanted]
+        normals = side * vertex_normals(drawn, source.body.faces)[wanted]
         of_source += [drawn[wanted] / POSITION_UNIT, NORMAL_WEIGHT * normals]
     return np.hstack(of_target), np.hstack(of_source)

@@ -47,6 +47,12 @@ class Quality:
 
     Parameters
     ----------
+    misfit : float
+        Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
+        normals): 0 for the same shape, about 0.4 for the right map of two people; nan without joint refinement.
+    rival_misfit : float
+        Misfit of the best other contender over that of the map returned: 1 is a tie, large is clear; ``inf`` if no other
+        hypothesis came near.
     distortion_mean, distortion_p95 : float
         Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
         own surface, over pairs of a farthest point sample and a spread vertex, by the low-rank distances.
@@ -60,13 +66,12 @@ class Quality:
         Misfit of the distance descriptors, in units of √(average distance).
     curvature_mismatch : float
         Mean difference of signed mean curvature, in standard deviations.
-    energy_ratio : float
-        Energy of the best distinct other hypothesis over that of the map returned; 1 is a tie, large is clear. ``inf``
-        if there was no other.
     landmark_error : float
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
     """
 
+    misfit: float
+    rival_misfit: float
     distortion_mean: float
     distortion_p95: float
     coverage: float
@@ -74,7 +79,6 @@ class Quality:
     orientation: float
     residual: float
     curvature_mismatch: float
-    energy_ratio: float
     landmark_error: float
 
 

@@ -63,8 +63,8 @@ class Mesh:
         return len(self.faces)
 
     @cached_property
-    def _sound_faces(self) -> IntArray:
-        """The faces, after every index has been seen to be in range."""
+    def sound_faces(self) -> IntArray:
+        """(m, 3) the faces, after every index has been seen to be in range; `MeshError` if one is not."""
         bad = np.flatnonzero(((self.faces < 0) | (self.faces >= self.n_vertices)).any(axis=1))
         if len(bad):
             raise MeshError(
@@ -76,7 +76,7 @@ class Mesh:
     @cached_property
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: the normal times twice the area."""
-        a, b, c = (self.vertices[self._sound_faces[:, i]] for i in range(3))
+        a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
         return np.cross(b - a, c - a)
 
     @cached_property
@@ -89,7 +89,7 @@ class Mesh:
     def vertex_areas(self) -> FloatArray:
         """(n,) barycentric area of each vertex: a third of its faces; 0 where no face uses it."""
         thirds = np.repeat(self.face_areas / 3, 3)
-        areas: FloatArray = np.bincount(self._sound_faces.ravel(), thirds, self.n_vertices).astype(np.float64)
+        areas: FloatArray = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices).astype(np.float64)
         return areas
 
     @cached_property
@@ -100,18 +100,18 @@ class Mesh:
     @cached_property
     def volume(self) -> float:
         """Signed enclosed volume; positive when the faces of a closed surface look outward."""
-        a, b, c = (self.vertices[self._sound_faces[:, i]] for i in range(3))
+        a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
         return float(np.einsum("ij,ij->", a - self.vertices.mean(axis=0), np.cross(b - a, c - a)) / 6)
 
     @cached_property
     def vertex_normals(self) -> FloatArray:
         """(n, 3) area-weighted unit normals; zero where no face of positive area meets the vertex."""
-        return vertex_normals(self.vertices, self._sound_faces)
+        return vertex_normals(self.vertices, self.sound_faces)
 
     @cached_property
     def edges(self) -> IntArray:
         """(e, 2) undirected edges, each once, smaller index first, in lexicographic order."""
-        half = self._sound_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        half = self.sound_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = half.min(axis=1), half.max(axis=1)
         keys = np.unique(low * self.n_vertices + high)
         return np.column_stack([keys // self.n_vertices, keys % self.n_vertices])
@@ -143,7 +143,7 @@ class Mesh:
         index = np.flatnonzero(mask)
         renumber = np.full(self.n_vertices, -1, dtype=np.int64)
         renumber[index] = np.arange(len(index))
-        faces = self._sound_faces[mask[self._sound_faces].all(axis=1)]
+        faces = self.sound_faces[mask[self.sound_faces].all(axis=1)]
         return Mesh(self.vertices[index], renumber[faces]), index
 
 

@@ -38,7 +38,7 @@ def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
         vertices = format_rows("v %r %r %r\n", mesh.vertices)
     else:
         vertices = format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([mesh.vertices, colors / 255]))
-    return vertices + format_rows("f %d %d %d\n", mesh._sound_faces + 1)
+    return vertices + format_rows("f %d %d %d\n", mesh.sound_faces + 1)
 
 
 def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:

@@ -41,7 +41,7 @@ def read(data: bytes, name: str) -> Mesh:
 
 def write(mesh: Mesh, binary: bool = True) -> bytes:
     """Write an STL file: float32 when binary, all digits when text."""
-    corners = mesh.vertices[mesh._sound_faces]  # (m, 3, 3)
+    corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
     if not binary:
