@@ -32,7 +32,7 @@ types: $(VENV)/dev
 	$(BIN)/mypy
 
 benchmark: $(VENV)/dev
-	$(BIN)/python -m pytest benchmarks --benchmark-columns=min,median,rounds
+	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
 
 clean:
 	rm -rf $(VENV) demo
