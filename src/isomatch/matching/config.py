@@ -34,7 +34,8 @@ class Config:
     n_refine : int
         Source vertices on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
-        Try automatic starts beside the ones given, or only those given.
+        Choose among automatic starts and those given, or only among those given. Automatic ones are tried in both
+        cases, so that the result can tell when one of them fits better.
     refinement : {"none", "laplace_icp", "joint"}
         After the alignment of distance descriptors: nothing (the paper's plain method), the paper's
         post-processing, or spectral upsampling joint with descriptors, coordinates and normals.

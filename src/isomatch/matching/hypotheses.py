@@ -113,7 +113,7 @@ def guided(pair: Pair, image: IntArray) -> Alignment:
     return converged(pair, first.image)
 
 
-def search(pair: Pair, given: list[Hypothesis], automatic: bool) -> list[Hypothesis]:
+def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
     """Collect distinct candidate maps, best residual first.
 
     Parameters
@@ -122,14 +122,15 @@ def search(pair: Pair, given: list[Hypothesis], automatic: bool) -> list[Hypothe
         The two shapes.
     given : list of Hypothesis
         Maps from what the user knows.
-    automatic : bool
-        Whether to add maps from extremal points, flips of the leading basis functions (left and right, front and back)
+
+    Returns
+    -------
+    list of Hypothesis
+        Those given, maps from extremal points, flips of the leading basis functions (left and right, front and back)
         and compositions of maps found (a ∘ b⁻¹ ∘ c reaches the fourth variant from three).
     """
     pool = Pool(pair)
     pool.add(given)
-    if not automatic:
-        return pool.hypotheses
     pool.add(_each(lambda image: guided(pair, image), feature_starts(pair), "features"))
     if not pool.hypotheses:
         return []

@@ -17,7 +17,7 @@ from isomatch.errors import LandmarkError, MeshError, NotConvergedError
 from isomatch.matching import refine
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.config import Config
-from isomatch.matching.hypotheses import Hypothesis, converged, search
+from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search
 from isomatch.matching.initial import (
     checked_descriptors,
     checked_initial_map,
@@ -39,6 +39,8 @@ logger = logging.getLogger(__name__)
 LANDMARK_SLACK = (
     0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
 )
+
+MOST_ALTERNATIVES = 2
 
 Progress = Callable[[str], Any]
 
@@ -112,10 +114,14 @@ def match(
         clock.start("hypotheses")
         pairs = None if landmarks is None else checked_landmarks(landmarks, *_sizes(source, target))
         given = _given(pair, pairs, initial_map, initial_descriptors)
-        automatic = config.hypotheses == "all" or not given
-        found = search(pair, given, automatic)
+        found = search(pair, given)
         clock.start("choice")
         order = ranked(judge(pair, found), config.orientation)
+        rivals: list[Judged] = []
+        if (
+            given and config.hypotheses == "given"
+        ):  # what was not given is tried as well, to know whether it fits better
+            order, rivals = ranked(judge(pair, given), config.orientation), order
         order = _agreeing(pair, order, pairs)
         if not order:
             raise NotConvergedError(
@@ -123,12 +129,14 @@ def match(
                 "give landmarks, an initial map or descriptors"
             )
         clock.start("refinement")
-        order, fits, coordinates = _refined(pair, order, config)
+        order, fits = _contest(pair, order, rivals, config)
+        coordinates = _coordinates(pair, order[0], fits[0], config)
         image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
         quality = quality_of(pair, image, order, fits, pairs)
-        alternatives = parallel_map(lambda judged: _alternative(pair, judged), order[1:3])
+        others = [judged for judged in order[1:] if pair.difference(judged.image, order[0].image) > SAME_MAP]
+        alternatives = parallel_map(lambda judged: _alternative(pair, judged), others[:MOST_ALTERNATIVES])
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, image, corners, barycentric),
@@ -226,21 +234,27 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None) -> li
     return ranked_by_side(agreeing, pair.source.shape.config.orientation)
 
 
-def _refined(
-    pair: Pair, order: list[Judged], config: Config
-) -> tuple[list[Judged], list[refine.JointFit], refine.Coordinates]:
-    """Refine and give the final coordinates; with the joint refinement, contenders are refined and ranked by misfit."""
+def _contest(
+    pair: Pair, order: list[Judged], rivals: list[Judged], config: Config
+) -> tuple[list[Judged], list[refine.JointFit]]:
+    """Refine the contenders, and rivals that may not win.
+
+    Returns the best contender, the others by misfit, those not refined; and the fits of the refined ones.
+    """
+    own = contenders(order, config.orientation)
+    few = own + (contenders(rivals, config.orientation) if rivals else [])
+    fits = parallel_map(lambda judged: refine.jointly(pair, judged.image, judged.side), few)
+    winner = min(range(len(own)), key=lambda i: fits[i].misfit)
+    ranking = sorted(range(len(few)), key=lambda i: (i != winner, fits[i].misfit))
+    rest = [judged for judged in order + rivals if all(judged is not other for other in few)]
+    return [few[i] for i in ranking] + rest, [fits[i] for i in ranking]
+
+
+def _coordinates(pair: Pair, winner: Judged, fit: refine.JointFit, config: Config) -> refine.Coordinates:
     if config.refinement == "joint":
-        few = contenders(order, config.orientation)
-        fits = parallel_map(lambda judged: refine.jointly(pair, judged.image, judged.side), few)
-        best = sorted(range(len(few)), key=lambda i: fits[i].misfit)
-        few, fits = [few[i] for i in best], [fits[i] for i in best]
-        rest = [judged for judged in order if all(judged is not other for other in few)]
-        return few + rest, fits, refine.joint_coordinates(pair, fits[0])
-    coordinates = refine.by_distances(pair, order[0].hypothesis.alignment.image)
-    if config.refinement == "laplace_icp":
-        coordinates = refine.by_laplace_icp(pair, coordinates)
-    return order, [], coordinates
+        return refine.joint_coordinates(pair, fit)
+    coordinates = refine.by_distances(pair, winner.hypothesis.alignment.image)
+    return refine.by_laplace_icp(pair, coordinates) if config.refinement == "laplace_icp" else coordinates
 
 
 def _alternative(pair: Pair, judged: Judged) -> Alternative:

@@ -32,7 +32,7 @@ def quality_of(
     order : list of Judged
         The winner and its rivals.
     fits : list of JointFit
-        Refined winner and contenders, in the same order; empty without joint refinement.
+        Refined winner and contenders, in the same order.
     landmarks : (m, 2) array of int, optional
         Given pairs, in the users' indices.
     """
@@ -48,7 +48,7 @@ def quality_of(
         at_source = source.body_vertex[landmarks[:, 0]]
         landmark_error = landmark_errors(pair, np.where(at_source >= 0, image[at_source], -1), landmarks)
     return Quality(
-        misfit=fits[0].misfit if fits else np.nan,
+        misfit=fits[0].misfit,
         rival_misfit=_rival(pair, fits),
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
@@ -63,8 +63,6 @@ def quality_of(
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
     """Misfit of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
-    if not fits:
-        return np.nan
     places = pair.target.shape.body.vertices
     for fit in fits[1:]:
         apart = np.linalg.norm(places[fit.image] - places[fits[0].image], axis=1).mean()

@@ -49,7 +49,7 @@ class Quality:
     ----------
     misfit : float
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
-        normals): 0 for the same shape, about 0.4 for the right map of two people; nan without joint refinement.
+        normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people.
     rival_misfit : float
         Misfit of the best other contender over that of the map returned: 1 is a tie, large is clear; ``inf`` if no other
         hypothesis came near.
