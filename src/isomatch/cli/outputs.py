@@ -80,7 +80,7 @@ _MEASURES = {
     "matched": ("matched", "{:.1%}", "of the source's vertices have an image"),
     "orientation": ("orientation", "{:.2f}", "1 keeps the outside, −1 inverts it"),
     "residual": ("descriptor residual", "{:.2f}", "of √(average distance)"),
-    "curvature_mismatch": ("curvature mismatch", "{:.2f}", "standard deviations"),
+    "stretch": ("stretch of edges", "{:.2f}", "mean square, 1 for an isometry"),
     "landmark_error": ("landmark error", "{:.2%}", "of √(target area)"),
 }
 

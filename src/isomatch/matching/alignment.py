@@ -123,12 +123,10 @@ def icp(
         if (previous == image).mean() >= SETTLED:
             break
     rotation = orthogonal_alignment(target.at(image), source)
-    return Alignment(image, rotation, residual(target, source, image, rotation), steps)
+    return Alignment(image, rotation, residual(target.at(image), source, rotation), steps)
 
 
-def residual(
-    target: DescriptorCloud, source: DescriptorCloud, image: IntArray, rotation: FloatArray
-) -> float:
-    """Root mean square distance of each aligned target point from its source point."""
-    difference = target.points[image] @ rotation - source.points
+def residual(target: DescriptorCloud, source: DescriptorCloud, rotation: FloatArray) -> float:
+    """Root mean square distance of each aligned target point from the source point of the same row."""
+    difference = target.points @ rotation - source.points
     return float(np.sqrt((difference**2).sum(axis=1).mean()))

@@ -100,11 +100,11 @@ def _orientation_class(cosine: float, wanted: Orientation) -> int:
 def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
     source, target = pair.source, pair.target
     image = pair.upsampled(hypothesis.alignment.image, SIZES)
-    rotation = orthogonal_alignment(target.cloud.at(image), source.cloud)
+    at_target = target.cloud.at(image)
     return Judged(
         hypothesis,
         image,
-        residual(target.cloud, source.cloud, image, rotation),
+        residual(at_target, source.cloud, orthogonal_alignment(at_target, source.cloud)),
         float(np.abs(target.curvature[image] - source.curvature).mean()),
         _orientation(pair, image),
     )

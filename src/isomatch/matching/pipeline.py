@@ -122,7 +122,7 @@ def match(
             given and config.hypotheses == "given"
         ):  # what was not given is tried as well, to know whether it fits better
             order, rivals = ranked(judge(pair, given), config.orientation), order
-        order = _agreeing(pair, order, pairs)
+        order, rivals = _agreeing(pair, order, pairs), _agreeing(pair, rivals, pairs)
         if not order:
             raise NotConvergedError(
                 "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); "
@@ -134,7 +134,7 @@ def match(
         image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
-        quality = quality_of(pair, image, order, fits, pairs)
+        quality = quality_of(pair, image, fits, pairs)
         others = [judged for judged in order[1:] if pair.difference(judged.image, order[0].image) > SAME_MAP]
         alternatives = parallel_map(lambda judged: _alternative(pair, judged), others[:MOST_ALTERNATIVES])
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))

@@ -6,21 +6,23 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray
-from isomatch.matching.choice import Judged
-from isomatch.matching.pair import Pair
+from isomatch.matching.alignment import orthogonal_alignment, residual
+from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
 from isomatch.matching.refine import JointFit
 from isomatch.matching.result import Outcome, Quality
+from isomatch.surfaces import Mesh
+from isomatch.surfaces.mesh import vertex_normals
 
-DIFFERENT = 0.05  # mean distance in space between images, in √area, from which two refined maps are two
-TIE = 1.05  # misfit of a different map, against the best, below which nothing decides between them
-POOR_MISFIT, POOR_DISTORTION = 0.5, 0.1
 REACH = 0.05  # a target vertex this near to an image, in √area, is covered
+DIFFERENT = 0.05  # mean distance in space between images, in √area, from which two refined maps are two
+SMOOTH = 60  # functions of the surfaces whose normals are compared
+TIE = 1.05  # misfit of a different map, against that returned, below which nothing decides between them
+# Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
+POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.32, 3.0, 0.67
 
 
-def quality_of(
-    pair: Pair, image: IntArray, order: list[Judged], fits: list[JointFit], landmarks: IntArray | None
-) -> Quality:
+def quality_of(pair: Pair, image: IntArray, fits: list[JointFit], landmarks: IntArray | None) -> Quality:
     """Measure a map of bodies.
 
     Parameters
@@ -29,36 +31,52 @@ def quality_of(
         The two shapes.
     image : (n_s,) array of int
         Target body vertex of each source body vertex.
-    order : list of Judged
-        The winner and its rivals.
     fits : list of JointFit
-        Refined winner and contenders, in the same order.
+        Refined winner, then its rivals, best first.
     landmarks : (m, 2) array of int, optional
         Given pairs, in the users' indices.
     """
     source, target = pair.source.shape, pair.target.shape
-    rows = pair.source.rows
+    rows = source.spread[: source.config.n_refine]
     distortion = np.abs(
         source.columns[:, rows] - target.distances.distance(image[source.samples][:, None], image[rows])
     )
     gap, _ = cKDTree(target.body.vertices[np.unique(image)]).query(target.body.vertices)
-    winner = order[0]
+    at_target, at_source = target.cloud.at(image[rows]), source.cloud.at(rows)
     landmark_error = np.nan
     if landmarks is not None:
-        at_source = source.body_vertex[landmarks[:, 0]]
-        landmark_error = landmark_errors(pair, np.where(at_source >= 0, image[at_source], -1), landmarks)
+        on_body = source.body_vertex[landmarks[:, 0]]
+        landmark_error = landmark_errors(pair, np.where(on_body >= 0, image[on_body], -1), landmarks)
     return Quality(
         misfit=fits[0].misfit,
         rival_misfit=_rival(pair, fits),
+        residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
+        stretch=_stretch(source.body, target.body, image),
+        orientation=_orientation(pair, rows, image[rows]),
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=float(target.body.vertex_areas[gap < REACH].sum() / target.body.area),
         matched=float((source.body_vertex >= 0).mean()),
-        orientation=winner.orientation,
-        residual=winner.residual,
-        curvature_mismatch=winner.curvature_mismatch,
         landmark_error=landmark_error,
     )
+
+
+def _stretch(source: Mesh, target: Mesh, image: IntArray) -> float:
+    """Mean squared ratio of the length of an edge's image to that of the edge."""
+    i, j = source.edges.T
+    lengths = ((source.vertices[i] - source.vertices[j]) ** 2).sum(axis=1)
+    images = ((target.vertices[image[i]] - target.vertices[image[j]]) ** 2).sum(axis=1)
+    return float((images / np.maximum(lengths, 1e-12)).mean())
+
+
+def _orientation(pair: Pair, rows: IntArray, image: IntArray) -> float:
+    """Mean cosine between the normals of the smooth target and of its copy drawn on the source."""
+    source, target = pair.source.shape, pair.target.shape
+    k = min(SMOOTH, len(source.laplace.values), len(target.laplace.values))
+    copy = Glimpse(source, rows).fit(target.body.vertices[image], k)
+    drawn = vertex_normals(source.laplace.vectors[:, :k] @ copy, source.body.faces)[rows]
+    smooth = vertex_normals(target.laplace.low_passed(target.body.vertices, k), target.body.faces)[image]
+    return float(np.einsum("ij,ij->i", drawn, smooth).mean())
 
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
@@ -81,7 +99,14 @@ def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
 
 def outcome_of(quality: Quality, source: PreparedShape, target: PreparedShape) -> Outcome:
     """Sum up the evidence."""
-    if quality.misfit > POOR_MISFIT or quality.distortion_mean > POOR_DISTORTION:
+    poor = (
+        quality.misfit > POOR_MISFIT
+        or quality.residual > POOR_RESIDUAL
+        or quality.stretch > POOR_STRETCH
+        or abs(quality.orientation) < POOR_ORIENTATION
+        or quality.rival_misfit < 1.0
+    )
+    if poor:
         return Outcome.LOW_CONFIDENCE
     if quality.rival_misfit < TIE:
         return Outcome.SYMMETRY_AMBIGUOUS

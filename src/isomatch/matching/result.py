@@ -51,8 +51,15 @@ class Quality:
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
         normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people.
     rival_misfit : float
-        Misfit of the best other contender over that of the map returned: 1 is a tie, large is clear; ``inf`` if no other
-        hypothesis came near.
+        Misfit of the best map that differs, over that of the map returned: 1 is a tie, large is clear, below 1 the other
+        fits better (it was not among those given); ``inf`` if no other came near.
+    residual : float
+        Misfit of the distance descriptors after the best rotation, in units of √(average distance).
+    stretch : float
+        Mean squared stretch of edges: 1 for an isometry, more for noise and tears.
+    orientation : float
+        Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
+        outside, near −1 it mirrors, between it is twisted.
     distortion_mean, distortion_p95 : float
         Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
         own surface, over pairs of a farthest point sample and a spread vertex, by the low-rank distances.
@@ -60,25 +67,19 @@ class Quality:
         Share of the target's area within 0.05 √area in space of an image; vertices not reached have no preimage.
     matched : float
         Share of the source's vertices that have an image.
-    orientation : float
-        Mean cosine between the target's normals and those of its copy drawn on the source: 1 keeps the outside.
-    residual : float
-        Misfit of the distance descriptors, in units of √(average distance).
-    curvature_mismatch : float
-        Mean difference of signed mean curvature, in standard deviations.
     landmark_error : float
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
     """
 
     misfit: float
     rival_misfit: float
+    residual: float
+    stretch: float
+    orientation: float
     distortion_mean: float
     distortion_p95: float
     coverage: float
     matched: float
-    orientation: float
-    residual: float
-    curvature_mismatch: float
     landmark_error: float
 
 
