@@ -10,7 +10,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.matching.nearest import nearest_rows
 
 NULL_DIRECTION = 1e-9  # singular values below this share of the largest leave the rotation undetermined
-SETTLED = 0.998  # share of unchanged images at which an iteration has converged
+SETTLED = 0.99  # share of unchanged images at which an iteration has converged
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def icp(
     image : (m_s,) array of int
         First guess: target row of each source row.
     max_iterations : int
-        Limit; the iteration ends sooner when 99.8 % of the images are unchanged.
+        Limit; the iteration ends sooner when 99 % of the images are unchanged.
     extra : pair of (m_t, q) and (m_s, q) arrays, optional
         More coordinates for the nearest neighbours, which the rotation leaves alone.
 

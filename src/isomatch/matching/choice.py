@@ -18,7 +18,7 @@ from isomatch.surfaces.mesh import vertex_normals
 SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the judgement
 SMOOTH = 40  # functions of the surfaces whose normals are compared
 CONTENDER = 3.0  # energy, against the best, up to which a hypothesis is refined and compared again
-MOST_CONTENDERS = 4
+MOST_CONTENDERS = 5
 ORIENTED = 0.3  # mean cosine between normals above which a map counts as orientation-preserving
 
 
@@ -81,15 +81,15 @@ def ranked_by_side(judged: list[Judged], orientation: Orientation) -> list[Judge
 
 
 def contenders(order: list[Judged], orientation: Orientation) -> list[Judged]:
-    """Keep the best of a ranking and those near enough to deserve a full refinement: same side, comparable energy."""
-    best = order[0]
-    side = _orientation_class(best.orientation, orientation)
-    return [
-        judged
-        for judged in order
-        if _orientation_class(judged.orientation, orientation) == side
-        and judged.energy <= CONTENDER * best.energy
-    ][:MOST_CONTENDERS]
+    """Keep those near enough to the best to deserve a full refinement: comparable energy, not of the other side.
+
+    The orientation of a right map through few functions can be small where limbs touch; the misfit after refinement,
+    which compares normals everywhere, decides among all that lean to the wanted side.
+    """
+    side = max(1, _orientation_class(order[0].orientation, orientation))
+    leaning = [judged for judged in order if _orientation_class(judged.orientation, orientation) <= side]
+    leaning.sort(key=lambda judged: judged.energy)
+    return [judged for judged in leaning if judged.energy <= CONTENDER * leaning[0].energy][:MOST_CONTENDERS]
 
 
 def _orientation_class(cosine: float, wanted: Orientation) -> int:

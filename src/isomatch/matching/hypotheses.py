@@ -19,7 +19,7 @@ from isomatch.matching.prepare import PreparedShape
 FEATURE_COUNTS = (4, 5, 6)  # extremal points matched at once
 FEATURES_AMONG = 7  # extremal points of the other shape they may go to
 STARTS_PER_SET = 8
-SAME_START = 0.02  # mean distance in space, in √area, below which two starts are one
+SAME_START = 0.02  # mean distance, in √area, below which two starts are one
 SAME_MAP = 0.05  # and below which two converged maps are one
 POOL = 10
 SIGNATURE_STEPS, DISTANCE_STEPS, SHORT_STEPS = 4, 8, 4
@@ -183,7 +183,7 @@ def _laplace_flip(pair: Pair, functional_map: FloatArray, function: int) -> Alig
     size = max(function + 1, 4)
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1
-    image = pair.upsampled(pair.image_of(flipped), range(size, FLIPPED_FUNCTIONS + 1))
+    image = pair.upsampled(pair.image_of(flipped), range(size, FLIPPED_FUNCTIONS + 1, 2))
     return converged(pair, image, SHORT_STEPS)
 
 

@@ -50,11 +50,6 @@ class Glimpse:
         return self.shape.signatures[self.rows]
 
     @cached_property
-    def positions(self) -> FloatArray:
-        """Positions, (m, 3)."""
-        return self.shape.body.vertices[self.rows]
-
-    @cached_property
     def curvature(self) -> FloatArray:
         """Signed mean curvature, standardised over the rows, (m,)."""
         values = self.shape.curvature[self.rows]
@@ -107,5 +102,8 @@ class Pair:
         return image
 
     def difference(self, a: IntArray, b: IntArray) -> float:
-        """Mean distance in space between the images of two maps: how different they are, in √area."""
-        return float(np.linalg.norm(self.target.positions[a] - self.target.positions[b], axis=1).mean())
+        """Mean geodesic distance between the images of two maps, in √area: how different they are.
+
+        Distances in space would take the back of a thin body for its front.
+        """
+        return self.target.shape.mean_distance(self.target.rows[a], self.target.rows[b])

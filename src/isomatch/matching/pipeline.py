@@ -241,13 +241,22 @@ def _contest(
 
     Returns the best contender, the others by misfit, those not refined; and the fits of the refined ones.
     """
-    own = contenders(order, config.orientation)
-    few = own + (contenders(rivals, config.orientation) if rivals else [])
-    fits = parallel_map(lambda judged: refine.jointly(pair, judged.image, judged.side), few)
-    winner = min(range(len(own)), key=lambda i: fits[i].misfit)
-    ranking = sorted(range(len(few)), key=lambda i: (i != winner, fits[i].misfit))
-    rest = [judged for judged in order + rivals if all(judged is not other for other in few)]
-    return [few[i] for i in ranking] + rest, [fits[i] for i in ranking]
+    fitted = _fitted(pair, contenders(order, config.orientation))
+    if rivals:
+        others = fitted[1:] + _fitted(pair, contenders(rivals, config.orientation))
+        fitted[1:] = sorted(others, key=lambda found: found[1].misfit)
+    refined = [judged for judged, _ in fitted]
+    rest = [judged for judged in order + rivals if all(judged is not other for other in refined)]
+    return refined + rest, [fit for _, fit in fitted]
+
+
+def _fitted(pair: Pair, few: list[Judged]) -> list[tuple[Judged, refine.JointFit]]:
+    """Refine a few hypotheses; those refined to the end, best first."""
+    fits = refine.jointly(pair, [(judged.image, judged.side) for judged in few])
+    return sorted(
+        ((judged, fit) for judged, fit in zip(few, fits) if fit is not None),
+        key=lambda found: found[1].misfit,
+    )
 
 
 def _coordinates(pair: Pair, winner: Judged, fit: refine.JointFit, config: Config) -> refine.Coordinates:

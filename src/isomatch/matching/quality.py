@@ -9,14 +9,14 @@ from isomatch._arrays import IntArray
 from isomatch.matching.alignment import orthogonal_alignment, residual
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
-from isomatch.matching.refine import JointFit
+from isomatch.matching.refine import JointFit, differ
 from isomatch.matching.result import Outcome, Quality
 from isomatch.surfaces import Mesh
 from isomatch.surfaces.mesh import vertex_normals
 
 REACH = 0.05  # a target vertex this near to an image, in √area, is covered
-DIFFERENT = 0.05  # mean distance in space between images, in √area, from which two refined maps are two
 SMOOTH = 60  # functions of the surfaces whose normals are compared
+RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
 TIE = 1.05  # misfit of a different map, against that returned, below which nothing decides between them
 # Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
 POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.32, 3.0, 0.67
@@ -81,20 +81,15 @@ def _orientation(pair: Pair, rows: IntArray, image: IntArray) -> float:
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
     """Misfit of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
-    places = pair.target.shape.body.vertices
-    for fit in fits[1:]:
-        apart = np.linalg.norm(places[fit.image] - places[fits[0].image], axis=1).mean()
-        if apart > DIFFERENT:
-            return fit.misfit / max(fits[0].misfit, 1e-12)
-    return np.inf
+    rivals = [fit.misfit for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
+    return rivals[0] / max(fits[0].misfit, 1e-12) if rivals else np.inf
 
 
 def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
     """Mean geodesic distance on the target between images (m,) of landmarks and their given targets / √area."""
     wanted = pair.target.shape.body_vertex[landmarks[:, 1]]
     held = (image >= 0) & (wanted >= 0)
-    apart = pair.target.shape.distances.distance(image[held], wanted[held])
-    return float(np.where(image[held] == wanted[held], 0.0, np.maximum(apart, 0.0)).mean())
+    return pair.target.shape.mean_distance(image[held], wanted[held])
 
 
 def outcome_of(quality: Quality, source: PreparedShape, target: PreparedShape) -> Outcome:

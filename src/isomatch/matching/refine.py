@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
 from isomatch.matching.alignment import orthogonal_alignment
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Glimpse, Pair
@@ -17,6 +18,8 @@ LAPLACE_STEPS = 10
 DISTANCE_STEPS = 15
 COARSE_SIZES = (20, 40, 70, 100, 140)  # functions in the steps without coordinates
 FINE_SIZES = (50, 75, 100, 125, 150, 200)  # and with them
+HALFWAY = 1.15  # misfit at half way, against the best, up to which a map is refined to the end
+DIFFERENT = 0.05  # mean distance between images, in √area, from which two maps are two
 POSITION_UNIT = 0.08  # misfit of positions, in √area, that counts like one of the spectral coordinates
 NORMAL_WEIGHT = 0.3
 
@@ -111,7 +114,7 @@ class JointFit:
     misfit: float
 
 
-def jointly(pair: Pair, image: IntArray, side: float = 1.0) -> JointFit:
+def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit | None]:
     """Upsample spectrally, joint with signatures, coordinates and normals.
 
     In each step the target's functions *and coordinates* are fitted on the source by least squares over the source's
@@ -119,8 +122,8 @@ def jointly(pair: Pair, image: IntArray, side: float = 1.0) -> JointFit:
 
     - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
     - point signatures,
-    - positions: the smooth target against the copy of it drawn on the source, Φ_s c,
-    - normals of both.
+    - in the second half of the steps, positions: the smooth target against the copy of it drawn on the source, Φ_s c,
+    - and normals of both.
 
     Positions and normals are those of the target and of its own copy, so the pose of either shape does not matter.
 
@@ -128,25 +131,48 @@ def jointly(pair: Pair, image: IntArray, side: float = 1.0) -> JointFit:
     ----------
     pair : Pair
         The two shapes.
-    image : (m_s,) array of int
-        Target row of each search vertex of the source.
-    side : float
-        −1 for a map that mirrors, so that normals are compared with the right sign.
+    images : list of ((m_s,) array of int, float)
+        Maps to refine: target row of each search vertex of the source, and 1 or, for a map that mirrors, −1, so that
+        normals are compared with the right sign.
+
+    Returns
+    -------
+    list of JointFit or None
+        None for maps that were dropped halfway, because another arrived at the same or fitted much better.
 
     Notes
     -----
-    O(n_refine n_centres (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
+    O(n_refine √n (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
+    glimpse = _refinement_rows(pair)
+    starts = [JointFit(extended(pair, image, glimpse.rows), side, np.inf) for image, side in images]
+    halfway = parallel_map(lambda start: _stepped(pair, start, COARSE_SIZES, 0.0), starts)
+    best: list[int] = []
+    for i in np.argsort([fit.misfit for fit in halfway], kind="stable"):
+        new = all(differ(pair, halfway[i], halfway[j]) for j in best)
+        if new and halfway[i].misfit <= HALFWAY * min(fit.misfit for fit in halfway):
+            best.append(int(i))
+    finished = parallel_map(lambda i: _stepped(pair, halfway[i], FINE_SIZES, halfway[i].side), best)
+    fits: list[JointFit | None] = [None] * len(images)
+    for i, fit in zip(best, finished):
+        fits[i] = fit
+    return fits
+
+
+def differ(pair: Pair, a: JointFit, b: JointFit, least: float = DIFFERENT) -> bool:
+    """Tell whether two fits are two maps: whether their images are at least that far apart in the mean, in √area."""
+    return pair.target.shape.mean_distance(a.image, b.image) > least
+
+
+def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], side: float) -> JointFit:
     target, glimpse = pair.target.shape, _refinement_rows(pair)
-    rows = extended(pair, image, glimpse.rows)
-    misfit = np.inf
+    rows, misfit = fit.image, fit.misfit
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
-    schedule = [(k, False) for k in COARSE_SIZES] + [(k, True) for k in FINE_SIZES]
-    for k, geometric in schedule:
-        of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side * geometric, glimpse.rows)
+    for k in sizes:
+        of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side, glimpse.rows)
         rows = nearest_in_cells(of_target, of_source, target.cells)
         misfit = float(np.linalg.norm(of_target[rows] - of_source, axis=1).mean())
-    return JointFit(rows, side, misfit)
+    return JointFit(rows, fit.side, misfit)
 
 
 def joint_coordinates(pair: Pair, fit: JointFit) -> Coordinates:
