@@ -17,7 +17,7 @@ from isomatch.errors import (
     NotConvergedError,
     SettingError,
 )
-from isomatch.geodesics import farthest_point_sampling, geodesic_distances
+from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
 from isomatch.maps import Correspondence
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
 from isomatch.surfaces import Mesh, MeshReport, check, read_mesh, repair, write_mesh
@@ -46,6 +46,7 @@ __all__ = [
     "SettingError",
     "check",
     "distance_basis",
+    "distance_engine",
     "farthest_point_sampling",
     "geodesic_distance_descriptor",
     "geodesic_distances",

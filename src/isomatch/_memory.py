@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from isomatch.errors import MemoryBudgetError
+from isomatch.errors import MemoryBudgetError, SettingError
 
 GIB = 2**30
 
@@ -13,7 +13,12 @@ def memory_budget() -> int:
     """Bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET`` in GiB if set, otherwise half the machine's memory."""
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if wanted:
-        return int(float(wanted) * GIB)
+        try:
+            return int(float(wanted) * GIB)
+        except ValueError:
+            raise SettingError(
+                f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a number; give GiB, such as 8 or 0.5"
+            ) from None
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
     except (AttributeError, ValueError, OSError):

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from isomatch.errors import SettingError
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -18,7 +20,9 @@ R = TypeVar("R")
 def n_threads() -> int:
     """Threads to use: ``ISOMATCH_NUM_THREADS`` if set, otherwise the processors this process may run on."""
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
-    if wanted.isdigit() and int(wanted) > 0:
+    if wanted:
+        if not wanted.isdigit() or int(wanted) < 1:
+            raise SettingError(f"ISOMATCH_NUM_THREADS = {wanted!r} is not a positive number of threads")
         return int(wanted)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

@@ -54,26 +54,29 @@ class Correspondence:
         faces: ArrayLike | None = None,
         barycentric: ArrayLike | None = None,
     ) -> None:
-        image = np.array(vertices, dtype=np.int64)
-        if image.ndim != 1:
+        given = np.asarray(vertices)
+        if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
             raise LandmarkError(
-                f"a map needs one target vertex for each source vertex, not shape {image.shape}"
+                f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape "
+                f"{given.shape}"
             )
+        image = np.array(given, dtype=np.int64)
         bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
         if len(bad):
             raise LandmarkError(
                 f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
                 "indices count from 0, and −1 means unmatched"
             )
+        if (faces is None) != (barycentric is None):
+            raise LandmarkError(
+                "faces and barycentric describe the precise image together; give both or neither"
+            )
         if faces is None or barycentric is None:
             corners = np.repeat(image[:, None], 3, axis=1)
             weights = np.tile([1.0, 0.0, 0.0], (len(image), 1))
         else:
             corners, weights = np.array(faces, dtype=np.int64), np.array(barycentric, dtype=np.float64)
-            if corners.shape != (len(image), 3) or weights.shape != (len(image), 3):
-                raise LandmarkError(
-                    "faces and barycentric must both have one row of three for each source vertex"
-                )
+            _require_precise(corners, weights, image, n_target)
         for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -169,10 +172,13 @@ class Correspondence:
         try:
             if path.suffix == ".npz":
                 with np.load(path, allow_pickle=False) as data:
+                    stored = int(data["n_target"]) if "n_target" in data else n_target
+                    if n_target is not None and stored != n_target:
+                        raise ValueError(f"it was made for a target of {stored} vertices, not {n_target}")
+                    if stored is None:
+                        stored = int(data["vertices"].max(initial=-1)) + 1
                     optional = [data.get(key) for key in ("faces", "barycentric")]
-                    return cls(
-                        data["vertices"], int(data["n_target"] if n_target is None else n_target), *optional
-                    )
+                    return cls(data["vertices"], stored, *optional)
             if n_target is None:
                 head = path.read_text(encoding="utf-8").split(" target vertices", 1)
                 n_target = int(head[0].rsplit(" ", 1)[-1]) if len(head) == 2 else None
@@ -185,3 +191,14 @@ class Correspondence:
                 f"{path}: not a map ({error}); expected an .npz with 'vertices', or one target index a line"
             ) from error
         return cls(image, int(image.max(initial=-1)) + 1 if n_target is None else n_target)
+
+
+def _require_precise(corners: IntArray, weights: FloatArray, image: IntArray, n_target: int) -> None:
+    """Raise `LandmarkError` unless corners and weights are precise images of the matched vertices."""
+    if corners.shape != (len(image), 3) or weights.shape != (len(image), 3):
+        raise LandmarkError("faces and barycentric must both have one row of three for each source vertex")
+    held = image >= 0
+    if ((corners[held] < 0) | (corners[held] >= n_target)).any():
+        raise LandmarkError(f"faces name vertices outside the target's 0…{n_target - 1}")
+    if (weights[held] < -1e-9).any() or (np.abs(weights[held].sum(axis=1) - 1) > 1e-6).any():
+        raise LandmarkError("barycentric weights must not be negative and must sum to 1 in each row")

@@ -139,6 +139,14 @@ def distance_basis(
     >>> bool(abs(basis.distance(0, 35) - 5 * 2**0.5) < 0.05)
     True
     """
+    for name, value, allowed in (
+        ("method", method, ("nystrom", "exact")),
+        ("weights", weights, ("area", "uniform")),
+    ):
+        if value not in allowed:
+            raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, allowed))}")
+    if k < 1:
+        raise SettingError(f"k = {k} is not a positive number of basis vectors")
     area = surface.vertex_areas
     if weights == "area" and not (area > 0).all():
         raise MeshError(

@@ -11,6 +11,7 @@ from scipy.sparse import csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
+from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
@@ -92,6 +93,11 @@ def laplace_basis(surface: Mesh, k: int = 200, seed: int = 0) -> LaplaceBasis:
         raise MeshError(
             f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
         )
+    if surface.components.any():
+        raise MeshError(
+            f"the surface has {surface.components.max() + 1} components, whose eigenfunctions have nothing to do with "
+            "each other; take one, such as mesh.submesh(mesh.components == 0)[0]"
+        )
     stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
     weights = np.asarray(mass.diagonal(), dtype=np.float64)
     if not (weights > 0).all():
@@ -118,7 +124,7 @@ def smallest_eigenpairs(
     A relative residual of 1e-4 of the inverse bounds the eigenvalue error by its square.
     """
     n = operator.shape[0]
-    if n <= max(4 * k, DENSE):
+    if n <= max(DENSE, k + 20 * BLOCK):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
     factor = splu(
@@ -128,6 +134,9 @@ def smallest_eigenpairs(
         options={"SymmetricMode": True},
     )
     limit = (min(n - BLOCK, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
+    require_memory(
+        8.0 * n * limit, f"the Krylov space of {k} functions on {n} vertices", "ask for fewer functions"
+    )
     space = np.zeros((n, limit), order="F")
     projected = np.zeros((limit, limit))  # spaceᵀ (H + σ)⁻¹ space
     start = np.random.default_rng(seed).standard_normal((n, BLOCK))

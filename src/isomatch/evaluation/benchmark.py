@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from isomatch._threads import n_threads
 from isomatch.baselines import pyfm_zoomout
@@ -27,7 +28,7 @@ from isomatch.surfaces import Mesh
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (
     "set", "pair", "method", "n_source", "n_target", "error", "median", "p95", "direct", "mirrored",
-    "within_05", "within_10", "within_25", "seconds", "outcome", "problem",
+    "unmatched", "within_05", "within_10", "within_25", "seconds", "outcome", "problem",
 )  # fmt: skip
 
 Method = Callable[[Mesh, Mesh], tuple[Correspondence, dict[str, Any]]]
@@ -79,6 +80,10 @@ class BenchmarkRun:
         unknown = sorted(set(self.methods) - set(METHODS))
         if unknown:
             raise SettingError(f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}")
+        for name, least in (("n_pairs", 1), ("n_points", 1), ("seed", 0), ("jobs", 1)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise SettingError(f"{name} = {value} is not at least {least}")
 
 
 def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]]:
@@ -90,7 +95,11 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     ledger = out / "rows.jsonl"
-    done = {(row["set"], row["pair"], row["method"]) for row in read_rows(out)}
+    done = {
+        (row["set"], row["pair"], row["method"])
+        for row in read_rows(out)
+        if "problem" not in row and (row["points"], row["seed"]) == (run.n_points, run.seed)
+    }
     pairs = benchmark_set(run.set_name, run.folder).chosen(run.n_pairs, run.seed).pairs
     todo = [
         (method, pair)
@@ -101,7 +110,7 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]
     jobs = run.jobs or n_threads()
     with ledger.open("a", encoding="utf-8") as file:
         for row in _rows(run, todo, jobs):
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps(row, allow_nan=False) + "\n")
             file.flush()
             yield row
 
@@ -116,12 +125,15 @@ def _rows(run: BenchmarkRun, todo: list[tuple[str, tuple[str, str]]], jobs: int)
 
 
 def _one_thread() -> None:
+    """Give a worker one thread, in our loops and in every linear algebra library."""
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
+    ThreadpoolController().limit(limits=1)
 
 
 def _row(run: BenchmarkRun, method: str, names: tuple[str, str]) -> dict[str, Any]:
     """Match one pair with one method and judge the map; any problem becomes part of the row."""
     row: dict[str, Any] = {"set": run.set_name, "pair": "-".join(names), "method": method}
+    row |= {"points": run.n_points, "seed": run.seed}
     try:
         pair = benchmark_set(run.set_name, run.folder).load(*names)
         started = time.perf_counter()
@@ -135,32 +147,33 @@ def _row(run: BenchmarkRun, method: str, names: tuple[str, str]) -> dict[str, An
 
 
 def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> dict[str, Any]:
-    """Errors × 100; where the source is truly symmetric, one decision for the pair between direct and mirrored truth."""
-    errors = direct = geodesic_errors(pair.target, found, pair.truth, run.n_points, run.seed)
-    mirrored = np.nan
-    if pair.mirrored is not None:
-        flipped = geodesic_errors(pair.target, found, pair.mirrored, run.n_points, run.seed)
-        mirrored = float(100 * flipped.mean())
-        errors = min(direct, flipped, key=np.mean)
-    finite = np.where(np.isfinite(errors), errors, 1.0)
-    curve = cumulative_curve(errors)
+    """Errors × 100, an unmatched vertex counting as √area.
+
+    Where the source is truly symmetric, one decision is taken for the pair between direct and mirrored truth.
+    """
+    judged = [pair.truth] if pair.mirrored is None else [pair.truth, pair.mirrored]
+    raw = [geodesic_errors(pair.target, found, truth, run.n_points, run.seed) for truth in judged]
+    sides = [np.where(np.isfinite(errors), errors, 1.0) for errors in raw]
+    errors = min(sides, key=np.mean)
     return {
-        "error": float(100 * finite.mean()),
-        "median": float(100 * np.median(finite)),
-        "p95": float(100 * np.quantile(finite, 0.95)),
-        "direct": float(100 * direct.mean()),
-        "mirrored": mirrored if mirrored == mirrored else None,
+        "error": float(100 * errors.mean()),
+        "median": float(100 * np.median(errors)),
+        "p95": float(100 * np.quantile(errors, 0.95)),
+        "direct": float(100 * sides[0].mean()),
+        "mirrored": float(100 * sides[1].mean()) if len(sides) > 1 else None,
+        "unmatched": float((~np.isfinite(raw[0])).mean()),
         **{f"within_{int(100 * t):02d}": float((errors <= t).mean()) for t in (0.05, 0.10, 0.25)},
-        "curve": [round(float(value), 4) for value in curve],
+        "curve": [round(float(value), 4) for value in cumulative_curve(errors)],
     }
 
 
 def read_rows(out: str | Path) -> list[dict[str, Any]]:
-    """Rows of a run so far."""
+    """Give the rows of a run so far: for each set, pair and method the last one."""
     ledger = Path(out) / "rows.jsonl"
     if not ledger.exists():
         return []
-    return [json.loads(line) for line in ledger.read_text(encoding="utf-8").splitlines() if line.strip()]
+    rows = [json.loads(line) for line in ledger.read_text(encoding="utf-8").splitlines() if line.strip()]
+    return list({(row["set"], row["pair"], row["method"]): row for row in rows}.values())
 
 
 def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._memory import require_memory
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics.fast_marching import march, march_bounded
 from isomatch.geodesics.stencil import stencil_of
@@ -38,24 +39,36 @@ class FastMarching:
 
     def __init__(self, mesh: Mesh) -> None:
         extent = float(np.abs(mesh.vertices).max(initial=0.0))
-        # squares of lengths must neither overflow nor vanish; otherwise the mesh is taken as it is
-        self._unit = 1.0 if extent == 0.0 or 1e-100 < extent < 1e100 else extent
+        # stencils hold lengths in single precision; a mesh of ordinary size is taken as it is
+        self._unit = 1.0 if extent == 0.0 or 1e-20 < extent < 1e20 else extent
         self._stencil = stencil_of(Mesh(mesh.vertices / self._unit, mesh.faces))
         self.n_points = mesh.n_vertices
 
     def distances_from(self, sources: IntArray) -> FloatArray:
         """(m, n) distances from each of m sources; ``inf`` where unreachable."""
+        self._require(sources)
+        require_memory(
+            8.0 * len(sources) * self.n_points, f"{len(sources)} distance columns", "ask for fewer at once"
+        )
         distances = march(self._stencil, sources)
         return distances if self._unit == 1.0 else distances * self._unit
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require(np.array([source]))
         if self._unit == 1.0:
             march_bounded(self._stencil, source, nearest)
             return
         scaled = nearest / self._unit
         march_bounded(self._stencil, source, scaled)
         nearest[:] = scaled * self._unit
+
+    def _require(self, sources: IntArray) -> None:
+        bad = sources[(sources < 0) | (sources >= self.n_points)]
+        if len(bad):
+            raise MeshError(
+                f"sources {some(bad)} are outside 0…{self.n_points - 1}, the vertices of the surface"
+            )
 
 
 def distance_engine(surface: Mesh, name: EngineName = "fast_marching") -> DistanceEngine:
@@ -106,9 +119,4 @@ def geodesic_distances(surface: Mesh, sources: ArrayLike, engine: EngineName = "
     wanted = np.atleast_1d(np.asarray(sources))
     if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
         raise MeshError("sources must be a one-dimensional array of vertex indices")
-    bad = wanted[(wanted < 0) | (wanted >= surface.n_vertices)]
-    if len(bad):
-        raise MeshError(
-            f"sources {some(bad)} are outside 0…{surface.n_vertices - 1}, the vertices of the surface"
-        )
     return distance_engine(surface, engine).distances_from(wanted.astype(np.int64))

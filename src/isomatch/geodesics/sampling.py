@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import MeshError
+from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.engines import DistanceEngine
 from isomatch.surfaces import Mesh
 
@@ -56,6 +56,8 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     While samples are chosen, a front advances only where its sample is the nearest so far, which costs about
     log p full fronts; the p full columns then follow on all threads.
     """
+    if n_samples < 1:
+        raise SettingError(f"n_samples = {n_samples} is not a positive number of samples")
     nearest = np.full(engine.n_points, np.inf)
     chosen = np.zeros(n_samples, dtype=np.int64)
     sample = start

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map
-from isomatch.bases import LaplaceBasis
 from isomatch.matching.alignment import orthogonal_alignment, residual
 from isomatch.matching.config import Orientation
 from isomatch.matching.hypotheses import Hypothesis
-from isomatch.matching.pair import Pair
+from isomatch.matching.pair import Glimpse, Pair
+from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
 SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the judgement
@@ -106,23 +106,17 @@ def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
         image,
         residual(at_target, source.cloud, orthogonal_alignment(at_target, source.cloud)),
         float(np.abs(target.curvature[image] - source.curvature).mean()),
-        _orientation(pair, image),
+        orientation_of(source, target.shape, target.rows[image], SMOOTH),
     )
 
 
-def _orientation(pair: Pair, image: IntArray) -> float:
-    source, target = pair.source.shape, pair.target.shape
-    k = min(SMOOTH, len(source.laplace.values), len(target.laplace.values))
-    drawn = drawn_on_source(
-        source.laplace, target.laplace, pair.functional_map(image, k), target.body.vertices
-    )
-    normals = vertex_normals(drawn, source.body.faces)[pair.source.rows]
-    return float(np.einsum("ij,ij->i", normals, target.smooth_normals[pair.target.rows[image]]).mean())
+def orientation_of(source: Glimpse, target: PreparedShape, image: IntArray, k: int) -> float:
+    """Mean cosine between the normals of the target, low-passed to k functions, and of its copy drawn on the source.
 
-
-def drawn_on_source(
-    source: LaplaceBasis, target: LaplaceBasis, functional_map: FloatArray, coordinates: FloatArray
-) -> FloatArray:
-    """Carry target coordinates (n_t, 3) to the source through a functional map F: Φ_s F Φ_tᵀ A_t V, (n_s, 3)."""
-    k_source, k_target = functional_map.shape
-    return source.vectors[:, :k_source] @ (functional_map @ target.coefficients(coordinates, k_target))
+    ``image`` (m,) holds the target body vertex of each row of the glimpse.
+    """
+    k = min(k, source.functions.shape[1], len(target.laplace.values))
+    copy = source.shape.laplace.vectors[:, :k] @ source.fit(target.body.vertices[image], k)
+    drawn = vertex_normals(copy, source.shape.body.faces)[source.rows]
+    smooth = vertex_normals(target.laplace.low_passed(target.body.vertices, k), target.body.faces)[image]
+    return float(np.einsum("ij,ij->i", drawn, smooth).mean())

@@ -64,6 +64,10 @@ class Config:
             value = getattr(self, name)
             if not isinstance(value, int) or value < least:
                 raise SettingError(f"{name} = {value!r} is not an integer of at least {least}")
+        if self.n_refine < 2 * self.n_functions:
+            raise SettingError(
+                f"n_refine = {self.n_refine} is below 2 n_functions = {2 * self.n_functions}: too few for the fit"
+            )
         if self.rank > self.n_columns:
             raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
 
@@ -89,4 +93,4 @@ _CHOICES = {
     "refinement": ("none", "laplace_icp", "joint"),
     "orientation": ("preserve", "reverse", "any"),
 }
-_LEAST = {"n_columns": 8, "rank": 4, "n_functions": 20, "n_search": 20, "n_refine": 20}
+_LEAST = {"n_columns": 8, "rank": 4, "n_functions": 20, "n_search": 100, "n_refine": 100}

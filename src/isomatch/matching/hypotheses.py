@@ -129,7 +129,7 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
         Those given, maps from extremal points, flips of the leading basis functions (left and right, front and back)
         and compositions of maps found (a ∘ b⁻¹ ∘ c reaches the fourth variant from three).
     """
-    pool = Pool(pair)
+    pool = _Pool(pair)
     pool.add(given)
     pool.add(_each(lambda image: guided(pair, image), feature_starts(pair), "features"))
     if not pool.hypotheses:
@@ -149,7 +149,7 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
     return pool.hypotheses
 
 
-class Pool:
+class _Pool:
     """The best distinct hypotheses so far."""
 
     def __init__(self, pair: Pair) -> None:

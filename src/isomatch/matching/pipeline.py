@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map, serial_blas
-from isomatch.errors import LandmarkError, MeshError, NotConvergedError
+from isomatch.errors import LandmarkError, MeshError, NotConvergedError, SettingError
 from isomatch.matching import refine
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.config import Config
@@ -41,6 +41,7 @@ LANDMARK_SLACK = (
 )
 
 MOST_ALTERNATIVES = 2
+PREPARATION = ("n_columns", "rank", "n_functions", "weights", "n_search", "n_refine")  # settings of `prepare`
 
 Progress = Callable[[str], Any]
 
@@ -103,7 +104,9 @@ def match(
     """
     clock = _Clock(progress)
     config = (
-        config or next((s.config for s in (source, target) if isinstance(s, PreparedShape)), None) or Config()
+        config
+        or next((s.requested for s in (source, target) if isinstance(s, PreparedShape)), None)
+        or Config()
     )
     with serial_blas():
         clock.start("prepare")
@@ -114,6 +117,10 @@ def match(
         clock.start("hypotheses")
         pairs = None if landmarks is None else checked_landmarks(landmarks, *_sizes(source, target))
         given = _given(pair, pairs, initial_map, initial_descriptors)
+        if config.hypotheses == "given" and not given:
+            raise SettingError(
+                "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
+            )
         found = search(pair, given)
         clock.start("choice")
         order = ranked(judge(pair, found), config.orientation)
@@ -122,7 +129,7 @@ def match(
             given and config.hypotheses == "given"
         ):  # what was not given is tried as well, to know whether it fits better
             order, rivals = ranked(judge(pair, given), config.orientation), order
-        order, rivals = _agreeing(pair, order, pairs), _agreeing(pair, rivals, pairs)
+        order, rivals = (_agreeing(pair, judged, pairs, config) for judged in (order, rivals))
         if not order:
             raise NotConvergedError(
                 "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); "
@@ -134,13 +141,13 @@ def match(
         image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
-        quality = quality_of(pair, image, fits, pairs)
-        others = [judged for judged in order[1:] if pair.difference(judged.image, order[0].image) > SAME_MAP]
-        alternatives = parallel_map(lambda judged: _alternative(pair, judged), others[:MOST_ALTERNATIVES])
+        precise = np.einsum("ij,ijx->ix", barycentric, target.body.vertices[corners])
+        quality = quality_of(pair, image, precise, fits, pairs)
+        alternatives = parallel_map(lambda judged: _alternative(pair, judged), _others(pair, order))
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, image, corners, barycentric),
-        outcome=outcome_of(quality, source, target),
+        outcome=outcome_of(quality, source, target, "any" if given else config.orientation),
         quality=quality,
         alternatives=tuple(alternatives),
         timings=clock.stop(),
@@ -154,6 +161,13 @@ def match(
 
 def _prepared(side: str, shape: Mesh | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
+        for name in PREPARATION:
+            used, asked = getattr(shape.requested, name), getattr(config, name)
+            if used != asked:
+                raise SettingError(
+                    f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
+                    "with the settings of the match"
+                )
         return shape
     try:
         return prepare(shape, config, seed)
@@ -222,7 +236,7 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
     )
 
 
-def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None) -> list[Judged]:
+def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, config: Config) -> list[Judged]:
     """Drop hypotheses that contradict the landmarks."""
     if landmarks is None or not order:
         return order
@@ -231,7 +245,7 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None) -> li
     ]
     least = min(errors)
     agreeing = [j for j, error in zip(order, errors) if error <= least + LANDMARK_SLACK]
-    return ranked_by_side(agreeing, pair.source.shape.config.orientation)
+    return ranked_by_side(agreeing, config.orientation)
 
 
 def _contest(
@@ -264,6 +278,15 @@ def _coordinates(pair: Pair, winner: Judged, fit: refine.JointFit, config: Confi
         return refine.joint_coordinates(pair, fit)
     coordinates = refine.by_distances(pair, winner.hypothesis.alignment.image)
     return refine.by_laplace_icp(pair, coordinates) if config.refinement == "laplace_icp" else coordinates
+
+
+def _others(pair: Pair, order: list[Judged]) -> list[Judged]:
+    """Give the runners-up that differ from the winner and from each other."""
+    distinct = order[:1]
+    for judged in order[1:]:
+        if all(pair.difference(judged.image, other.image) > SAME_MAP for other in distinct):
+            distinct.append(judged)
+    return distinct[1 : 1 + MOST_ALTERNATIVES]
 
 
 def _alternative(pair: Pair, judged: Judged) -> Alternative:

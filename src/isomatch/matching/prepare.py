@@ -12,7 +12,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
 from isomatch.descriptors import geodesic_distance_descriptor
-from isomatch.errors import MeshError
+from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.maps import UNMATCHED, Correspondence
 from isomatch.matching.alignment import DescriptorCloud
@@ -65,7 +65,9 @@ class PreparedShape:
     spread : (r,) array of int
         Body vertices evenly spread in space; every prefix is.
     config : Config
-        The settings used.
+        The settings used; smaller than those asked for where a small mesh cannot provide them (``notes`` say so).
+    requested : Config
+        The settings asked for.
     seed : int
         The seed used.
     left_out : float
@@ -89,6 +91,7 @@ class PreparedShape:
     feature_columns: FloatArray
     spread: IntArray
     config: Config
+    requested: Config
     seed: int
     left_out: float
     notes: tuple[str, ...]
@@ -136,12 +139,6 @@ class PreparedShape:
         four times slower each: least for c = √(32 n).
         """
         return surface_cells(self.body, self.spread[: int(np.sqrt(32 * self.body.n_vertices))])
-
-    @cached_property
-    def smooth_normals(self) -> FloatArray:
-        """(n_body, 3) normals of the body low-passed to 40 functions."""
-        smooth = self.laplace.low_passed(self.body.vertices, 40)
-        return Mesh(smooth, self.body.faces).vertex_normals
 
     def lifted(
         self,
@@ -202,13 +199,20 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
     """
     started = time.perf_counter()
     config = config or Config()
+    if seed < 0:
+        raise SettingError(f"seed = {seed} is negative; give 0 or more")
     body, unit, body_vertex, mesh_vertex, left_out, notes = _body_of(surface)
     if body.n_vertices < FEWEST_VERTICES:
         raise MeshError(
             f"the largest component has {body.n_vertices} vertices, at least {FEWEST_VERTICES} are needed; "
             "subdivide the mesh, or weld its triangles if they share no vertices"
         )
-    config = _fitting(config, body.n_vertices)
+    requested, config = config, _fitting(config, body.n_vertices)
+    if config != requested:
+        notes += (
+            f"small mesh of {body.n_vertices} vertices: {config.n_columns} columns, rank {config.rank}, "
+            f"{config.n_functions} functions",
+        )
     root = float(np.sqrt(body.area))
     centre = np.average(body.vertices, axis=0, weights=body.vertex_areas)
     body = Mesh((body.vertices - centre) / root, body.faces)
@@ -236,6 +240,7 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
         feature_columns=feature_columns,
         spread=spread,
         config=config,
+        requested=requested,
         seed=seed,
         left_out=left_out,
         notes=notes,
@@ -274,7 +279,7 @@ def _body_of(mesh: Mesh) -> tuple[Mesh, float, IntArray, IntArray, float, tuple[
 
 
 def _fitting(config: Config, n: int) -> Config:
-    """Reduce what a small mesh cannot provide; the reduced settings are those recorded."""
+    """Reduce what a small mesh cannot provide."""
     columns = min(config.n_columns, n // 2)
     return replace(
         config,

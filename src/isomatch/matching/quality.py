@@ -5,24 +5,31 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch.matching.alignment import orthogonal_alignment, residual
+from isomatch.matching.choice import orientation_of
+from isomatch.matching.config import Orientation
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
 from isomatch.matching.refine import JointFit, differ
 from isomatch.matching.result import Outcome, Quality
 from isomatch.surfaces import Mesh
-from isomatch.surfaces.mesh import vertex_normals
 
 REACH = 0.05  # a target vertex this near to an image, in √area, is covered
 SMOOTH = 60  # functions of the surfaces whose normals are compared
 RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
 TIE = 1.05  # misfit of a different map, against that returned, below which nothing decides between them
 # Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
-POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.32, 3.0, 0.67
+POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.6, 0.65
 
 
-def quality_of(pair: Pair, image: IntArray, fits: list[JointFit], landmarks: IntArray | None) -> Quality:
+def quality_of(
+    pair: Pair,
+    image: IntArray,
+    precise: FloatArray,
+    fits: list[JointFit],
+    landmarks: IntArray | None,
+) -> Quality:
     """Measure a map of bodies.
 
     Parameters
@@ -31,6 +38,8 @@ def quality_of(pair: Pair, image: IntArray, fits: list[JointFit], landmarks: Int
         The two shapes.
     image : (n_s,) array of int
         Target body vertex of each source body vertex.
+    precise : (n_s, 3) array of float
+        Precise images, points of the target's body.
     fits : list of JointFit
         Refined winner, then its rivals, best first.
     landmarks : (m, 2) array of int, optional
@@ -51,8 +60,8 @@ def quality_of(pair: Pair, image: IntArray, fits: list[JointFit], landmarks: Int
         misfit=fits[0].misfit,
         rival_misfit=_rival(pair, fits),
         residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
-        stretch=_stretch(source.body, target.body, image),
-        orientation=_orientation(pair, rows, image[rows]),
+        stretch=_stretch(source.body, precise),
+        orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH),
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=float(target.body.vertex_areas[gap < REACH].sum() / target.body.area),
@@ -61,22 +70,11 @@ def quality_of(pair: Pair, image: IntArray, fits: list[JointFit], landmarks: Int
     )
 
 
-def _stretch(source: Mesh, target: Mesh, image: IntArray) -> float:
-    """Mean squared ratio of the length of an edge's image to that of the edge."""
+def _stretch(source: Mesh, points: FloatArray) -> float:
+    """Dirichlet energy of the map on edges: squared lengths of their images, (n_s, 3) precise points, over their own."""
     i, j = source.edges.T
-    lengths = ((source.vertices[i] - source.vertices[j]) ** 2).sum(axis=1)
-    images = ((target.vertices[image[i]] - target.vertices[image[j]]) ** 2).sum(axis=1)
-    return float((images / np.maximum(lengths, 1e-12)).mean())
-
-
-def _orientation(pair: Pair, rows: IntArray, image: IntArray) -> float:
-    """Mean cosine between the normals of the smooth target and of its copy drawn on the source."""
-    source, target = pair.source.shape, pair.target.shape
-    k = min(SMOOTH, len(source.laplace.values), len(target.laplace.values))
-    copy = Glimpse(source, rows).fit(target.body.vertices[image], k)
-    drawn = vertex_normals(source.laplace.vectors[:, :k] @ copy, source.body.faces)[rows]
-    smooth = vertex_normals(target.laplace.low_passed(target.body.vertices, k), target.body.faces)[image]
-    return float(np.einsum("ij,ij->i", drawn, smooth).mean())
+    images, lengths = (((x[i] - x[j]) ** 2).sum() for x in (points, source.vertices))
+    return float(images / lengths)
 
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
@@ -92,13 +90,18 @@ def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
     return pair.target.shape.mean_distance(image[held], wanted[held])
 
 
-def outcome_of(quality: Quality, source: PreparedShape, target: PreparedShape) -> Outcome:
+def outcome_of(
+    quality: Quality, source: PreparedShape, target: PreparedShape, wanted: Orientation
+) -> Outcome:
     """Sum up the evidence."""
+    kept = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[
+        wanted
+    ] * quality.orientation
     poor = (
         quality.misfit > POOR_MISFIT
         or quality.residual > POOR_RESIDUAL
         or quality.stretch > POOR_STRETCH
-        or abs(quality.orientation) < POOR_ORIENTATION
+        or kept < POOR_ORIENTATION
         or quality.rival_misfit < 1.0
     )
     if poor:

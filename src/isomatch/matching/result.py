@@ -49,20 +49,22 @@ class Quality:
     ----------
     misfit : float
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
-        normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people.
+        normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
+        refinement it still tells which hypothesis is right, not how precise the map returned is.
     rival_misfit : float
         Misfit of the best map that differs, over that of the map returned: 1 is a tie, large is clear, below 1 the other
         fits better (it was not among those given); ``inf`` if no other came near.
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
-        Mean squared stretch of edges: 1 for an isometry, more for noise and tears.
+        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears.
     orientation : float
         Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
         outside, near −1 it mirrors, between it is twisted.
     distortion_mean, distortion_p95 : float
         Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
-        own surface, over pairs of a farthest point sample and a spread vertex, by the low-rank distances.
+        own surface, over pairs of a farthest point sample and a spread vertex; marched on the source, low-rank on the
+        target, so that the error of the basis, about half a per cent, is part of it.
     coverage : float
         Share of the target's area within 0.05 √area in space of an image; vertices not reached have no preimage.
     matched : float

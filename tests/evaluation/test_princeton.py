@@ -1,0 +1,49 @@
+"""Errors of maps whose errors are known."""
+
+import numpy as np
+import pytest
+
+from isomatch import Correspondence, geodesic_distances
+from isomatch.evaluation import cumulative_curve, geodesic_errors
+from shapes import flat_grid
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    return flat_grid(12, 15)
+
+
+def test_true_map_has_no_error(sheet):
+    rows = np.arange(sheet.n_vertices)
+    errors = geodesic_errors(sheet, Correspondence(rows, len(rows)), np.column_stack([rows, rows]))
+    assert (errors == 0).all()
+
+
+def test_error_is_the_distance_on_the_target_over_root_area(sheet):
+    rows = np.arange(sheet.n_vertices)
+    elsewhere = np.full(len(rows), 7)
+    errors = geodesic_errors(sheet, Correspondence(elsewhere, len(rows)), np.column_stack([rows, rows]))
+    exact = geodesic_distances(sheet, rows)[rows, 7] / np.sqrt(sheet.area)
+    np.testing.assert_allclose(errors, exact)
+
+
+def test_unmatched_is_infinitely_wrong(sheet):
+    image = np.arange(sheet.n_vertices)
+    image[3] = -1
+    errors = geodesic_errors(sheet, Correspondence(image, len(image)), np.array([[3, 3], [4, 4]]))
+    assert errors.tolist() == [np.inf, 0.0]
+
+
+def test_drawn_points_are_those_of_the_seed(sheet):
+    rows = np.arange(sheet.n_vertices)
+    found = Correspondence(rows[::-1], len(rows))
+    truth = np.column_stack([rows, rows])
+    first, again, other = (geodesic_errors(sheet, found, truth, 40, seed) for seed in (1, 1, 2))
+    assert len(first) == 40
+    assert (first == again).all()
+    assert (first != other).any()
+
+
+def test_curve_counts_errors_up_to_each_threshold():
+    curve = cumulative_curve(np.array([0.0, 0.1, 0.1, np.inf]), np.array([0.0, 0.05, 0.1, 0.2]))
+    assert curve.tolist() == [0.25, 0.25, 0.75, 0.75]
