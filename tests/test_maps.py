@@ -146,7 +146,7 @@ def test_binary_file_called_text(tmp_path):
     [
         ([0, 5], "source vertices 1 are mapped outside the target's vertices 0…4; .*−1 means unmatched"),
         ([-2, 0], "source vertices 0 are mapped outside"),
-        ([[0, 1]], r"one target vertex for each source vertex, not shape \(1, 2\)"),
+        ([[0, 1]], r"one integer target vertex for each source vertex, not int64 of shape \(1, 2\)"),
     ],
 )
 def test_images_that_do_not_exist(image, message):
@@ -177,3 +177,29 @@ def test_immutable_and_apart_from_what_it_was_made_of():
 def test_repr_tells_direction_and_what_is_missing():
     assert repr(Correspondence([0, -1], 3)) == "Correspondence(source 2 → target 3, 1 unmatched)"
     assert repr(Correspondence([0, 1], 3)) == "Correspondence(source 2 → target 3)"
+
+
+@pytest.mark.parametrize(
+    ("faces", "weights", "message"),
+    [
+        ([[0, 1, 2]], None, "both or neither"),
+        ([[0, 1, 3]], [[1.0, 0.0, 0.0]], r"outside the target's 0…2"),
+        ([[0, 1, 2]], [[5.0, 0.0, 0.0]], "sum to 1"),
+        ([[0, 1, 2]], [[-0.5, 1.0, 0.5]], "must not be negative"),
+        ([[0, 1, 2]] * 2, [[1.0, 0.0, 0.0]] * 2, "one row of three"),
+    ],
+)
+def test_precise_images_that_make_no_sense(faces, weights, message):
+    with pytest.raises(LandmarkError, match=message):
+        Correspondence([0], 3, faces, weights)
+
+
+def test_fractions_are_no_vertices():
+    with pytest.raises(LandmarkError, match="integer"):
+        Correspondence([0.9, 1.9], 2)
+
+
+def test_map_of_another_target(tmp_path):
+    Correspondence([0, 1], 3).save(tmp_path / "map.npz")
+    with pytest.raises(FormatError, match="a target of 3 vertices, not 4"):
+        Correspondence.load(tmp_path / "map.npz", n_target=4)

@@ -17,8 +17,8 @@ from isomatch import Config
         ({"rank": 3}, "rank = 3 is not an integer of at least 4"),
         ({"n_columns": 7}, "n_columns = 7 is not an integer of at least 8"),
         ({"n_functions": 19}, "n_functions = 19 is not an integer of at least 20"),
-        ({"n_search": 0}, "n_search = 0 is not an integer of at least 20"),
-        ({"n_refine": -1}, "n_refine = -1 is not an integer of at least 20"),
+        ({"n_search": 0}, "n_search = 0 is not an integer of at least 100"),
+        ({"n_refine": -1}, "n_refine = -1 is not an integer of at least 100"),
         ({"rank": 101}, "rank = 101 exceeds n_columns = 100"),
     ],
 )

@@ -5,18 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from data import tosca
 from isomatch import (
     Config,
     Outcome,
+    SettingError,
     geodesic_distances,
     heat_kernel_signature,
     match,
     prepare,
     wave_kernel_signature,
 )
-from isomatch.datasets import creature, ground_truth
+from isomatch.datasets import creature, example_pair, ground_truth
 from shapes import disguised
 from zoo import torus
 
@@ -166,3 +168,39 @@ def test_wolf_without_landmarks(wolves):
     source, other, _ = wolves
     found = match(source, other.mesh)
     assert errors(found.map.vertices, other.new_vertex, other.mesh).mean() < 0.003
+
+
+def test_prepared_with_other_settings():
+    source, target = example_pair()
+    prepared = prepare(source.mesh, Config(rank=30))
+    with pytest.raises(SettingError, match="source was prepared with rank = 30, the match asks for 50"):
+        match(prepared, target.mesh, config=Config())
+
+
+def test_given_needs_something_given():
+    source, target = example_pair()
+    with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
+        match(source.mesh, target.mesh, config=Config(hypotheses="given"))
+
+
+def test_a_wrong_given_map_is_not_called_converged():
+    """The map that turns the animal around is given as the only one: the right one is found beside it."""
+    source, target = example_pair()
+    truth = ground_truth(source, target).vertices
+    mirror = source.rest * [-1.0, 1.0, 1.0]
+    other_side = cKDTree(source.rest).query(mirror)[1]
+    found = match(
+        source.mesh,
+        target.mesh,
+        initial_map=truth[other_side],
+        config=Config(hypotheses="given", orientation="any"),
+    )
+    assert found.outcome in (Outcome.LOW_CONFIDENCE, Outcome.SYMMETRY_AMBIGUOUS)
+    assert found.quality.rival_misfit < 1.05
+
+
+def test_another_animal_is_not_called_converged():
+    """A quadruped and a biped: no right map exists."""
+    source = example_pair()[0].mesh
+    target = creature(3000, kind="biped", pose=2).mesh
+    assert match(source, target).outcome is Outcome.LOW_CONFIDENCE

@@ -145,8 +145,8 @@ def distance_basis(
     ):
         if value not in allowed:
             raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, allowed))}")
-    if k < 1:
-        raise SettingError(f"k = {k} is not a positive number of basis vectors")
+    if k < 1 or (method == "nystrom" and k > p):
+        raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     area = surface.vertex_areas
     if weights == "area" and not (area > 0).all():
         raise MeshError(
@@ -157,8 +157,6 @@ def distance_basis(
     measure = area if weights == "area" else np.ones(surface.n_vertices)
     if method == "exact":
         return exact_basis(engine, measure, k)
-    if not 0 < k <= p:
-        raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     sampling = farthest_point_sampling(engine, p, peripheral_vertex(surface, engine, seed))
     return nystrom_basis(sampling, measure, k, engine.name)
 
