@@ -20,7 +20,7 @@ SMOOTH = 60  # functions of the surfaces whose normals are compared
 RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
 TIE = 1.05  # misfit of a different map, against that returned, below which nothing decides between them
 # Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
-POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.6, 0.65
+POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.3, 0.65
 
 
 def quality_of(
