@@ -18,7 +18,7 @@ from isomatch.surfaces.mesh import vertex_normals
 SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the judgement
 SMOOTH = 40  # functions of the surfaces whose normals are compared
 CONTENDER = 3.0  # energy, against the best, up to which a hypothesis is refined and compared again
-MOST_CONTENDERS = 5
+MOST_CONTENDERS = 6
 ORIENTED = 0.3  # mean cosine between normals above which a map counts as orientation-preserving
 
 
@@ -46,11 +46,6 @@ class Judged:
     residual: float
     curvature_mismatch: float
     orientation: float
-
-    @property
-    def side(self) -> float:
-        """1 if the map keeps the outside of the surface, −1 if it mirrors."""
-        return 1.0 if self.orientation >= 0 else -1.0
 
     @property
     def energy(self) -> float:

@@ -266,7 +266,7 @@ def _contest(
 
 def _fitted(pair: Pair, few: list[Judged]) -> list[tuple[Judged, refine.JointFit]]:
     """Refine a few hypotheses; those refined to the end, best first."""
-    fits = refine.jointly(pair, [(judged.image, judged.side) for judged in few])
+    fits = refine.jointly(pair, [(judged.image, judged.orientation) for judged in few])
     return sorted(
         ((judged, fit) for judged, fit in zip(few, fits) if fit is not None),
         key=lambda found: found[1].misfit,

@@ -9,6 +9,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching.alignment import orthogonal_alignment
+from isomatch.matching.choice import ORIENTED
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import PreparedShape
@@ -132,8 +133,8 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
     pair : Pair
         The two shapes.
     images : list of ((m_s,) array of int, float)
-        Maps to refine: target row of each search vertex of the source, and 1 or, for a map that mirrors, −1, so that
-        normals are compared with the right sign.
+        Maps to refine: target row of each search vertex of the source, and the orientation it was judged to have, whose
+        sign tells how normals are to be compared.
 
     Returns
     -------
@@ -145,12 +146,18 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
     O(n_refine √n (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
     glimpse = _refinement_rows(pair)
-    starts = [JointFit(extended(pair, image, glimpse.rows), side, np.inf) for image, side in images]
+    starts = [
+        JointFit(extended(pair, image, glimpse.rows), 1.0 if orientation >= 0 else -1.0, np.inf)
+        for image, orientation in images
+    ]
     halfway = parallel_map(lambda start: _stepped(pair, start, COARSE_SIZES, 0.0), starts)
+    # without normals a twisted map may fit well so far: it sets no standard for the others
+    clear = [fit.misfit for fit, (_, orientation) in zip(halfway, images) if abs(orientation) > ORIENTED]
+    limit = HALFWAY * min(clear or [fit.misfit for fit in halfway])
     best: list[int] = []
     for i in np.argsort([fit.misfit for fit in halfway], kind="stable"):
         new = all(differ(pair, halfway[i], halfway[j]) for j in best)
-        if new and halfway[i].misfit <= HALFWAY * min(fit.misfit for fit in halfway):
+        if new and halfway[i].misfit <= limit:
             best.append(int(i))
     finished = parallel_map(lambda i: _stepped(pair, halfway[i], FINE_SIZES, halfway[i].side), best)
     fits: list[JointFit | None] = [None] * len(images)
