@@ -19,6 +19,9 @@ SIZES = tuple(range(20, 51, 5))  # functions in the upsampling that precedes the
 SMOOTH = 40  # functions of the surfaces whose normals are compared
 CONTENDER = 3.0  # energy, against the best, up to which a hypothesis is refined and compared again
 MOST_CONTENDERS = 6
+SAME_ENERGY = (
+    1.5  # energy, against the best, up to which orientation decides among maps that agree with landmarks
+)
 ORIENTED = 0.3  # mean cosine between normals above which a map counts as orientation-preserving
 
 
@@ -64,11 +67,15 @@ def ranked(judged: list[Judged], orientation: Orientation) -> list[Judged]:
 
 
 def ranked_by_side(judged: list[Judged], orientation: Orientation) -> list[Judged]:
-    """Best first among maps that agree with landmarks: landmarks may ask for the mirror image, nothing for a mixture."""
+    """Best first among maps that agree with landmarks, which may ask for the mirror image.
+
+    The wanted side comes first only where its energy is near the best: a mixture of both sides is neither.
+    """
+    limit = SAME_ENERGY * min((j.energy for j in judged), default=0.0)
     return sorted(
         judged,
         key=lambda j: (
-            _orientation_class(j.orientation, orientation) > 0,
+            _orientation_class(j.orientation, orientation) > 0 or j.energy > limit,
             _orientation_class(j.orientation, "any"),
             j.energy,
         ),
