@@ -84,6 +84,12 @@ class Pair:
         rows = (shape.spread[: shape.config.n_search] for shape in (source, target))
         return cls(Glimpse(source, next(rows)), Glimpse(target, next(rows)))
 
+    @cached_property
+    def refinement(self) -> Glimpse:
+        """The source at its refinement vertices; kept, because its decomposition serves every fit."""
+        shape = self.source.shape
+        return Glimpse(shape, shape.spread[: shape.config.n_refine])
+
     def functional_map(self, image: IntArray, k: int) -> FloatArray:
         """F (k, k) with Φ_source F ≈ Φ_target[image]: carries functions of the target to the source."""
         return self.source.fit(self.target.functions[image, :k], k)

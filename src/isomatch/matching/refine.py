@@ -41,7 +41,7 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
 
     points = turned(pair.source.rows, pair.target.rows[image])
     everywhere = np.arange(source.body.n_vertices)
-    for rows in (*[_refinement_rows(pair).rows] * DISTANCE_STEPS, everywhere, everywhere):
+    for rows in (*[pair.refinement.rows] * DISTANCE_STEPS, everywhere, everywhere):
         points = turned(rows, nearest_in_cells(points, source.cloud.points[rows], target.cells))
     return points, source.cloud.points
 
@@ -55,7 +55,7 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     -----
     Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012.
     """
-    glimpse, target = _refinement_rows(pair), pair.target.shape
+    glimpse, target = pair.refinement, pair.target.shape
     k = min(glimpse.functions.shape[1], len(target.laplace.values))
     phi_target = target.laplace.vectors[:, :k]
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
@@ -68,11 +68,6 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     laplace = glimpse.shape.laplace
     full = nearest_in_cells(turned, laplace.vectors[:, :k], target.cells)
     return phi_target @ _orthogonal(laplace.coefficients(phi_target[full], k)).T, laplace.vectors[:, :k]
-
-
-def _refinement_rows(pair: Pair) -> Glimpse:
-    shape = pair.source.shape
-    return Glimpse(shape, shape.spread[: shape.config.n_refine])
 
 
 def _orthogonal(matrix: FloatArray) -> FloatArray:
@@ -145,7 +140,7 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
     -----
     O(n_refine √n (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
-    glimpse = _refinement_rows(pair)
+    glimpse = pair.refinement
     starts = [
         JointFit(extended(pair, image, glimpse.rows), 1.0 if orientation >= 0 else -1.0, np.inf)
         for image, orientation in images
@@ -172,7 +167,7 @@ def differ(pair: Pair, a: JointFit, b: JointFit, least: float = DIFFERENT) -> bo
 
 
 def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], side: float) -> JointFit:
-    target, glimpse = pair.target.shape, _refinement_rows(pair)
+    target, glimpse = pair.target.shape, pair.refinement
     rows, misfit = fit.image, fit.misfit
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     for k in sizes:
@@ -184,7 +179,7 @@ def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], side: float) -> 
 
 def joint_coordinates(pair: Pair, fit: JointFit) -> Coordinates:
     """Coordinates of all target and all source body vertices under a fit, with all functions."""
-    target, glimpse = pair.target.shape, _refinement_rows(pair)
+    target, glimpse = pair.target.shape, pair.refinement
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     return _joint(glimpse, target, fit.image, limit, fit.side, np.arange(glimpse.shape.body.n_vertices))
 
