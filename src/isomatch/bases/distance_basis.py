@@ -71,6 +71,11 @@ class DistanceBasis:
         pairs: FloatArray = np.einsum("...k,...k->...", left, self.vectors[np.asarray(j)])
         return pairs
 
+    def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
+        """Approximate distances from each of some vertices to each of others, (r, c), in mesh units. O(r c k)."""
+        block: FloatArray = (self.vectors[np.asarray(rows)] * self.values) @ self.vectors[np.asarray(columns)].T
+        return block
+
     def row(self, i: ArrayLike) -> FloatArray:
         """Approximate distances from vertex (or vertices) i to all, (..., n), in mesh units. O(n k)."""
         distances: FloatArray = (self.vectors[np.asarray(i)] * self.values) @ self.vectors.T

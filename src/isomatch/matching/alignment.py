@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.nearest import nearest_rows
 
 NULL_DIRECTION = 1e-9  # singular values below this share of the largest leave the rotation undetermined
 SETTLED = 0.99  # share of unchanged images at which an iteration has converged
@@ -39,11 +38,12 @@ def orthogonal_alignment(target: DescriptorCloud, source: DescriptorCloud) -> Fl
     Parameters
     ----------
     target, source : DescriptorCloud
-        The same m points on both shapes, row by row; k_t and k_s columns.
+        The same m points on both shapes, row by row; k_t and k_s columns. Points may be stacks (..., m, k), aligned
+        one by one.
 
     Returns
     -------
-    (k_t, k_s) array of float
+    (..., k_t, k_s) array of float
         Real orthogonal on each sign block. D = X Xᵀ must be kept and a real column never turns into an imaginary
         one. Where a block has more columns on one side, or a direction is not determined by the points, C is a
         partial isometry: it drops the direction and does not invent a rotation.
@@ -52,14 +52,14 @@ def orthogonal_alignment(target: DescriptorCloud, source: DescriptorCloud) -> Fl
     -----
     Schönemann 1966, once for each sign. O(m k²).
     """
-    cross = target.points.T @ source.points  # (k_t, m) (m, k_s)
+    cross = target.points.swapaxes(-1, -2) @ source.points  # (..., k_t, m) (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
-        block = np.ix_(target.signature == sign, source.signature == sign)
+        block = (..., *np.ix_(target.signature == sign, source.signature == sign))
         if cross[block].size:
             u, scale, v = np.linalg.svd(cross[block], full_matrices=False)
-            held = scale > NULL_DIRECTION * max(scale[0], np.finfo(float).tiny)
-            rotation[block] = u[:, held] @ v[held]
+            held = scale > NULL_DIRECTION * np.maximum(scale[..., :1], np.finfo(float).tiny)
+            rotation[block] = (u * held[..., None, :]) @ v
     return rotation
 
 
@@ -75,55 +75,59 @@ class Alignment:
         C, with target · C ≈ source.
     residual : float
         Root mean square of ‖x_target C − x_source‖ over the rows.
-    n_iterations : int
-        Steps taken.
     """
 
     image: IntArray
     rotation: FloatArray
     residual: float
-    n_iterations: int
 
 
 def icp(
     target: DescriptorCloud,
     source: DescriptorCloud,
-    image: IntArray,
+    starts: IntArray,
     max_iterations: int,
     extra: tuple[FloatArray, FloatArray] | None = None,
-) -> Alignment:
-    """Alternate the best rotation and the nearest neighbours, from a given map.
+) -> list[Alignment]:
+    """Alternate the best rotation and the nearest neighbours, from several given maps at once.
 
     Parameters
     ----------
     target, source : DescriptorCloud
         m_t and m_s points.
-    image : (m_s,) array of int
-        First guess: target row of each source row.
+    starts : (h, m_s) array of int
+        First guesses: target row of each source row.
     max_iterations : int
-        Limit; the iteration ends sooner when 99 % of the images are unchanged.
+        Limit; a map whose images are 99 % unchanged is left as it is.
     extra : pair of (m_t, q) and (m_s, q) arrays, optional
         More coordinates for the nearest neighbours, which the rotation leaves alone.
 
     Returns
     -------
-    Alignment
+    list of Alignment
+        One for each start.
 
     Notes
     -----
-    Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖; O(m_t m_s k) a step.
+    Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖; O(m_t m_s k) a step and start.
     """
-    steps = 0
-    for steps in range(1, max_iterations + 1):  # noqa: B007 - the count is part of the result
-        rotation = orthogonal_alignment(target.at(image), source)
-        turned, fixed = target.points @ rotation, source.points
-        if extra is not None:
-            turned, fixed = np.hstack([turned, extra[0]]), np.hstack([fixed, extra[1]])
-        previous, image = image, nearest_rows(turned, fixed)
-        if (previous == image).mean() >= SETTLED:
-            break
-    rotation = orthogonal_alignment(target.at(image), source)
-    return Alignment(image, rotation, residual(target.at(image), source, rotation), steps)
+    images, moving = starts.copy(), np.arange(len(starts))
+    beside = (np.empty((len(target.points), 0)), np.empty((len(source.points), 0))) if extra is None else extra
+    fixed = np.hstack([source.points, beside[1]])
+    for _ in range(max_iterations):
+        previous = images[moving]
+        turned = target.points @ orthogonal_alignment(target.at(previous), source)
+        for i, points in zip(moving, turned):
+            images[i] = _nearest(np.hstack([points, beside[0]]), fixed)
+        moving = moving[(images[moving] == previous).mean(axis=1) < SETTLED]
+    rotations = orthogonal_alignment(target.at(images), source)
+    return [Alignment(i, c, residual(target.at(i), source, c)) for i, c in zip(images, rotations)]
+
+
+def _nearest(candidates: FloatArray, queries: FloatArray) -> IntArray:
+    """Row of the candidate nearest to each query, for few of both."""
+    scores = queries @ candidates.T - 0.5 * np.einsum("ij,ij->i", candidates, candidates)
+    return np.asarray(scores.argmax(axis=1))
 
 
 def residual(target: DescriptorCloud, source: DescriptorCloud, rotation: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -12,7 +12,6 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching.alignment import Alignment, icp
 from isomatch.matching.initial import images_from_rotation, rotations_from_landmarks
-from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.pair import Pair
 from isomatch.matching.prepare import PreparedShape
 
@@ -23,6 +22,8 @@ SAME_START = 0.02  # mean distance, in √area, below which two starts are one
 SAME_MAP = 0.05  # and below which two converged maps are one
 POOL = 14
 SIGNATURE_STEPS, DISTANCE_STEPS, SHORT_STEPS = 4, 8, 4
+GROUP = 4  # maps moved at once by a thread
+ROUND = 2  # steps between comparisons of the maps under way
 SIGNATURE_SHARE = 2.0  # weight of point signatures against descriptors in the first steps
 FLIPPED_PARENTS = 3
 FLIPPED_COLUMNS = 10
@@ -83,7 +84,7 @@ def _consistent_assignments(
 
 
 def feature_starts(pair: Pair) -> list[IntArray]:
-    """First maps from every assignment of extremal points; those that coincide are kept once."""
+    """First maps from every assignment of extremal points."""
     source, target = pair.source.shape, pair.target.shape
     assignments = feature_assignments(source, target)
     rotations: list[FloatArray] = []
@@ -92,25 +93,12 @@ def feature_starts(pair: Pair) -> list[IntArray]:
         if group:
             at_source, at_target = (np.array(points) for points in zip(*group))
             rotations.extend(rotations_from_landmarks(target.cloud, source.cloud, at_target, at_source))
-    images = parallel_map(lambda c: images_from_rotation(pair.target.cloud, pair.source.cloud, c), rotations)
-    starts: list[IntArray] = []
-    for image in images:
-        if all(pair.difference(image, other) > SAME_START for other in starts):
-            starts.append(image)
-    return starts
+    return parallel_map(lambda c: images_of_rotation(pair, c), rotations)
 
 
-def converged(pair: Pair, image: IntArray, steps: int = DISTANCE_STEPS) -> Alignment:
+def converged(pair: Pair, image: IntArray) -> Alignment:
     """Run iterative closest points on the distance descriptors alone."""
-    return icp(pair.target.cloud, pair.source.cloud, image, steps)
-
-
-def guided(pair: Pair, image: IntArray) -> Alignment:
-    """Run iterative closest points, first with point signatures beside the distances, then without."""
-    share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.points**2).sum(axis=1).mean() / 2)
-    signatures = share * pair.target.signatures, share * pair.source.signatures
-    first = icp(pair.target.cloud, pair.source.cloud, image, SIGNATURE_STEPS, signatures)
-    return converged(pair, first.image)
+    return icp(pair.target.cloud, pair.source.cloud, image[None], DISTANCE_STEPS)[0]
 
 
 def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
@@ -130,22 +118,24 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
         and compositions of maps found (a ∘ b⁻¹ ∘ c reaches the fourth variant from three).
     """
     pool = _Pool(pair)
-    pool.add(given)
-    pool.add(_each(lambda image: guided(pair, image), feature_starts(pair), "features"))
+    pool.merge(given)
+    share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.points**2).sum(axis=1).mean() / 2)
+    signatures = share * pair.target.signatures, share * pair.source.signatures
+    guided = pool.settled(feature_starts(pair), SIGNATURE_STEPS, signatures)
+    pool.add([alignment.image for alignment in guided], DISTANCE_STEPS, "features")
     if not pool.hypotheses:
         return []
     parents = [h.alignment for h in pool.hypotheses[:FLIPPED_PARENTS]]
     flips = [(parent, j) for parent in parents for j in range(FLIPPED_COLUMNS)]
-    pool.add(_each(lambda flip: _distance_flip(pair, *flip), flips, "distance flip"))
+    pool.add(parallel_map(lambda flip: _distance_flip(pair, *flip), flips), DISTANCE_STEPS, "distance flip")
     maps = [pair.functional_map(pair.upsampled(p.image, (20,) * 3), FLIPPED_FUNCTIONS) for p in parents]
     turned = [(c, j) for c in maps for j in range(2, FLIPPED_FUNCTIONS)]
-    pool.add(_each(lambda flip: _laplace_flip(pair, *flip), turned, "laplace flip"))
+    pool.add(parallel_map(lambda flip: _laplace_flip(pair, *flip), turned), SHORT_STEPS, "laplace flip")
     best = [h.alignment.rotation for h in pool.hypotheses[:COMPOSED]]
     n = range(len(best))
     triples = [(a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2]
-    pool.add(
-        _each(lambda t: _composition(pair, best[t[0]] @ best[t[1]].T @ best[t[2]]), triples, "composition")
-    )
+    composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
+    pool.add(parallel_map(lambda c: images_of_rotation(pair, c), composed), SHORT_STEPS, "composition")
     return pool.hypotheses
 
 
@@ -156,37 +146,58 @@ class _Pool:
         self._pair = pair
         self.hypotheses: list[Hypothesis] = []
 
-    def add(self, new: list[Hypothesis]) -> None:
-        """Merge; of maps that nearly coincide the one of smallest residual is kept."""
-        ranked = sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual)
+    def add(self, images: list[IntArray], steps: int, origin: str) -> None:
+        """Settle first maps and merge what comes of them."""
+        self.merge([Hypothesis(alignment, origin) for alignment in self.settled(images, steps)])
+
+    def settled(
+        self, images: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None
+    ) -> list[Alignment]:
+        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
+
+        Most starts lead to few maps: comparing them after every round saves most of the steps.
+        """
+        source, target = self._pair.source.cloud, self._pair.target.cloud
+        alignments: list[Alignment] = []
+        for _ in range(0, steps, ROUND):
+            images = self._distinct(images)
+            groups = [np.array(images[i : i + GROUP]) for i in range(0, len(images), GROUP)]
+            moved = parallel_map(lambda group: icp(target, source, group, ROUND, extra), groups)
+            alignments = [alignment for group in moved for alignment in group]
+            images = [alignment.image for alignment in alignments]
+        return alignments
+
+    def _distinct(self, images: list[IntArray]) -> list[IntArray]:
+        known = [h.alignment.image for h in self.hypotheses]
+        kept: list[IntArray] = []
+        for image in images:
+            if self._pair.differs(image, [*known, *kept], SAME_START):
+                kept.append(image)
+        return kept
+
+    def merge(self, new: list[Hypothesis]) -> None:
+        """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
         kept: list[Hypothesis] = []
-        for hypothesis in ranked:
+        for hypothesis in sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual):
             image = hypothesis.alignment.image
-            if len(kept) < POOL and all(
-                self._pair.difference(image, other.alignment.image) > SAME_MAP for other in kept
-            ):
+            if len(kept) < POOL and self._pair.differs(image, [h.alignment.image for h in kept], SAME_MAP):
                 kept.append(hypothesis)
         self.hypotheses = kept
 
 
-def _each(find: Callable[..., Alignment], starts: list, origin: str) -> list[Hypothesis]:  # type: ignore[type-arg]
-    return [Hypothesis(found, origin) for found in parallel_map(find, starts)]
+def images_of_rotation(pair: Pair, rotation: FloatArray) -> IntArray:
+    """First map from a rotation of the leading columns."""
+    return images_from_rotation(pair.target.cloud, pair.source.cloud, rotation)
 
 
-def _distance_flip(pair: Pair, parent: Alignment, column: int) -> Alignment:
+def _distance_flip(pair: Pair, parent: Alignment, column: int) -> IntArray:
     rotation = parent.rotation.copy()
     rotation[:, min(column, rotation.shape[1] - 1)] *= -1
-    return converged(pair, images_from_rotation(pair.target.cloud, pair.source.cloud, rotation))
+    return images_of_rotation(pair, rotation)
 
 
-def _laplace_flip(pair: Pair, functional_map: FloatArray, function: int) -> Alignment:
+def _laplace_flip(pair: Pair, functional_map: FloatArray, function: int) -> IntArray:
     size = max(function + 1, 4)
     flipped = functional_map[:size, :size].copy()
     flipped[function] *= -1
-    image = pair.upsampled(pair.image_of(flipped), range(size, FLIPPED_FUNCTIONS + 1, 2))
-    return converged(pair, image, SHORT_STEPS)
-
-
-def _composition(pair: Pair, rotation: FloatArray) -> Alignment:
-    image = nearest_rows(pair.target.cloud.points @ rotation, pair.source.cloud.points)
-    return converged(pair, image, SHORT_STEPS)
+    return pair.upsampled(pair.image_of(flipped), range(size, FLIPPED_FUNCTIONS + 1, 2))

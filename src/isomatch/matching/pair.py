@@ -107,9 +107,21 @@ class Pair:
             image = self.image_of(self.functional_map(image, k))
         return image
 
+    @cached_property
+    def _target_distances(self) -> FloatArray:
+        """Geodesic distances between the target's rows, in √area, (m_t, m_t)."""
+        target, rows = self.target.shape, self.target.rows
+        distances = np.maximum(target.distances.between(rows, rows), 0.0) / np.sqrt(target.body.area)
+        np.fill_diagonal(distances, 0.0)
+        return distances
+
     def difference(self, a: IntArray, b: IntArray) -> float:
         """Mean geodesic distance between the images of two maps, in √area: how different they are.
 
         Distances in space would take the back of a thin body for its front.
         """
-        return self.target.shape.mean_distance(self.target.rows[a], self.target.rows[b])
+        return float(self._target_distances[a, b].mean())
+
+    def differs(self, image: IntArray, others: list[IntArray], least: float) -> bool:
+        """Tell whether a map differs from all the others by more than a mean distance."""
+        return not others or bool(self._target_distances[np.array(others), image].mean(axis=1).min() > least)

@@ -17,9 +17,12 @@ from isomatch.surfaces.mesh import vertex_normals
 
 LAPLACE_STEPS = 10
 DISTANCE_STEPS = 15
-COARSE_SIZES = (20, 40, 70, 100, 140)  # functions in the steps without coordinates
-FINE_SIZES = (50, 75, 100, 125, 150, 200)  # and with them
-HALFWAY = 1.15  # misfit at half way, against the best, up to which a map is refined to the end
+STAGES = (  # functions in each step, and whether positions and normals take part
+    ((20, 40, 70, 100, 140), False),
+    ((50, 75, 100), True),
+    ((125, 150, 200), True),
+)
+HOPELESS = 1.15  # misfit after a stage, against the best, from which a map is given up
 DIFFERENT = 0.05  # mean distance between images, in √area, from which two maps are two
 POSITION_UNIT = 0.08  # misfit of positions, in √area, that counts like one of the spectral coordinates
 NORMAL_WEIGHT = 0.3
@@ -134,31 +137,34 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
     Returns
     -------
     list of JointFit or None
-        None for maps that were dropped halfway, because another arrived at the same or fitted much better.
+        None for maps that were given up, because another arrived at the same or fitted much better.
 
     Notes
     -----
     O(n_refine √n (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
     glimpse = pair.refinement
-    starts = [
-        JointFit(extended(pair, image, glimpse.rows), 1.0 if orientation >= 0 else -1.0, np.inf)
-        for image, orientation in images
-    ]
-    halfway = parallel_map(lambda start: _stepped(pair, start, COARSE_SIZES, 0.0), starts)
-    # without normals a twisted map may fit well so far: it sets no standard for the others
-    clear = [fit.misfit for fit, (_, orientation) in zip(halfway, images) if abs(orientation) > ORIENTED]
-    limit = HALFWAY * min(clear or [fit.misfit for fit in halfway])
-    best: list[int] = []
-    for i in np.argsort([fit.misfit for fit in halfway], kind="stable"):
-        new = all(differ(pair, halfway[i], halfway[j]) for j in best)
-        if new and halfway[i].misfit <= limit:
-            best.append(int(i))
-    finished = parallel_map(lambda i: _stepped(pair, halfway[i], FINE_SIZES, halfway[i].side), best)
-    fits: list[JointFit | None] = [None] * len(images)
-    for i, fit in zip(best, finished):
-        fits[i] = fit
-    return fits
+    fits = {
+        i: JointFit(extended(pair, image, glimpse.rows), 1.0 if orientation >= 0 else -1.0, np.inf)
+        for i, (image, orientation) in enumerate(images)
+    }
+    # without normals a twisted map may fit well: while they are not used, it sets no standard for the others
+    clear = {i for i, (_, orientation) in enumerate(images) if abs(orientation) > ORIENTED}
+    for sizes, with_positions in STAGES:
+        moved = parallel_map(lambda fit: _stepped(pair, fit, sizes, with_positions), fits.values())
+        fits = dict(zip(fits, moved))
+        standard = [fit.misfit for i, fit in fits.items() if with_positions or i in clear]
+        fits = _remaining(pair, fits, HOPELESS * min(standard or [fit.misfit for fit in moved]))
+    return [fits.get(i) for i in range(len(images))]
+
+
+def _remaining(pair: Pair, fits: dict[int, JointFit], limit: float) -> dict[int, JointFit]:
+    """Keep the fits up to a limit, the better of two that coincide; best first."""
+    kept: dict[int, JointFit] = {}
+    for i, fit in sorted(fits.items(), key=lambda item: item[1].misfit):
+        if fit.misfit <= limit and all(differ(pair, fit, other) for other in kept.values()):
+            kept[i] = fit
+    return kept
 
 
 def differ(pair: Pair, a: JointFit, b: JointFit, least: float = DIFFERENT) -> bool:
@@ -166,9 +172,10 @@ def differ(pair: Pair, a: JointFit, b: JointFit, least: float = DIFFERENT) -> bo
     return pair.target.shape.mean_distance(a.image, b.image) > least
 
 
-def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], side: float) -> JointFit:
+def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], with_positions: bool) -> JointFit:
     target, glimpse = pair.target.shape, pair.refinement
     rows, misfit = fit.image, fit.misfit
+    side = fit.side if with_positions else 0.0
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     for k in sizes:
         of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side, glimpse.rows)

@@ -79,6 +79,14 @@ def _stability(mesh: Mesh, axis: int) -> float:
     return float(-(rim[:, :2] @ centroid + rim[:, 2]).max() / tall)
 
 
+def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
+    """(n, 3) vertices to the right, up and towards the viewer, at unit area, the middle of what is drawn at 0."""
+    points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
+    drawn = points[np.unique(mesh.faces)]
+    middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
+    return middled
+
+
 def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
     """Find the rotation under which the source faces as the target does.
 

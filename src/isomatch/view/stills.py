@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from matplotlib import colormaps
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray
 from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.camera import camera_of, seen_from, turn_to_target
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, position_colours, to_screen
 from isomatch.view.raster import light, rasterise
 
@@ -58,7 +59,7 @@ def draw_map(
     source: Mesh,
     target: Mesh,
     correspondence: Correspondence,
-    path: str | Path,
+    path: str | Path | BinaryIO,
     *,
     titles: tuple[str, str] = ("source", "target"),
     values: ValuePanel | None = None,
@@ -72,7 +73,7 @@ def draw_map(
         The two shapes. They are drawn at equal area, and the source is turned to face as the target does.
     correspondence : Correspondence
         Source → target.
-    path : path_like
+    path : path_like or binary file
         PNG file to write; an existing one is replaced.
     titles : (str, str)
         Names under the two shapes.
@@ -110,20 +111,14 @@ class _Panel:
     colours: FloatArray  # (n, 3) in linear light, nan is grey
     title: str
 
-    def projected(self) -> FloatArray:
-        """(n, 3) right, up and towards the viewer, at unit area, the middle of what is drawn at 0."""
-        points = self.mesh.vertices @ self.camera.T / np.sqrt(self.mesh.area)
-        drawn = points[np.unique(self.mesh.faces)]
-        return np.asarray(points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2, dtype=np.float64)
-
     def extent(self) -> FloatArray:
         """Width and height at unit area."""
-        return np.asarray(np.ptp(self.projected()[np.unique(self.mesh.faces)], axis=0)[:2], dtype=np.float64)
+        return np.asarray(np.ptp(seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)], axis=0)[:2], dtype=np.float64)
 
     def image(self, width: int, height: int, scale: float) -> FloatArray:
         """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""
         width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
-        points = self.projected() * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
+        points = seen_from(self.camera, self.mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
         faces = self.mesh.faces
         raster = rasterise(points, faces, width, height)
         colour = raster.interpolated(self.colours, faces)
@@ -155,7 +150,13 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         figure.figimage(image, left, TITLE + MARGIN, origin="upper")
         middle = (left + panel_width / 2) / width
         figure.text(
-            middle, (TITLE + MARGIN) / 2 / figure.bbox.height, panel.title, ha="center", va="center", size=8
+            middle,
+            (TITLE + MARGIN) / 2 / figure.bbox.height,
+            panel.title,
+            ha="center",
+            va="center",
+            size=8,
+            parse_math=False,  # a dollar sign in a file name is no formula
         )
         left += int(panel_width) + MARGIN
     return figure
