@@ -22,7 +22,7 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
     Parameters
     ----------
     output : Path
-        Folder for map.npz, map.txt, result.json and demo.png; earlier ones are replaced.
+        Folder for map.npz, map.txt, result.json, demo.png and report.html; earlier ones are replaced.
     """
     from isomatch.datasets import example_pair, ground_truth
     from isomatch.evaluation import geodesic_errors
@@ -38,18 +38,17 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
         folder.write(result, {"mean_error_over_sqrt_target_area": float(errors.mean())})
-        from isomatch.view import draw_map  # matplotlib is slow to import
-
         stage("drawing")
-        draw_map(
+        folder.draw(
             source.mesh,
             target.mesh,
-            result.map,
-            folder.files["picture"],
+            result,
+            names=("standing", "running"),
             titles=(
                 f"source, {source.mesh.n_vertices} vertices, in the colours of their images",
                 f"target, {target.mesh.n_vertices} vertices",
             ),
+            facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the exact truth"},
         )
     say(f"{result.outcome.value}: {result.outcome.advice}", "bold")
     say_table(

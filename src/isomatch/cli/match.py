@@ -35,7 +35,7 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json and map.png.
+        Folder for map.npz, map.txt, result.json, map.png and report.html.
     landmarks : Path
         Two columns of 0-based vertex indices (source, target), comma or blank separated, # comments.
     initial_map : Path
@@ -61,16 +61,13 @@ def match(
             *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
         )
         stage("writing")
+        given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
+        told = {what: str(path) for what, path in given.items() if path is not None}
         record = folder.write(result, {"source": str(source), "target": str(target)})
-        from isomatch.view import draw_map  # matplotlib is slow to import
-
         stage("drawing")
-        draw_map(
-            *shapes,
-            result.map,
-            folder.files["picture"],
-            titles=(f"source: {source.name}", f"target: {target.name}"),
-        )
+        names = source.name, target.name
+        titles = f"source: {source.name}", f"target: {target.name}"
+        folder.draw(*shapes, result, names=names, titles=titles, facts=told)
     if json:
         say_json(record)
         return

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from math import isfinite, isnan
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from isomatch import IsomatchError, MatchResult, Outcome, __version__
+from isomatch import IsomatchError, MatchResult, Mesh, Outcome, __version__
 from isomatch.cli.terminal import json_text, say, say_table
 
 
@@ -29,7 +28,13 @@ class ResultFolder:
     @property
     def files(self) -> dict[str, str]:
         """Path of each file, by what it is."""
-        names = {"map": "map.npz", "text": "map.txt", "result": "result.json", "picture": self.picture}
+        names = {
+            "map": "map.npz",
+            "text": "map.txt",
+            "result": "result.json",
+            "picture": self.picture,
+            "report": "report.html",
+        }
         return {what: str(self.folder / name) for what, name in names.items()}
 
     def claim(self, force: bool) -> None:
@@ -42,12 +47,30 @@ class ResultFolder:
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def write(self, result: MatchResult, more: dict[str, Any]) -> dict[str, Any]:
-        """Write all but the picture; return what is in ``result.json``."""
+        """Write all that is not to be looked at; return what is in ``result.json``."""
         record = {"isomatch": __version__, **more, **result.to_dict(), "files": self.files}
         result.map.save(self.files["map"])
         result.map.save(self.files["text"])
         Path(self.files["result"]).write_text(json_text(record), encoding="utf-8")
         return record
+
+    def draw(
+        self,
+        source: Mesh,
+        target: Mesh,
+        result: MatchResult,
+        *,
+        names: tuple[str, str],
+        titles: tuple[str, str],
+        facts: dict[str, Any],
+    ) -> None:
+        """Write picture and report: ``titles`` under the shapes of the picture, ``facts`` about the run in the report."""
+        from isomatch.view import draw_map, write_report  # matplotlib is slow to import
+
+        picture = self.files["picture"]
+        draw_map(source, target, result.map, picture, titles=titles)
+        facts = {"isomatch": __version__, **facts}
+        write_report(self.files["report"], source, target, result, names=names, picture=picture, facts=facts)
 
 
 _STYLES = {Outcome.CONVERGED: "bold green", Outcome.LOW_CONFIDENCE: "bold red"}
@@ -70,26 +93,8 @@ def say_files(files: dict[str, str]) -> None:
     say("wrote " + ", ".join(files.values()))
 
 
-# field of `isomatch.Quality`: what it is called, how it is written, in which unit
-_MEASURES = {
-    "misfit": ("misfit", "{:.2f}", "0: one shape; 0.4: right, of two people"),
-    "rival_misfit": ("misfit of the next best map", "{:.2f} ×", "1 is a tie, large is clear"),
-    "distortion_mean": ("distortion, mean", "{:.2%}", "of √area, between pairs of points"),
-    "distortion_p95": ("distortion, 95th percentile", "{:.2%}", "of √area"),
-    "coverage": ("coverage", "{:.1%}", "of the target's area is near an image"),
-    "matched": ("matched", "{:.1%}", "of the source's vertices have an image"),
-    "orientation": ("orientation", "{:.2f}", "1 keeps the outside, −1 inverts it"),
-    "residual": ("descriptor residual", "{:.2f}", "of √(average distance)"),
-    "stretch": ("stretch of edges", "{:.2f}", "mean square, 1 for an isometry"),
-    "landmark_error": ("landmark error", "{:.2%}", "of √(target area)"),
-}
-
-
 def _quality_rows(result: MatchResult) -> list[tuple[str, str, str]]:
     """Name, value and unit of every measure that was taken."""
-    rows = []
-    for field, value in asdict(result.quality).items():
-        name, written, unit = _MEASURES.get(field, (field, "{:.3g}", ""))
-        if not isnan(value):
-            rows.append((name, written.format(value) if isfinite(value) else "none", unit))
-    return rows
+    from isomatch.view.measures import taken  # with the room comes matplotlib, which is slow to import
+
+    return [(measure.name, measure.value(number), measure.unit) for measure, number, _ in taken(result)]

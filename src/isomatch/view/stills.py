@@ -113,7 +113,8 @@ class _Panel:
 
     def extent(self) -> FloatArray:
         """Width and height at unit area."""
-        return np.asarray(np.ptp(seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)], axis=0)[:2], dtype=np.float64)
+        drawn = seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)]
+        return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
 
     def image(self, width: int, height: int, scale: float) -> FloatArray:
         """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""

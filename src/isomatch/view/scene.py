@@ -1,0 +1,131 @@
+"""What a browser needs to draw both shapes and their maps: arrays as text, larger shapes thinned out."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.maps import Correspondence
+from isomatch.surfaces import Mesh
+from isomatch.view.camera import camera_of, seen_from, turn_to_target
+from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
+
+MOST_SHOWN = 30_000  # vertices of one shape
+COARSER = 1.15  # growth of the cells of a shape that is thinned out, until few enough are left
+
+
+def scene_of(
+    source: Mesh, target: Mesh, maps: Mapping[str, Correspondence], most: int = MOST_SHOWN
+) -> dict[str, Any]:
+    """Collect what is drawn.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The two shapes.
+    maps : mapping of str to Correspondence
+        Maps source → target by name; the first decides how the source is turned.
+    most : int
+        A shape that uses more vertices is thinned out: in each cell of a cubic grid one vertex stays, with its own
+        place, colour and image, and faces follow their corners.
+
+    Returns
+    -------
+    dict
+        Plain values for JSON. ``source`` and ``target``: ``index`` (uint32, the user's index of each vertex shown),
+        ``vertices`` (float32 × 3: right, up, towards the viewer; unit area, as in the still picture), ``normals``
+        (int8 × 3), ``colours`` (uint8 × 3, target only), ``faces`` (uint32 × 3), ``extent``,
+        ``n_shown`` of the ``n_used`` vertices that faces use. ``maps``: for each source
+        vertex shown ``images`` (int32, the user's index of the target vertex, −1: unmatched), ``points`` and
+        ``normals`` of the precise images, and ``colours``. Arrays are little-endian, in base 64.
+    """
+    camera = camera_of(target)
+    turned = camera @ turn_to_target(source, target, next(iter(maps.values())))
+    shapes = {"source": _Shown(source, turned, most), "target": _Shown(target, camera, most)}
+    colours = position_colours(target)
+    return {
+        "source": shapes["source"].packed(),
+        "target": {**shapes["target"].packed(), "colours": _colours(colours[shapes["target"].index])},
+        "maps": [
+            {"name": name, **_packed_map(shapes["source"], shapes["target"], colours, correspondence)}
+            for name, correspondence in maps.items()
+        ],
+    }
+
+
+class _Shown:
+    """One shape in the viewer's frame: all its vertices, and those that are shown."""
+
+    def __init__(self, mesh: Mesh, camera: FloatArray, most: int) -> None:
+        self.points = seen_from(camera, mesh)  # (n, 3)
+        self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
+        self.n_used = len(np.unique(mesh.sound_faces))
+        self.index, self.faces = _thinned(self.points, mesh.sound_faces, most)
+
+    def packed(self) -> dict[str, Any]:
+        drawn = self.points[self.index]
+        return {
+            "n_used": self.n_used,
+            "n_shown": len(self.index),
+            "index": _packed(self.index, "<u4"),
+            "vertices": _packed(drawn, "<f4"),
+            "normals": _normals(self.normals[self.index]),
+            "faces": _packed(self.faces, "<u4"),
+            "extent": np.ptp(drawn, axis=0).tolist(),
+        }
+
+
+def _packed_map(
+    source: _Shown, target: _Shown, colours: FloatArray, correspondence: Correspondence
+) -> dict[str, str]:
+    points, normals, pulled = (
+        correspondence.pull_back(values)[source.index] for values in (target.points, target.normals, colours)
+    )
+    unmatched = ~correspondence.matched[source.index]
+    points[unmatched], normals[unmatched], pulled[unmatched] = 0.0, 0.0, UNMATCHED_GREY
+    return {
+        "images": _packed(correspondence.vertices[source.index], "<i4"),
+        "points": _packed(points, "<f4"),
+        "normals": _normals(normals),
+        "colours": _colours(pulled),
+    }
+
+
+def _thinned(points: FloatArray, faces: IntArray, most: int) -> tuple[IntArray, IntArray]:
+    """Vertices that are shown, at most ``most``, and the faces between them, numbered among these."""
+    used = np.unique(faces)
+    shown, cell = used, np.arange(len(used))
+    size = most**-0.5  # of cells at unit area
+    while len(shown) > most:
+        inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
+        middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")
+        _, first, among = np.unique(cells[middle_first], axis=0, return_index=True, return_inverse=True)
+        shown = used[middle_first[first]]
+        cell[middle_first] = among.ravel()
+        size *= COARSER
+    number = np.zeros(len(points), dtype=np.int64)
+    number[used] = cell
+    corners = number[faces]
+    a, b, c = corners.T
+    corners = corners[(a != b) & (b != c) & (c != a)]
+    if len(shown) < len(used):
+        _, once = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+        corners = corners[once]
+    return shown, corners
+
+
+def _packed(values: ArrayLike, dtype: str) -> str:
+    return b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode("ascii")
+
+
+def _normals(unit: FloatArray) -> str:
+    return _packed(np.rint(127 * unit), "i1")
+
+
+def _colours(linear: FloatArray) -> str:
+    return _packed(np.rint(255 * to_screen(linear)), "u1")

@@ -1,0 +1,250 @@
+"""The report: one whole file, nothing from outside, and what it shows is what was found."""
+
+import dataclasses
+import json
+import re
+import shutil
+import subprocess
+from base64 import b64decode
+from html import escape
+from html.parser import HTMLParser
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Mesh, Outcome, Quality
+from isomatch.datasets import example_pair, ground_truth
+from isomatch.maps import Correspondence
+from isomatch.matching import Alternative, MatchResult
+from isomatch.view import position_colours, report, write_report
+from isomatch.view.colours import to_screen
+from isomatch.view.measures import MEASURES, taken
+from isomatch.view.scene import scene_of
+
+HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
+VOID = {"meta", "img", "br", "line", "circle"}
+
+
+class Page(HTMLParser):
+    """Elements of a page in order, with their text; fails where they are not properly nested."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.found = [], []
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attributes):
+        element = {"tag": tag, "text": "", **dict(attributes)}
+        self.found.append(element)
+        if tag not in VOID:
+            self.open.append(element)
+
+    def handle_startendtag(self, tag, attributes):
+        self.found.append({"tag": tag, "text": "", **dict(attributes)})
+
+    def handle_endtag(self, tag):
+        assert self.open.pop()["tag"] == tag
+
+    def handle_data(self, data):
+        for element in self.open:
+            element["text"] += data
+
+    def by_id(self, name):
+        (element,) = (element for element in self.found if element.get("id") == name)
+        return element
+
+    def all(self, tag):
+        return [element for element in self.found if element["tag"] == tag]
+
+
+@pytest.fixture(scope="module")
+def pair():
+    source, target = example_pair()
+    truth = Correspondence(ground_truth(source, target).vertices, target.mesh.n_vertices)
+    return source.mesh, target.mesh, truth
+
+
+@pytest.fixture(scope="module")
+def result(pair):
+    """A result made by hand: no match is run here."""
+    _, target, truth = pair
+    unmatched = truth.vertices.copy()
+    unmatched[:7] = -1
+    quality = Quality(0.71, float("inf"), 0.16, 1.0, 0.98, 0.0186, 0.0478, 0.994, 0.9, float("nan"))
+    other = Correspondence(np.roll(truth.vertices, 1), target.n_vertices)
+    return MatchResult(
+        map=Correspondence(unmatched, target.n_vertices),
+        outcome=Outcome.LOW_CONFIDENCE,
+        quality=quality,
+        alternatives=(Alternative(other, 0.125, -0.5, "a <bold> guess"),),
+        timings={"prepare": 1.25, "total": 2.5},
+        notes=("source: left out <7> vertices",),
+        engine="fast_marching",
+        origin="laplace flip",
+        config=Config(rank=48),
+        seed=17,
+    )
+
+
+@pytest.fixture(scope="module")
+def written(pair, result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, *pair[:2], result, names=(HOSTILE, "target.ply"), facts={"source": HOSTILE})
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return Page(written)
+
+
+def unpacked(text, dtype, columns=1):
+    values = np.frombuffer(b64decode(text), dtype)
+    return values if columns == 1 else values.reshape(-1, columns)
+
+
+def test_the_report_is_whole_small_and_loads_nothing(written, page):
+    assert len(written) < 5e6
+    assert "default-src 'none'" in written
+    assert not re.search(r"https?:|//[\w-]+\.\w|@import|url\(|\bfetch\(|XMLHttpRequest|\bimport\(", written)
+    for element in page.found:
+        assert element.get("src", "data:").startswith("data:")
+        assert "href" not in element
+        assert element["tag"] not in ("link", "iframe", "object", "embed", "base")
+    names = [element["id"] for element in page.found if "id" in element]
+    assert len(names) == len(set(names))
+
+
+def test_the_script_asks_only_for_elements_that_are_there(page):
+    script = page.all("script")[-1]["text"]
+    asked = set(re.findall(r'by\("(\w+)"\)', script))
+    for names in re.findall(r"\[([^\[\]]*)\]\.map\(by\)", script):
+        asked |= set(re.findall(r'"(\w+)"', names))
+    assert {"view", "scene", "dot1", "save", "reset"} <= asked
+    for name in asked | {"name0", "name1", "vertex", "fragment"}:
+        page.by_id(name)
+
+
+def test_what_the_user_named_is_shown_and_never_obeyed(written, page):
+    assert page.all("title")[0]["text"] == f"isomatch: {HOSTILE} → target.ply"
+    assert page.by_id("name0")["text"] == f"source: {HOSTILE}"
+    assert HOSTILE in [cell["text"] for cell in page.all("td")]
+    assert len(page.all("script")) == 4
+    assert "<script>alert" not in written
+    for text in ("a <bold> guess", "left out <7> vertices"):
+        assert text not in written
+        assert escape(text) in written
+
+
+def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
+    assert page.by_id("outcome")["text"] == "Low confidence"
+    assert page.by_id("advice")["text"] == result.outcome.advice
+    rows = [row["text"] for row in page.all("tr")]
+    for start in ("misfit0.71at most 0.66 (not kept)", "next best mapnoneat least 1.05 ×"):
+        assert any(row.startswith(start) for row in rows)
+    assert any(row.startswith("orientation0.98at least 0.65Whether") for row in rows)
+    for row in ("rank48", "seed17", "total2.50", "geodesic enginefast_marching", "winning startlaplace flip"):
+        assert row in rows
+    assert not any(row.startswith("landmark error") for row in rows)
+    (caption,) = (element["text"] for element in page.all("figcaption"))
+    assert "0.125" in caption
+    assert "-0.50" in caption
+    assert [option["text"] for option in page.all("option")] == ["returned", "alternative 1"]
+    soft = " ".join(element["text"] for element in page.all("p"))
+    assert "Grey: 7 source vertices" in soft
+    assert "Source: left out <7> vertices" in soft
+    assert "--landmarks" in soft
+    assert "thinned out" not in soft
+
+
+def test_pictures_are_embedded(page):
+    images = [b64decode(image["src"].removeprefix("data:image/png;base64,")) for image in page.all("img")]
+    assert [image[:8] for image in images] == [b"\x89PNG\r\n\x1a\n"] * 2
+    assert len(images[0]) > len(images[1])
+
+
+def test_embedded_arrays_are_the_shapes_and_the_map(page, pair, result):
+    scene = json.loads(page.by_id("scene")["text"])
+    for side, mesh in zip(("source", "target"), pair):
+        stored = scene[side]
+        np.testing.assert_array_equal(unpacked(stored["index"], "<u4"), np.arange(mesh.n_vertices))
+        np.testing.assert_array_equal(unpacked(stored["faces"], "<u4", 3), mesh.faces)
+        points = unpacked(stored["vertices"], "<f4", 3).astype(float)
+        np.testing.assert_allclose(
+            lengths(points, mesh.edges) * np.sqrt(mesh.area), lengths(mesh.vertices, mesh.edges), rtol=1e-3
+        )
+        assert Mesh(points, mesh.faces).volume * mesh.area**1.5 == pytest.approx(mesh.volume, rel=1e-3)
+    best, other = scene["maps"]
+    images = unpacked(best["images"], "<i4")
+    np.testing.assert_array_equal(images, result.map.vertices)
+    at_target = unpacked(scene["target"]["vertices"], "<f4", 3)
+    np.testing.assert_array_equal(unpacked(best["points"], "<f4", 3)[7:], at_target[images[7:]])
+    np.testing.assert_array_equal(unpacked(other["images"], "<i4"), result.alternatives[0].map.vertices)
+    colours = unpacked(scene["target"]["colours"], "u1", 3)
+    np.testing.assert_allclose(colours / 255, to_screen(position_colours(pair[1])), atol=0.5 / 255 + 1e-9)
+    np.testing.assert_array_equal(unpacked(best["colours"], "u1", 3)[7:], colours[images[7:]])
+    assert np.ptp(unpacked(best["colours"], "u1", 3)[:7]) == 0
+
+
+def lengths(points, edges):
+    return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+
+
+def test_a_large_shape_is_thinned_out_and_its_vertices_stay_what_they_are(pair):
+    source, target, truth = pair
+    whole = scene_of(source, target, {"map": truth})
+    thin = scene_of(source, target, {"map": truth}, most=600)
+    for side in ("source", "target"):
+        index = unpacked(thin[side]["index"], "<u4")
+        assert 400 < len(index) == thin[side]["n_shown"] <= 600
+        assert len(set(index)) == len(index)
+        points = unpacked(thin[side]["vertices"], "<f4", 3)
+        np.testing.assert_array_equal(points, unpacked(whole[side]["vertices"], "<f4", 3)[index])
+        faces = unpacked(thin[side]["faces"], "<u4", 3)
+        assert faces.max() < len(index)
+        assert (np.diff(np.sort(faces, axis=1), axis=1) > 0).all()
+        mesh = pair[0] if side == "source" else pair[1]
+        assert Mesh(points, faces).area == pytest.approx(1.0, rel=0.1)
+        unit_volume = mesh.volume / mesh.area**1.5
+        assert Mesh(points, faces).volume == pytest.approx(unit_volume, rel=0.1)
+    index = unpacked(thin["source"]["index"], "<u4")
+    np.testing.assert_array_equal(unpacked(thin["maps"][0]["images"], "<i4"), truth.vertices[index])
+
+
+def test_the_report_tells_that_a_shape_was_thinned_out(pair, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "scene_of", lambda *shapes: scene_of(*shapes, most=3000))
+    converged = dataclasses.replace(result, outcome=Outcome.CONVERGED, alternatives=(), map=pair[2], notes=())
+    (tmp_path / "still.png").write_bytes(b"a picture")
+    write_report(tmp_path / "report.html", *pair[:2], converged, picture=tmp_path / "still.png")
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    told = " ".join(element["text"] for element in page.all("p"))
+    assert re.search(r"target is thinned out to [\d,]+ of its 3,242 vertices", told)
+    assert "source is thinned" not in told
+    assert "--landmarks" not in told
+    assert "No different map" in told
+    assert "Nothing was mended" in told
+    assert page.by_id("outcome")["text"] == "Converged"
+    assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"
+
+
+def test_every_measure_of_quality_has_words():
+    assert {field.name for field in dataclasses.fields(Quality)} == set(MEASURES)
+    assert all(measure.name and measure.meaning.endswith(".") for measure in MEASURES.values())
+
+
+def test_a_mirror_image_that_was_asked_for_does_not_speak_against_the_map(result):
+    mirrored = dataclasses.replace(result.quality, orientation=-0.98)
+    for wanted, against in (("preserve", True), ("reverse", False)):
+        config = dataclasses.replace(result.config, orientation=wanted)
+        told = taken(dataclasses.replace(result, quality=mirrored, config=config))
+        assert [bad for measure, _, bad in told if measure.name == "orientation"] == [against]
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+def test_the_script_is_sound_javascript():
+    script = (files("isomatch.view") / "report.js").read_text(encoding="utf-8")
+    done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
