@@ -25,11 +25,11 @@ def mean_relative_errors(mesh, sources):
 def test_creature(pose):
     mesh = creature(5000, pose=pose).mesh
     sources = np.random.default_rng(pose).integers(mesh.n_vertices, size=5)
-    assert mean_relative_errors(mesh, sources).mean() < 0.006
+    assert mean_relative_errors(mesh, sources).mean() < 0.003
 
 
 @pytest.mark.long
 def test_cat():
     mesh = tosca("cat0")
     sources = np.random.default_rng(0).integers(mesh.n_vertices, size=6)
-    assert mean_relative_errors(mesh, sources).mean() < 0.006
+    assert mean_relative_errors(mesh, sources).mean() < 0.003

@@ -55,7 +55,8 @@ def test_cylinder_is_exact_around_both_sides(source):
     assert relative_error(computed, cylinder_distances(60, 80, source)[None]).max() < 1e-6
 
 
-def test_refining_a_sphere_halves_the_error():
+def test_halving_the_edges_of_a_sphere_quarters_the_error():
+    """Second order, thanks to the curvature of the front; halving would be first order."""
     errors = []
     for level in range(2, 6):
         sphere = icosphere(level)
@@ -63,8 +64,8 @@ def test_refining_a_sphere_halves_the_error():
         exact = np.arccos(np.clip(sphere.vertices[sources] @ sphere.vertices.T, -1, 1))
         errors.append(np.abs(geodesic_distances(sphere, sources) - exact).mean())
     ratios = np.divide(errors[:-1], errors[1:])
-    assert (ratios > 1.9).all(), f"errors {errors}"
-    assert errors[-1] < 0.003
+    assert (ratios > 3.8).all(), f"errors {errors}"
+    assert errors[-1] < 0.0002
 
 
 def test_distance_along_one_edge_is_its_length(example):
@@ -102,7 +103,7 @@ def test_not_shorter_than_the_straight_line_nor_longer_than_edges(example):
     sources = [0, 700, 2100]
     computed = geodesic_distances(mesh, sources)
     assert (computed <= dijkstra(graph, directed=False, indices=sources) * (1 + 1e-6)).all()
-    assert (computed >= euclidean(mesh, sources) * (1 - 1e-6)).all()
+    assert (computed >= euclidean(mesh, sources) * 0.99).all(), "up to the accuracy of the front's curvature"
 
 
 @pytest.mark.parametrize("scale", [1.0, 1000.0, 1e-4])
@@ -113,6 +114,15 @@ def test_relabelling_moving_and_scaling_change_nothing(example, scale):
     plain = geodesic_distances(mesh, sources)
     moved = geodesic_distances(other.mesh, other.new_vertex[sources])[:, other.new_vertex]
     np.testing.assert_allclose(moved, scale * plain, rtol=1e-5, atol=1e-6 * scale)
+
+
+def test_rounding_decides_nothing(example):
+    """Equal paths are common on symmetric and flat places; which is taken must not depend on the last digit."""
+    mesh = example[0].mesh
+    plain, scaled = (
+        geodesic_distances(Mesh(s * mesh.vertices, mesh.faces), range(0, 2900, 50)) for s in (1, 3)
+    )
+    np.testing.assert_allclose(scaled, 3 * plain, rtol=1e-5)
 
 
 def test_number_of_threads_changes_nothing(example, monkeypatch):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._memory import require_memory
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics.fast_marching import march, march_bounded
+from isomatch.geodesics.front import march, march_bounded
 from isomatch.geodesics.stencil import stencil_of
 from isomatch.surfaces import Mesh
 

@@ -28,6 +28,12 @@ class Stencil:
     other: AnyArray  # (e,) int32
     target: AnyArray  # (e,) int32
     shape: Float32Array  # (e, 4)
+    curvature: FloatArray  # (n,) Gaussian curvature
+
+    @property
+    def arrays(self) -> tuple[IntArray, AnyArray, AnyArray, Float32Array, FloatArray]:
+        """All of them, in order, for compiled loops."""
+        return self.start, self.other, self.target, self.shape, self.curvature
 
     @property
     def n_vertices(self) -> int:
@@ -52,7 +58,24 @@ def stencil_of(mesh: Mesh) -> Stencil:
     a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     points = mesh.vertices
     plain = np.column_stack([corner, a, b]), _triangle(points[a], points[b], points[corner])
-    return _group(np.concatenate([plain[0], extra[0]]), np.concatenate([plain[1], extra[1]]), mesh.n_vertices)
+    curvature = _gaussian_curvature(mesh, opposite)
+    return _group(np.concatenate([plain[0], extra[0]]), np.concatenate([plain[1], extra[1]]), curvature)
+
+
+def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
+    """Angle missing to a full turn over the area of a vertex, (n,); 0 on boundaries and where not manifold."""
+    corner = mesh.sound_faces.ravel()
+    at, following, before = (
+        mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
+    )
+    one, two = following - at, before - at
+    angles = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.einsum("ij,ij->i", one, two))
+    missing = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
+    rim = np.flatnonzero(opposite < 0)
+    missing[corner[rim - rim % 3 + (rim + 1) % 3]] = 0.0
+    missing[corner[rim - rim % 3 + (rim + 2) % 3]] = 0.0
+    area = mesh.vertex_areas
+    return np.divide(missing, area, out=np.zeros(mesh.n_vertices), where=area > 0)
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
@@ -65,8 +88,9 @@ def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.column_stack([length, x, y])
 
 
-def _group(corners: IntArray, shape: FloatArray, n: int) -> Stencil:
+def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stencil:
     """Write each update (c; a, b) once under a and, mirrored, once under b, sorted by trigger."""
+    n = len(curvature)
     target, a, b = corners.T
     mirrored = np.column_stack([shape[:, 0], shape[:, 0] - shape[:, 1], shape[:, 2]])
     trigger = np.concatenate([a, b])
@@ -79,6 +103,7 @@ def _group(corners: IntArray, shape: FloatArray, n: int) -> Stencil:
         np.concatenate([b, a])[order].astype(np.int32),
         np.concatenate([target, target])[order].astype(np.int32),
         np.column_stack([shape, np.hypot(shape[:, 1], shape[:, 2])]).astype(np.float32),
+        curvature,
     )
 
 
