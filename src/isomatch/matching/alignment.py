@@ -112,7 +112,9 @@ def icp(
     Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖; O(m_t m_s k) a step and start.
     """
     images, moving = starts.copy(), np.arange(len(starts))
-    beside = (np.empty((len(target.points), 0)), np.empty((len(source.points), 0))) if extra is None else extra
+    beside = (
+        (np.empty((len(target.points), 0)), np.empty((len(source.points), 0))) if extra is None else extra
+    )
     fixed = np.hstack([source.points, beside[1]])
     for _ in range(max_iterations):
         previous = images[moving]

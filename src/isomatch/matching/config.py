@@ -11,7 +11,7 @@ from isomatch.bases import Weighting
 from isomatch.errors import SettingError
 
 Orientation = Literal["preserve", "reverse", "any"]
-Refinement = Literal["none", "laplace_icp", "joint"]
+Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 
 
@@ -36,9 +36,10 @@ class Config:
     hypotheses : {"all", "given"}
         Choose among automatic starts and those given, or only among those given. Automatic ones are tried in both
         cases, so that the result can tell when one of them fits better.
-    refinement : {"none", "laplace_icp", "joint"}
+    refinement : {"none", "laplace_icp", "joint", "smooth"}
         After the alignment of distance descriptors: nothing (the paper's plain method), the paper's
-        post-processing, or spectral upsampling joint with descriptors, coordinates and normals.
+        post-processing, or spectral upsampling joint with descriptors, coordinates and normals; "smooth" is "joint"
+        with more care, and time, for a map that is smooth and nearly one to one.
     orientation : {"preserve", "reverse", "any"}
         Whether the map should keep the side of the surface that looks outward, turn it inside out (mirror), or
         whichever fits better.
@@ -90,7 +91,7 @@ class Config:
 _CHOICES = {
     "weights": ("area", "uniform"),
     "hypotheses": ("all", "given"),
-    "refinement": ("none", "laplace_icp", "joint"),
+    "refinement": ("none", "laplace_icp", "joint", "smooth"),
     "orientation": ("preserve", "reverse", "any"),
 }
 _LEAST = {"n_columns": 8, "rank": 4, "n_functions": 20, "n_search": 100, "n_refine": 100}

@@ -111,7 +111,8 @@ class Pair:
     def _target_distances(self) -> FloatArray:
         """Geodesic distances between the target's rows, in √area, (m_t, m_t)."""
         target, rows = self.target.shape, self.target.rows
-        distances = np.maximum(target.distances.between(rows, rows), 0.0) / np.sqrt(target.body.area)
+        distances: FloatArray = np.maximum(target.distances.between(rows, rows), 0.0)
+        distances /= np.sqrt(target.body.area)
         np.fill_diagonal(distances, 0.0)
         return distances
 

@@ -136,14 +136,15 @@ def match(
                 "give landmarks, an initial map or descriptors"
             )
         clock.start("refinement")
-        order, fits = _contest(pair, order, rivals, config)
-        coordinates = _coordinates(pair, order[0], fits[0], config)
+        fits = _contest(pair, order, rivals, config)
+        coordinates = _coordinates(pair, fits[0], config)
         image = nearest_in_cells(*coordinates, target.cells)
         corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
         clock.start("quality")
         precise = np.einsum("ij,ijx->ix", barycentric, target.body.vertices[corners])
         quality = quality_of(pair, image, precise, fits, pairs)
-        alternatives = parallel_map(lambda judged: _alternative(pair, judged), _others(pair, order))
+        others = _others(pair, [fit.judged for fit in fits] + order + rivals)
+        alternatives = parallel_map(lambda judged: _alternative(pair, judged), others)
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, image, corners, barycentric),
@@ -153,7 +154,7 @@ def match(
         timings=clock.stop(),
         notes=notes,
         engine=source.distances.engine,
-        origin=order[0].hypothesis.origin,
+        origin=fits[0].judged.hypothesis.origin,
         config=config,
         seed=seed,
     )
@@ -248,35 +249,21 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, confi
     return ranked_by_side(agreeing, config.orientation)
 
 
-def _contest(
-    pair: Pair, order: list[Judged], rivals: list[Judged], config: Config
-) -> tuple[list[Judged], list[refine.JointFit]]:
-    """Refine the contenders, and rivals that may not win.
-
-    Returns the best contender, the others by misfit, those not refined; and the fits of the refined ones.
-    """
-    fitted = _fitted(pair, contenders(order, config.orientation))
+def _contest(pair: Pair, order: list[Judged], rivals: list[Judged], config: Config) -> list[refine.JointFit]:
+    """Refine the contenders, and rivals that may not win: the best contender, then all others, best first."""
+    fits = refine.jointly(pair, contenders(order, config.orientation))
     if rivals:
-        others = fitted[1:] + _fitted(pair, contenders(rivals, config.orientation))
-        fitted[1:] = sorted(others, key=lambda found: found[1].misfit)
-    refined = [judged for judged, _ in fitted]
-    rest = [judged for judged in order + rivals if all(judged is not other for other in refined)]
-    return refined + rest, [fit for _, fit in fitted]
+        others = fits[1:] + refine.jointly(pair, contenders(rivals, config.orientation))
+        fits[1:] = sorted(others, key=lambda fit: fit.score)
+    return fits
 
 
-def _fitted(pair: Pair, few: list[Judged]) -> list[tuple[Judged, refine.JointFit]]:
-    """Refine a few hypotheses; those refined to the end, best first."""
-    fits = refine.jointly(pair, [(judged.image, judged.orientation) for judged in few])
-    return sorted(
-        ((judged, fit) for judged, fit in zip(few, fits) if fit is not None),
-        key=lambda found: found[1].misfit,
-    )
-
-
-def _coordinates(pair: Pair, winner: Judged, fit: refine.JointFit, config: Config) -> refine.Coordinates:
-    if config.refinement == "joint":
-        return refine.joint_coordinates(pair, fit)
-    coordinates = refine.by_distances(pair, winner.hypothesis.alignment.image)
+def _coordinates(pair: Pair, fit: refine.JointFit, config: Config) -> refine.Coordinates:
+    if config.refinement in ("joint", "smooth"):
+        smooth = config.refinement == "smooth"
+        coordinates = refine.joint_coordinates(pair, fit, with_signatures=not smooth)
+        return refine.settled(pair, coordinates, refine.SMOOTH_STEPS if smooth else refine.SETTLING_STEPS)
+    coordinates = refine.by_distances(pair, fit.judged.hypothesis.alignment.image)
     return refine.by_laplace_icp(pair, coordinates) if config.refinement == "laplace_icp" else coordinates
 
 

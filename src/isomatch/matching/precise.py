@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
@@ -51,6 +52,12 @@ def nearest_points(
 
     parallel_map(chunk, range(0, len(image), CHUNK))
     return corners, barycentric
+
+
+def interpolation(corners: IntArray, barycentric: FloatArray, n_target: int) -> csr_array:
+    """(n_s, n_t) matrix of a precise map: its product with values at the target's vertices pulls them back."""
+    rows = np.repeat(np.arange(len(corners)), 3)
+    return csr_array((barycentric.ravel(), (rows, corners.ravel())), shape=(len(corners), n_target))
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

@@ -18,7 +18,7 @@ from isomatch.surfaces import Mesh
 REACH = 0.05  # a target vertex this near to an image, in √area, is covered
 SMOOTH = 60  # functions of the surfaces whose normals are compared
 RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
-TIE = 1.05  # misfit of a different map, against that returned, below which nothing decides between them
+TIE = 1.05  # score of a different map, against that returned, below which nothing decides between them
 # Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
 POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.3, 0.65
 
@@ -58,7 +58,7 @@ def quality_of(
         landmark_error = landmark_errors(pair, np.where(on_body >= 0, image[on_body], -1), landmarks)
     return Quality(
         misfit=fits[0].misfit,
-        rival_misfit=_rival(pair, fits),
+        rival=_rival(pair, fits),
         residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
         stretch=_stretch(source.body, precise),
         orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH),
@@ -78,9 +78,9 @@ def _stretch(source: Mesh, points: FloatArray) -> float:
 
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
-    """Misfit of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
-    rivals = [fit.misfit for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
-    return rivals[0] / max(fits[0].misfit, 1e-12) if rivals else np.inf
+    """Score of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
+    rivals = [fit.score for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
+    return rivals[0] / max(fits[0].score, 1e-12) if rivals else np.inf
 
 
 def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
@@ -102,11 +102,11 @@ def outcome_of(
         or quality.residual > POOR_RESIDUAL
         or quality.stretch > POOR_STRETCH
         or kept < POOR_ORIENTATION
-        or quality.rival_misfit < 1.0
+        or quality.rival < 1.0
     )
     if poor:
         return Outcome.LOW_CONFIDENCE
-    if quality.rival_misfit < TIE:
+    if quality.rival < TIE:
         return Outcome.SYMMETRY_AMBIGUOUS
     if any(shape.left_out > LARGE_COMPONENT for shape in (source, target)):
         return Outcome.PARTIAL

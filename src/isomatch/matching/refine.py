@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from scipy.linalg import solve
+from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching.alignment import orthogonal_alignment
-from isomatch.matching.choice import ORIENTED
+from isomatch.matching.choice import ORIENTED, Judged
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Glimpse, Pair
+from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
@@ -22,8 +26,12 @@ STAGES = (  # functions in each step, and whether positions and normals take par
     ((50, 75, 100), True),
     ((125, 150, 200), True),
 )
+SETTLING_STEPS, SMOOTH_STEPS = 4, 8
 HOPELESS = 1.15  # misfit after a stage, against the best, from which a map is given up
-DIFFERENT = 0.05  # mean distance between images, in √area, from which two maps are two
+ENERGY_SHARE = 0.2  # exponent of the energy of the hypothesis beside the misfit of the refined map
+DIFFERENT = (
+    0.02  # mean distance between images, in √area, from which two maps are two: one limb that is turned
+)
 POSITION_UNIT = 0.08  # misfit of positions, in √area, that counts like one of the spectral coordinates
 NORMAL_WEIGHT = 0.3
 
@@ -99,21 +107,31 @@ class JointFit:
 
     Parameters
     ----------
+    judged : Judged
+        The hypothesis it came from.
     image : (n_refine,) array of int
         Target body vertex of each refinement vertex.
-    side : float
-        1 if the map keeps the outside, −1 if it mirrors.
     misfit : float
         Mean distance of these vertices from their images in the joint coordinates of the last step. It judges a map by
         everything at once: spectrum, signatures, positions and normals after the best smooth fit.
     """
 
+    judged: Judged
     image: IntArray
-    side: float
     misfit: float
 
+    @property
+    def side(self) -> float:
+        """1 if the map keeps the outside, −1 if it mirrors."""
+        return 1.0 if self.judged.orientation >= 0 else -1.0
 
-def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit | None]:
+    @property
+    def score(self) -> float:
+        """What speaks against the map: its misfit, and a little what was seen of it before the refinement."""
+        return self.misfit * float(self.judged.energy**ENERGY_SHARE)
+
+
+def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
     """Upsample spectrally, joint with signatures, coordinates and normals.
 
     In each step the target's functions *and coordinates* are fitted on the source by least squares over the source's
@@ -121,7 +139,7 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
 
     - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
     - point signatures,
-    - in the second half of the steps, positions: the smooth target against the copy of it drawn on the source, Φ_s c,
+    - after the first stage, positions: the smooth target against the copy of it drawn on the source, Φ_s c,
     - and normals of both.
 
     Positions and normals are those of the target and of its own copy, so the pose of either shape does not matter.
@@ -130,40 +148,36 @@ def jointly(pair: Pair, images: list[tuple[IntArray, float]]) -> list[JointFit |
     ----------
     pair : Pair
         The two shapes.
-    images : list of ((m_s,) array of int, float)
-        Maps to refine: target row of each search vertex of the source, and the orientation it was judged to have, whose
-        sign tells how normals are to be compared.
+    judged : list of Judged
+        Maps to refine. The sign of their orientation tells how normals are to be compared.
 
     Returns
     -------
-    list of JointFit or None
-        None for maps that were given up, because another arrived at the same or fitted much better.
+    list of JointFit
+        Best score first, without those given up on the way, because another arrived at the same or fitted much better.
 
     Notes
     -----
     O(n_refine √n (K + q)) a step for the nearest neighbours, O(n K²) for the coordinates.
     """
-    glimpse = pair.refinement
-    fits = {
-        i: JointFit(extended(pair, image, glimpse.rows), 1.0 if orientation >= 0 else -1.0, np.inf)
-        for i, (image, orientation) in enumerate(images)
-    }
-    # without normals a twisted map may fit well: while they are not used, it sets no standard for the others
-    clear = {i for i, (_, orientation) in enumerate(images) if abs(orientation) > ORIENTED}
+    rows = pair.refinement.rows
+    fits = [JointFit(start, extended(pair, start.image, rows), np.inf) for start in judged]
     for sizes, with_positions in STAGES:
-        moved = parallel_map(lambda fit: _stepped(pair, fit, sizes, with_positions), fits.values())
-        fits = dict(zip(fits, moved))
-        standard = [fit.misfit for i, fit in fits.items() if with_positions or i in clear]
-        fits = _remaining(pair, fits, HOPELESS * min(standard or [fit.misfit for fit in moved]))
-    return [fits.get(i) for i in range(len(images))]
+        fits = parallel_map(partial(_stepped, pair, sizes=sizes, with_positions=with_positions), fits)
+        # while normals take no part a twisted map may fit well: it neither sets the standard nor replaces another
+        clear = [fit for fit in fits if with_positions or abs(fit.judged.orientation) > ORIENTED] or fits
+        limit = HOPELESS * min(fit.misfit for fit in clear)
+        order = sorted(fits, key=lambda fit: (fit not in clear, fit.misfit))
+        fits = _distinct(pair, [fit for fit in order if fit.misfit <= limit])
+    return sorted(fits, key=lambda fit: fit.score)
 
 
-def _remaining(pair: Pair, fits: dict[int, JointFit], limit: float) -> dict[int, JointFit]:
-    """Keep the fits up to a limit, the better of two that coincide; best first."""
-    kept: dict[int, JointFit] = {}
-    for i, fit in sorted(fits.items(), key=lambda item: item[1].misfit):
-        if fit.misfit <= limit and all(differ(pair, fit, other) for other in kept.values()):
-            kept[i] = fit
+def _distinct(pair: Pair, fits: list[JointFit]) -> list[JointFit]:
+    """Keep the first of those that coincide."""
+    kept: list[JointFit] = []
+    for fit in fits:
+        if all(differ(pair, fit, other) for other in kept):
+            kept.append(fit)
     return kept
 
 
@@ -181,14 +195,71 @@ def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], with_positions: 
         of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side, glimpse.rows)
         rows = nearest_in_cells(of_target, of_source, target.cells)
         misfit = float(np.linalg.norm(of_target[rows] - of_source, axis=1).mean())
-    return JointFit(rows, fit.side, misfit)
+    return JointFit(fit.judged, rows, misfit)
 
 
-def joint_coordinates(pair: Pair, fit: JointFit) -> Coordinates:
-    """Coordinates of all target and all source body vertices under a fit, with all functions."""
+def joint_coordinates(pair: Pair, fit: JointFit, with_signatures: bool = True) -> Coordinates:
+    """Coordinates of all target and all source body vertices under a fit, with all functions.
+
+    Signatures recognise points; without them, positions, normals and spectrum alone make a smoother map.
+    """
     target, glimpse = pair.target.shape, pair.refinement
-    limit = min(glimpse.functions.shape[1], len(target.laplace.values))
-    return _joint(glimpse, target, fit.image, limit, fit.side, np.arange(glimpse.shape.body.n_vertices))
+    everywhere = np.arange(glimpse.shape.body.n_vertices)
+    k = min(glimpse.functions.shape[1], len(target.laplace.values))
+    coordinates = _joint(glimpse, target, fit.image, k, fit.side, everywhere)
+    if with_signatures:
+        return coordinates
+    of_target, of_source = (
+        np.delete(x, np.s_[k : k + target.signatures.shape[1]], axis=1) for x in coordinates
+    )
+    return of_target, of_source
+
+
+def settled(pair: Pair, coordinates: Coordinates, steps: int) -> Coordinates:
+    """Bend the source, in the space of the coordinates, smoothly onto the target.
+
+    In each step every vertex of either surface finds its nearest point on the other; the displacements that would join
+    them, averaged on the source and low-passed to its functions, move the source. As the surfaces come to coincide, the
+    map between them becomes smooth, and the two directions each other's inverse.
+
+    Parameters
+    ----------
+    pair : Pair
+        The two shapes.
+    coordinates : Coordinates
+        Of all target and all source body vertices.
+    steps : int
+        How often to repeat this.
+
+    Returns
+    -------
+    Coordinates
+        Those of the target, unchanged, and those of the bent source.
+
+    Notes
+    -----
+    O(n √n d) a step for the nearest neighbours and O(n K d) for the smoothing. Both directions are used for
+    reversibility as by Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps*, 2019; the smoothing is ours.
+    """
+    source, target = pair.source.shape, pair.target.shape
+    of_target, of_source = coordinates
+    here, there = (shape.spread[: shape.config.n_refine] for shape in (source, target))
+    functions = source.laplace.vectors
+    bent = of_source
+    for _ in range(steps):
+        forth = _onto(target, of_target, bent[here])
+        back = _onto(source, bent, of_target[there])
+        design = np.vstack([functions[here], back @ functions])
+        wanted = np.vstack([forth @ of_target - of_source[here], of_target[there] - back @ of_source])
+        bent = of_source + functions @ solve(design.T @ design, design.T @ wanted, assume_a="pos")
+    return of_target, bent
+
+
+def _onto(shape: PreparedShape, of_shape: FloatArray, points: FloatArray) -> csr_array:
+    """Matrix that interpolates at the shape's point nearest to each of some points."""
+    image = nearest_in_cells(of_shape, points, shape.cells)
+    corners, barycentric = nearest_points(of_shape, points, shape.body.faces, image)
+    return interpolation(corners, barycentric, len(of_shape))
 
 
 def _joint(

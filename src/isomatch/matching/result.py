@@ -51,9 +51,10 @@ class Quality:
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
         normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
         refinement it still tells which hypothesis is right, not how precise the map returned is.
-    rival_misfit : float
-        Misfit of the best map that differs, over that of the map returned: 1 is a tie, large is clear, below 1 the other
-        fits better (it was not among those given); ``inf`` if no other came near.
+    rival : float
+        What speaks against the best map that differs (misfit, times a small power of residual × curvature mismatch²),
+        over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
+        those given); ``inf`` if no other came near.
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
@@ -74,7 +75,7 @@ class Quality:
     """
 
     misfit: float
-    rival_misfit: float
+    rival: float
     residual: float
     stretch: float
     orientation: float
