@@ -20,7 +20,17 @@ from isomatch.errors import (
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
 from isomatch.maps import Correspondence
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
-from isomatch.surfaces import Mesh, MeshReport, check, read_mesh, repair, write_mesh
+from isomatch.surfaces import (
+    Graph,
+    Mesh,
+    MeshReport,
+    PointCloud,
+    check,
+    read_mesh,
+    read_point_cloud,
+    repair,
+    write_mesh,
+)
 
 __version__ = "0.1.0"
 
@@ -30,6 +40,7 @@ __all__ = [
     "DistanceBasis",
     "FormatError",
     "GeodesicDistanceDescriptor",
+    "Graph",
     "IsomatchError",
     "LandmarkError",
     "LaplaceBasis",
@@ -41,6 +52,7 @@ __all__ = [
     "MissingDependencyError",
     "NotConvergedError",
     "Outcome",
+    "PointCloud",
     "PreparedShape",
     "Quality",
     "SettingError",
@@ -55,6 +67,7 @@ __all__ = [
     "match",
     "prepare",
     "read_mesh",
+    "read_point_cloud",
     "repair",
     "wave_kernel_signature",
     "write_mesh",

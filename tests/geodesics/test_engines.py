@@ -1,35 +1,197 @@
-"""What goes into an engine: sources that fit, coordinates that are finite; what cannot be reached is inf."""
+"""The door to the engines, and the laws that every engine keeps."""
+
+import sys
 
 import numpy as np
 import pytest
 
-from isomatch import Mesh, MeshError, geodesic_distances
+from isomatch import (
+    Graph,
+    MemoryBudgetError,
+    Mesh,
+    MeshError,
+    MissingDependencyError,
+    PointCloud,
+    SettingError,
+    geodesic_distances,
+)
 from isomatch.geodesics import distance_engine
-from shapes import flat_grid, icosphere, two_spheres
+from shapes import disguised, flat_grid, icosphere, two_spheres
 from zoo import specimen, zoo
 
+PACKAGES = {"exact": "pygeodesic", "heat": "potpourri3d"}
+NAMES = ("fast_marching", "exact", "heat", "dijkstra")
 
-def test_other_component_is_infinitely_far():
+
+@pytest.fixture(params=NAMES)
+def name(request):
+    """Each engine of a mesh; those whose package is not installed are passed over."""
+    if request.param in PACKAGES:
+        pytest.importorskip(PACKAGES[request.param], reason=f"needs {PACKAGES[request.param]}")
+    return request.param
+
+
+@pytest.mark.parametrize(
+    ("level", "accuracy"), [(3, {"exact": 0.003, "fast_marching": 0.003}), (4, {"exact": 1e-3})]
+)
+def test_great_circles(name, level, accuracy):
+    """The polyhedron is inscribed, so that even exact distances on it are a little short of the sphere's."""
+    sphere = icosphere(level)
+    sources = [0, 20, 100]
+    great = np.arccos(np.clip(sphere.vertices[sources] @ sphere.vertices.T, -1, 1))
+    error = np.abs(geodesic_distances(sphere, sources, name) - great).mean() / great.mean()
+    assert error < accuracy.get(name, {"heat": 0.02, "dijkstra": 0.12}.get(name, 0.003))
+
+
+def test_symmetry_and_triangle_inequality(name, example):
+    sources = np.arange(0, 2900, 60)
+    among = geodesic_distances(example[0].mesh, sources, name)[:, sources]
+    exactly = name in ("exact", "dijkstra")
+    slack = 1e-9 if exactly else 0.03
+    assert np.abs(among - among.T).max() <= slack * among.max()
+    through_third = (among[:, :, None] + among[None]).min(axis=1)
+    assert (among - through_third).max() <= slack * among.max()
+    assert np.array_equal(np.diag(among), np.zeros(len(sources)))
+
+
+def test_engines_agree_on_a_creature(name, example):
+    mesh = example[0].mesh
+    sources = [0, 700, 2100]
+    marched, other = (geodesic_distances(mesh, sources, engine) for engine in ("fast_marching", name))
+    away = marched > 0
+    relative = other[away] / marched[away] - 1
+    tolerance = {"fast_marching": 0, "exact": 0.002, "heat": 0.03, "dijkstra": 0.1}[name]
+    assert np.abs(relative).mean() <= tolerance
+    if name == "dijkstra":
+        assert relative.min() > -0.01, "paths along edges are no shorter"
+
+
+def test_relabelling_and_moving_change_nothing(name, example):
+    mesh = example[0].mesh
+    other = disguised(mesh, seed=5, scale=7.0)
+    sources = np.array([3, 900, 2500])
+    plain = geodesic_distances(mesh, sources, name)
+    moved = geodesic_distances(other.mesh, other.new_vertex[sources], name)[:, other.new_vertex]
+    np.testing.assert_allclose(moved, 7 * plain, rtol=1e-5, atol=1e-5 * plain.max())
+
+
+def test_extreme_sizes(name):
+    for scale in (1e-150, 1e150):
+        sphere = icosphere(1)
+        large = Mesh(scale * sphere.vertices, sphere.faces)
+        expected = scale * geodesic_distances(sphere, [5], name)
+        np.testing.assert_allclose(geodesic_distances(large, [5], name), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("threads", ["2", "5"])
+def test_threads_change_nothing(name, threads, example, monkeypatch):
+    sources = np.arange(0, 2900, 200)
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "1")
+    alone = geodesic_distances(example[0].mesh, sources, name)
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+    assert np.array_equal(geodesic_distances(example[0].mesh, sources, name), alone)
+
+
+def test_the_engine_tells_its_name_and_size(name):
+    engine = distance_engine(icosphere(1), name)
+    assert (engine.name, engine.n_points) == (name, 42)
+
+
+def test_natural_engines():
+    points = icosphere(1).vertices
+    assert distance_engine(icosphere(1)).name == "fast_marching"
+    assert distance_engine(PointCloud(points)).name == "dijkstra"
+    assert distance_engine(Graph(2, [[0, 1]], [1.0])).name == "dijkstra"
+
+
+def test_an_engine_passes_as_it_is():
+    engine = distance_engine(icosphere(1))
+    assert distance_engine(engine) is engine
+    assert distance_engine(engine, "fast_marching") is engine
+    with pytest.raises(SettingError, match=r"engine 'exact' cannot be chosen: .* by engine 'fast_marching'"):
+        distance_engine(engine, "exact")
+
+
+@pytest.mark.parametrize(
+    ("surface", "name", "message"),
+    [
+        (
+            flat_grid(3, 3),
+            "telepathy",
+            "a Mesh has no engine 'telepathy'; available: 'fast_marching', 'exact'",
+        ),
+        (
+            Graph(2, [[0, 1]], [1.0]),
+            "fast_marching",
+            "a Graph has no engine 'fast_marching'; available: 'dijkstra'",
+        ),
+        (PointCloud(icosphere(0).vertices), "exact", "a PointCloud has no engine 'exact'"),
+        (
+            np.zeros((2, 2)),
+            "heat",
+            "engine 'heat' cannot be chosen: the distances are given, by engine 'matrix'",
+        ),
+        ("cat.off", None, "distances of a str are not defined; give a Mesh, PointCloud, Graph"),
+    ],
+)
+def test_combinations_that_do_not_exist(surface, name, message):
+    with pytest.raises(SettingError, match=message):
+        distance_engine(surface, name)
+
+
+@pytest.mark.parametrize(("name", "package"), PACKAGES.items())
+def test_missing_package(name, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setitem(sys.modules, f"{package}.geodesic", None)
+    with pytest.raises(
+        MissingDependencyError, match=rf"'{name}' needs .* {package}; pip install 'isomatch\[{name}\]'"
+    ):
+        distance_engine(icosphere(0), name)
+
+
+def test_columns_beyond_the_memory_budget_are_refused(name, monkeypatch):
+    engine = distance_engine(icosphere(2), name)
+    monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.00001")
+    with pytest.raises(MemoryBudgetError, match=r"100 distance columns needs .* ask for fewer at once"):
+        engine.distances_from(range(100))
+
+
+@pytest.mark.parametrize("defect", ["book", "repeated_index", "duplicate", "touching_tetrahedra"])
+def test_exact_refuses_what_its_package_does_not_survive(defect):
+    pytest.importorskip("pygeodesic", reason="needs pygeodesic")
+    with pytest.raises(
+        MeshError, match=r"exact distances need a manifold mesh, and this one has .* another engine"
+    ):
+        distance_engine(specimen(defect).mesh, "exact")
+
+
+def test_heat_refuses_what_has_no_area():
+    pytest.importorskip("potpourri3d", reason="needs potpourri3d")
+    with pytest.raises(MeshError, match=r"cannot be solved on a component of 3 vertices and area 0"):
+        geodesic_distances(specimen("point").mesh, [0], "heat")
+
+
+def test_other_component_is_infinitely_far(name):
     mesh = two_spheres(1, 0.5)
     n = mesh.n_vertices // 2
-    reached = np.isfinite(geodesic_distances(mesh, [0, n]))
+    reached = np.isfinite(geodesic_distances(mesh, [0, n], name))
     assert reached[0, :n].all()
     assert not reached[0, n:].any()
     assert reached[1, n:].all()
     assert not reached[1, :n].any()
 
 
-def test_unused_vertex_is_infinitely_far_and_reaches_only_itself():
+def test_unused_vertex_is_infinitely_far_and_reaches_only_itself(name):
     sheet = flat_grid(3, 3)
     mesh = Mesh(np.vstack([sheet.vertices, [[0, 0, 0]]]), sheet.faces)
-    distances = geodesic_distances(mesh, [0, 9])
+    distances = geodesic_distances(mesh, [0, 9], name)
     assert distances[0, 9] == np.inf
     assert distances[1, 9] == 0
     assert (distances[1, :9] == np.inf).all()
 
 
-def test_no_sources_give_no_rows():
-    assert geodesic_distances(flat_grid(3, 3), np.zeros(0, dtype=int)).shape == (0, 9)
+def test_no_sources_give_no_rows(name):
+    assert geodesic_distances(flat_grid(3, 3), np.zeros(0, dtype=int), name).shape == (0, 9)
 
 
 def test_one_source_without_brackets():
@@ -46,41 +208,45 @@ def test_one_source_without_brackets():
         (["nose"], "one-dimensional array of vertex indices"),
     ],
 )
-def test_bad_sources(sources, message):
+def test_bad_sources(sources, message, name):
     with pytest.raises(MeshError, match=message):
-        geodesic_distances(flat_grid(3, 3), sources)
+        geodesic_distances(flat_grid(3, 3), sources, name)
 
 
-def test_unknown_engine():
-    with pytest.raises(ValueError, match="unknown geodesic engine 'telepathy'; available: 'fast_marching'"):
-        geodesic_distances(flat_grid(3, 3), [0], engine="telepathy")
-
-
-def test_not_finite_coordinates():
+def test_not_finite_coordinates(name):
     with pytest.raises(MeshError, match=r"vertices 0 have coordinates that are not finite.*repair\(mesh\)"):
-        geodesic_distances(specimen("nan").mesh, [1])
+        geodesic_distances(specimen("nan").mesh, [1], name)
 
 
-@pytest.mark.parametrize("name", ["out_of_range", "wild"])
-def test_faces_out_of_range(name):
-    with pytest.raises(MeshError, match=r"faces .* refer to vertices outside 0…11"):
-        geodesic_distances(specimen(name).mesh, [0])
+@pytest.mark.parametrize("defect", ["out_of_range", "wild"])
+def test_faces_out_of_range(defect, name):
+    with pytest.raises(MeshError, match=r"faces .* (refer to vertices outside 0…11|out of range)"):
+        geodesic_distances(specimen(defect).mesh, [0], name)
 
 
 @pytest.mark.parametrize("specimen", zoo(), ids=str)
-def test_every_specimen_gives_distances_or_a_named_error(specimen):
+def test_every_specimen_gives_distances_or_a_named_error(specimen, name):
+    hard = {"exact": {"repeated_index_face", "duplicate_face", "non_manifold_edge", "non_manifold_vertex"}}
     try:
-        distances = geodesic_distances(specimen.mesh, range(min(specimen.mesh.n_vertices, 4)))
+        distances = geodesic_distances(specimen.mesh, range(min(specimen.mesh.n_vertices, 4)), name)
     except MeshError:
-        assert "fatal" in specimen.tags, "distances are defined on all but fatal specimens"
+        unfit = specimen.tags & ({"fatal"} | hard.get(name, set()))
+        assert unfit, "distances are defined on all but fatal specimens"
     else:
         assert not np.isnan(distances).any()
         assert (distances >= 0).all()
 
 
-def test_lowering_leaves_the_distance_to_the_nearest_source():
+@pytest.mark.parametrize("specimen", zoo("two_components"), ids=str)
+def test_no_engine_invents_a_way_to_another_component(specimen, name):
+    distances = geodesic_distances(specimen.mesh, range(specimen.mesh.n_vertices), name)
+    apart = specimen.mesh.components[:, None] != specimen.mesh.components
+    assert np.array_equal(np.isinf(distances), apart)
+
+
+def test_lowering_leaves_the_distance_to_the_nearest_source(name):
     mesh = icosphere(3)
-    engine = distance_engine(mesh)
+    engine = distance_engine(mesh, name)
     nearest = np.full(mesh.n_vertices, np.inf)
     sources = np.array([0, 100, 400])
     for source in sources:

@@ -1,18 +1,16 @@
 """Distance columns: geodesic engines and the sampling that drives them."""
 
-from isomatch.geodesics.engines import (
-    DistanceEngine,
-    EngineName,
-    FastMarching,
-    distance_engine,
-    geodesic_distances,
-)
+from isomatch.geodesics.engines import EngineName, MetricSpace, distance_engine, geodesic_distances
+from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
 
 __all__ = [
     "DistanceEngine",
     "EngineName",
-    "FastMarching",
+    "GivenFunction",
+    "GivenMatrix",
+    "MetricSpace",
     "Sampling",
     "distance_engine",
     "farthest_point_sampling",

@@ -1,100 +1,108 @@
-"""Geodesic engines: whatever answers "how far is every vertex from these?"."""
+"""The door to the engines: choose one by name, or take what the user has."""
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._memory import require_memory
-from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics.front import march, march_bounded
-from isomatch.geodesics.stencil import stencil_of
-from isomatch.surfaces import Mesh
+from isomatch._arrays import AnyArray, FloatArray
+from isomatch.errors import SettingError
+from isomatch.geodesics.dijkstra import Dijkstra
+from isomatch.geodesics.exact import Exact
+from isomatch.geodesics.fast_marching import FastMarching
+from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
+from isomatch.geodesics.heat import Heat
+from isomatch.geodesics.protocol import DistanceEngine
+from isomatch.surfaces import Graph, Mesh, PointCloud
 
-EngineName = Literal["fast_marching"]
+EngineName = Literal["fast_marching", "exact", "heat", "dijkstra"]
 
+MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
+"""Whatever distances can be asked of: a shape, an n × n matrix, a function of sources, or an engine."""
 
-class DistanceEngine(Protocol):
-    """Distance columns of a metric space of n points: all that bases and matching need to know of it."""
-
-    name: str
-    n_points: int
-
-    def distances_from(self, sources: IntArray) -> FloatArray:
-        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
-        ...
-
-    def lower(self, nearest: FloatArray, source: int) -> None:
-        """Lower ``nearest`` (n,) in place to the distance from one more source."""
-        ...
+# the engines of each kind of shape, its natural one first
+ENGINES: dict[type, dict[str, Any]] = {
+    Mesh: {"fast_marching": FastMarching, "exact": Exact, "heat": Heat, "dijkstra": Dijkstra},
+    PointCloud: {"dijkstra": Dijkstra},
+    Graph: {"dijkstra": Dijkstra},
+}
 
 
-class FastMarching:
-    """First-order fast marching with planar unfolding; see `isomatch.geodesics.fast_marching`."""
+def distance_engine(surface: MetricSpace, name: EngineName | None = None) -> DistanceEngine:
+    """Set up an engine for distance columns.
 
-    name = "fast_marching"
+    Parameters
+    ----------
+    surface : Mesh, PointCloud, Graph, (n, n) array, callable or DistanceEngine
+        What distances are wanted of. An array holds all distances; a callable maps an (m,) array of sources to (m, n)
+        distances and is asked for one column to learn n; an engine is returned as it is.
+    name : {"fast_marching", "exact", "heat", "dijkstra"}, optional
+        How distances are computed; by default ``"fast_marching"`` on a mesh and ``"dijkstra"`` on a point cloud or a
+        graph, which know no other.
 
-    def __init__(self, mesh: Mesh) -> None:
-        extent = float(np.abs(mesh.vertices).max(initial=0.0))
-        # stencils hold lengths in single precision; a mesh of ordinary size is taken as it is
-        self._unit = 1.0 if extent == 0.0 or 1e-20 < extent < 1e20 else extent
-        self._stencil = stencil_of(Mesh(mesh.vertices / self._unit, mesh.faces))
-        self.n_points = mesh.n_vertices
+    Returns
+    -------
+    DistanceEngine
+        ``.name`` says which it is: one of the above, ``"matrix"`` or ``"function"``.
 
-    def distances_from(self, sources: IntArray) -> FloatArray:
-        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
-        self._require(sources)
-        require_memory(
-            8.0 * len(sources) * self.n_points, f"{len(sources)} distance columns", "ask for fewer at once"
+    Raises
+    ------
+    SettingError
+        If the surface has no engine of that name.
+    MeshError
+        If the surface, or the given distances, do not fit the engine.
+    MissingDependencyError
+        If the engine needs an extra that is not installed.
+
+    Examples
+    --------
+    >>> line = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
+    >>> distance_engine(line).distances_from([1])
+    array([[1., 0., 1., 2.]])
+    """
+    for kind, engines in ENGINES.items():
+        if isinstance(surface, kind):
+            chosen = next(iter(engines)) if name is None else name
+            if chosen not in engines:
+                raise SettingError(
+                    f"a {kind.__name__} has no engine {chosen!r}; available: {', '.join(map(repr, engines))}"
+                )
+            engine: DistanceEngine = engines[chosen](surface)
+            return engine
+    given: DistanceEngine
+    if isinstance(surface, DistanceEngine):
+        given = surface
+    elif isinstance(surface, np.ndarray):
+        given = GivenMatrix(surface)
+    elif callable(surface):
+        given = GivenFunction(surface)
+    else:
+        raise SettingError(
+            f"distances of a {type(surface).__name__} are not defined; give a Mesh, PointCloud, Graph, an n × n array, "
+            "a function from sources to distance columns, or a DistanceEngine"
         )
-        distances = march(self._stencil, sources)
-        return distances if self._unit == 1.0 else distances * self._unit
-
-    def lower(self, nearest: FloatArray, source: int) -> None:
-        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        self._require(np.array([source]))
-        if self._unit == 1.0:
-            march_bounded(self._stencil, source, nearest)
-            return
-        scaled = nearest / self._unit
-        march_bounded(self._stencil, source, scaled)
-        nearest[:] = scaled * self._unit
-
-    def _require(self, sources: IntArray) -> None:
-        bad = sources[(sources < 0) | (sources >= self.n_points)]
-        if len(bad):
-            raise MeshError(
-                f"sources {some(bad)} are outside 0…{self.n_points - 1}, the vertices of the surface"
-            )
-
-
-def distance_engine(surface: Mesh, name: EngineName = "fast_marching") -> DistanceEngine:
-    """Build the named engine for a surface."""
-    if name != "fast_marching":
-        raise SettingError(f"unknown geodesic engine {name!r}; available: 'fast_marching'")
-    if not np.isfinite(surface.vertices).all():
-        bad = np.flatnonzero(~np.isfinite(surface.vertices).all(axis=1))
-        raise MeshError(
-            f"vertices {some(bad)} have coordinates that are not finite, so no distance is defined; "
-            "mend the file or call repair(mesh)"
+    if name not in (None, given.name):
+        raise SettingError(
+            f"engine {name!r} cannot be chosen: the distances are given, by engine {given.name!r}"
         )
-    return FastMarching(surface)
+    return given
 
 
-def geodesic_distances(surface: Mesh, sources: ArrayLike, engine: EngineName = "fast_marching") -> FloatArray:
+def geodesic_distances(
+    surface: MetricSpace, sources: ArrayLike, engine: EngineName | None = None
+) -> FloatArray:
     """Geodesic distances from some vertices to all others.
 
     Parameters
     ----------
-    surface : Mesh
-        The surface, n vertices.
+    surface : Mesh, PointCloud, Graph, (n, n) array, callable or DistanceEngine
+        The surface, n vertices; see `distance_engine`.
     sources : (m,) array_like of int
         Source vertices.
-    engine : {"fast_marching"}
-        How the distances are computed.
+    engine : {"fast_marching", "exact", "heat", "dijkstra"}, optional
+        How the distances are computed; by default ``"fast_marching"`` on a mesh, ``"dijkstra"`` on the others.
 
     Returns
     -------
@@ -105,18 +113,22 @@ def geodesic_distances(surface: Mesh, sources: ArrayLike, engine: EngineName = "
     ------
     MeshError
         If a coordinate is not finite or an index, of a face or a source, is out of range.
+    SettingError, MissingDependencyError
+        If the surface has no such engine, or the engine's package is missing.
+    MemoryBudgetError
+        If the result would be larger than allowed.
 
     Notes
     -----
-    O(m n log n) time on all threads, 8 m n bytes for the result.
+    O(m n log n) time for fast marching and Dijkstra, on all threads; 8 m n bytes for the result. For many sources set
+    up the engine once, with `distance_engine`.
 
     Examples
     --------
     >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> geodesic_distances(square, [1]).round(4)
     array([[1.    , 0.    , 1.    , 1.4142]])
+    >>> geodesic_distances(square, [1], engine="dijkstra")
+    array([[1., 0., 1., 2.]])
     """
-    wanted = np.atleast_1d(np.asarray(sources))
-    if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
-        raise MeshError("sources must be a one-dimensional array of vertex indices")
-    return distance_engine(surface, engine).distances_from(wanted.astype(np.int64))
+    return distance_engine(surface, engine).distances_from(np.atleast_1d(np.asarray(sources)))

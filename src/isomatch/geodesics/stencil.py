@@ -75,7 +75,7 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     missing[corner[rim - rim % 3 + (rim + 1) % 3]] = 0.0
     missing[corner[rim - rim % 3 + (rim + 2) % 3]] = 0.0
     area = mesh.vertex_areas
-    return np.divide(missing, area, out=np.zeros(mesh.n_vertices), where=area > 0)
+    return np.asarray(np.divide(missing, area, out=np.zeros(mesh.n_vertices), where=area > 0))
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

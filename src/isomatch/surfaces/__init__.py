@@ -1,9 +1,22 @@
-"""What is matched: the mesh, its files, its defects and their repair."""
+"""What is matched: meshes, point clouds and graphs; their files, defects and repair."""
 
 from isomatch.surfaces.check import check
-from isomatch.surfaces.io import read_mesh, write_mesh
+from isomatch.surfaces.graph import Graph
+from isomatch.surfaces.io import read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
 
-__all__ = ["Mesh", "MeshReport", "Repair", "check", "read_mesh", "repair", "write_mesh"]
+__all__ = [
+    "Graph",
+    "Mesh",
+    "MeshReport",
+    "PointCloud",
+    "Repair",
+    "check",
+    "read_mesh",
+    "read_point_cloud",
+    "repair",
+    "write_mesh",
+]

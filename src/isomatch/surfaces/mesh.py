@@ -117,6 +117,12 @@ class Mesh:
         return np.column_stack([keys // self.n_vertices, keys % self.n_vertices])
 
     @cached_property
+    def edge_lengths(self) -> FloatArray:
+        """(e,) length of each edge, in mesh units."""
+        x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
+        return np.asarray(np.hypot(np.hypot(x, y), z))  # no square leaves the range of numbers
+
+    @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex; a vertex no face uses is a component."""
         i, j = self.edges.T

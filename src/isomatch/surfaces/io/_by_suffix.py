@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces.io import obj, off, ply, stl
 from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.point_cloud import PointCloud
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,39 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     except OSError as error:
         raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
     return mesh_format.read(data, str(path))
+
+
+def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
+    r"""Read the vertices of a file as a point cloud; faces, if it has any, are passed over.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `read_mesh`.
+    n_neighbours : int
+        See `PointCloud`.
+
+    Returns
+    -------
+    PointCloud
+        Points in the file's units and order.
+
+    Raises
+    ------
+    FormatError
+        As `read_mesh`.
+    MeshError
+        If the points are no point cloud; see `PointCloud`.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "points.obj"
+    >>> _ = path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n")
+    >>> read_point_cloud(path)
+    PointCloud(4 points, 30 neighbours)
+    """
+    return PointCloud(read_mesh(path).vertices, n_neighbours)
 
 
 def write_mesh(

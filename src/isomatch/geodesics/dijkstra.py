@@ -1,0 +1,53 @@
+"""Shortest paths along edges: for graphs, for point clouds, and as an upper bound on meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+from isomatch.geodesics.protocol import ColumnEngine
+from isomatch.geodesics.units import require_finite
+from isomatch.surfaces import Graph, Mesh, PointCloud
+
+BLOCK = 8  # sources a thread takes at once
+
+
+class Dijkstra(ColumnEngine):
+    """Lengths of shortest paths along edges.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        What has edges with lengths.
+
+    Notes
+    -----
+    Dijkstra 1959, in scipy. O(e + n log n) time a column for e edges. It is the exact distance of a graph. On a mesh or
+    a point cloud paths zigzag, so that distances come out too long however fine the sampling: by about 5 to 10 % on
+    a mesh; for point clouds see `PointCloud`.
+    """
+
+    name = "dijkstra"
+
+    def __init__(self, surface: Mesh | PointCloud | Graph) -> None:
+        if isinstance(surface, Mesh):
+            require_finite(surface)
+        self.n_points = surface.n_vertices
+        i, j = surface.edges.T
+        both = np.concatenate([i, j]), np.concatenate([j, i])
+        # two equal vertices may be joined by an edge of length 0, which a sparse array keeps
+        self._graph = csr_array((np.tile(surface.edge_lengths, 2), both), shape=(self.n_points,) * 2)
+
+    def lower(self, nearest: FloatArray, source: int) -> None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require(np.array([source]))
+        column = dijkstra(self._graph, indices=int(source), limit=float(nearest.max(initial=0.0)))
+        np.minimum(nearest, column, out=nearest)
+
+    def _columns(self, sources: IntArray) -> FloatArray:
+        blocks = [sources[first : first + BLOCK] for first in range(0, len(sources), BLOCK)]
+        rows = parallel_map(lambda block: dijkstra(self._graph, indices=block), blocks)
+        return np.concatenate(rows) if rows else np.zeros((0, self.n_points))

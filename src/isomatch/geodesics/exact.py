@@ -1,0 +1,68 @@
+"""Exact polyhedral geodesics, from the package pygeodesic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.errors import MeshError, MissingDependencyError
+from isomatch.geodesics.pieces import PieceEngine, Solver
+from isomatch.surfaces import Mesh, check
+
+_UNFIT = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
+
+
+class Exact(PieceEngine):
+    """Exact geodesic distances on the polyhedron, by propagating windows of rays along edges.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A manifold mesh, with or without boundary, of any number of components.
+
+    Raises
+    ------
+    MissingDependencyError
+        Without the package ``pygeodesic``.
+    MeshError
+        If the mesh is not manifold or has a face twice, which the package does not survive.
+
+    Notes
+    -----
+    Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented by
+    D. Kirsanov. O(n² log n) time a column in the worst case, on one thread; about 60 ms at 5 000 vertices, some
+    40 times as long as fast marching.
+    """
+
+    name = "exact"
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._algorithm = _package()
+        super().__init__(mesh)
+        report = check(mesh)
+        found = [name.replace("_", " ") for name in _UNFIT if len(getattr(report, name))]
+        if found:
+            raise MeshError(
+                f"exact distances need a manifold mesh, and this one has {', '.join(found)}; call repair(mesh), "
+                "look at check(mesh), or use another engine"
+            )
+
+    def _solver(self, piece: Mesh) -> Solver:
+        algorithm = self._algorithm(piece.vertices, piece.faces.astype(np.int32))
+
+        def distances_from(source: int) -> FloatArray:
+            return np.asarray(algorithm.geodesicDistances(np.array([source]), None)[0], dtype=np.float64)
+
+        return distances_from
+
+
+def _package() -> Any:
+    try:
+        from pygeodesic.geodesic import PyGeodesicAlgorithmExact
+    except ImportError:
+        raise MissingDependencyError(
+            "engine 'exact' needs the package pygeodesic; pip install 'isomatch[exact]'"
+        ) from None
+    return PyGeodesicAlgorithmExact

@@ -1,0 +1,50 @@
+"""Fast marching: the engine for meshes, second order in the edge length and the fastest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.geodesics.front import march, march_bounded
+from isomatch.geodesics.protocol import ColumnEngine
+from isomatch.geodesics.stencil import stencil_of
+from isomatch.geodesics.units import ordinary_unit, require_finite
+from isomatch.surfaces import Mesh
+
+
+class FastMarching(ColumnEngine):
+    """Fast marching with planar unfolding and curved fronts; see `isomatch.geodesics.front`.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Any mesh of finite coordinates.
+
+    Notes
+    -----
+    Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998; what is added to it is told in
+    `isomatch.geodesics.front.march`. O(n log n) time a column, on all threads; mean relative error to exact
+    geodesics 0.1 to 0.2 % on animals and people of 5 000 vertices.
+    """
+
+    name = "fast_marching"
+
+    def __init__(self, mesh: Mesh) -> None:
+        require_finite(mesh)
+        self._unit = ordinary_unit(mesh)  # stencils hold lengths in single precision
+        self._stencil = stencil_of(Mesh(mesh.vertices / self._unit, mesh.faces))
+        self.n_points = mesh.n_vertices
+
+    def lower(self, nearest: FloatArray, source: int) -> None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        self._require(np.array([source]))
+        if self._unit == 1.0:
+            march_bounded(self._stencil, source, nearest)
+            return
+        scaled = nearest / self._unit
+        march_bounded(self._stencil, source, scaled)
+        nearest[:] = scaled * self._unit
+
+    def _columns(self, sources: IntArray) -> FloatArray:
+        distances = march(self._stencil, sources)
+        return distances if self._unit == 1.0 else distances * self._unit

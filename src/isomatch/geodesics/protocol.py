@@ -1,0 +1,67 @@
+"""What a geodesic engine is: whatever answers "how far is every point from these?"."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._memory import require_memory
+from isomatch.errors import MeshError, some
+
+
+@runtime_checkable
+class DistanceEngine(Protocol):
+    """Distance columns of a metric space of n points: all that bases and matching need to know of it."""
+
+    name: str
+    n_points: int
+
+    def distances_from(self, sources: IntArray) -> FloatArray:
+        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
+        ...
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer.
+
+        Returns the full column (n,) if it had to be computed, ``None`` if the front stopped early.
+        """
+        ...
+
+
+class ColumnEngine(ABC):
+    """The engines of this package: sources and memory are checked here, columns computed by ``_columns``."""
+
+    name: str
+    n_points: int
+
+    def distances_from(self, sources: ArrayLike) -> FloatArray:
+        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
+        wanted = np.atleast_1d(np.asarray(sources))
+        if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
+            raise MeshError("sources must be a one-dimensional array of vertex indices")
+        self._require(wanted)
+        require_memory(
+            8.0 * len(wanted) * self.n_points, f"{len(wanted)} distance columns", "ask for fewer at once"
+        )
+        return self._columns(wanted.astype(np.int64))
+
+    def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
+        """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
+        column: FloatArray = self.distances_from([source])[0]
+        np.minimum(nearest, column, out=nearest)
+        return column
+
+    def _require(self, sources: IntArray) -> None:
+        bad = sources[(sources < 0) | (sources >= self.n_points)]
+        if len(bad):
+            raise MeshError(
+                f"sources {some(bad)} are outside 0…{self.n_points - 1}, the vertices of the surface"
+            )
+
+    @abstractmethod
+    def _columns(self, sources: IntArray) -> FloatArray:
+        """(m, n) distances from sources that are in range."""

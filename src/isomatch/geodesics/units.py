@@ -1,0 +1,24 @@
+"""Coordinates that single precision and other packages can live with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch.errors import MeshError, some
+from isomatch.surfaces import Mesh
+
+
+def ordinary_unit(mesh: Mesh) -> float:
+    """Find what to divide coordinates by so that their squares stay in range; 1 for a mesh of ordinary size."""
+    extent = float(np.abs(mesh.vertices).max(initial=0.0))
+    return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
+
+
+def require_finite(mesh: Mesh) -> None:
+    """Raise `MeshError` if a coordinate is not finite."""
+    bad = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"vertices {some(bad)} have coordinates that are not finite, so no distance is defined; "
+            "mend the file or call repair(mesh)"
+        )

@@ -1,0 +1,118 @@
+"""The weighted graph: vertices without coordinates, joined by edges that have lengths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch.errors import MeshError, some
+from isomatch.surfaces._edges import linked
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Graph:
+    """An undirected graph whose edges have lengths, immutable: a metric space by its shortest paths.
+
+    Parameters
+    ----------
+    n_vertices : int
+        Number of vertices n, joined by an edge or not.
+    edges : (e, 2) array_like of int
+        0-based ends of each edge, in any order. Stored once each, smaller end first, in lexicographic order; of edges
+        between the same two vertices the shortest is kept.
+    lengths : (e,) array_like of float
+        Length of each edge, finite and not negative.
+    weights : (n,) array_like of float, optional
+        How much each vertex counts, positive, such as an area; by default 1.
+
+    Raises
+    ------
+    MeshError
+        If an end is out of range, an edge joins a vertex to itself, or a length or weight makes no sense.
+
+    Examples
+    --------
+    >>> path = Graph(3, [[0, 1], [1, 2]], [2.0, 0.5])
+    >>> path
+    Graph(3 vertices, 2 edges)
+    >>> path.area
+    3.0
+    """
+
+    n_vertices: int
+    edges: IntArray
+    edge_lengths: FloatArray
+    vertex_areas: FloatArray
+
+    def __init__(
+        self, n_vertices: int, edges: ArrayLike, lengths: ArrayLike, weights: ArrayLike | None = None
+    ) -> None:
+        ends, given = _ends(edges, n_vertices), _numbers(lengths, "lengths")
+        if given.shape != (len(ends),):
+            raise MeshError(f"lengths have shape {given.shape}, expected ({len(ends)},): one for each edge")
+        _require(np.isfinite(given) & (given >= 0), "edges {} have lengths that are negative or not finite")
+        measure = np.ones(n_vertices) if weights is None else _numbers(weights, "weights")
+        if measure.shape != (n_vertices,):
+            raise MeshError(
+                f"weights have shape {measure.shape}, expected ({n_vertices},): one for each vertex"
+            )
+        _require(
+            np.isfinite(measure) & (measure > 0), "vertices {} have weights that are not positive numbers"
+        )
+        order = np.lexsort([given, ends[:, 1], ends[:, 0]])
+        ends, given = ends[order], given[order]
+        first = np.ones(len(ends), dtype=bool)
+        first[1:] = (ends[1:] != ends[:-1]).any(axis=1)
+        object.__setattr__(self, "n_vertices", int(n_vertices))
+        for name, array in (
+            ("edges", ends[first]),
+            ("edge_lengths", given[first]),
+            ("vertex_areas", measure.copy()),
+        ):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __repr__(self) -> str:
+        return f"Graph({self.n_vertices} vertices, {len(self.edges)} edges)"
+
+    @cached_property
+    def area(self) -> float:
+        """Sum of the weights."""
+        return float(self.vertex_areas.sum())
+
+    @cached_property
+    def components(self) -> IntArray:
+        """(n,) label of the connected component of each vertex."""
+        return linked(self.edges, self.n_vertices)[1]
+
+
+def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:
+    array = np.asarray(edges)
+    if array.size == 0:
+        array = np.zeros((0, 2), dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
+        raise MeshError(
+            f"edges have shape {array.shape} and type {array.dtype}, expected (e, 2) integers: two vertices each"
+        )
+    _require(
+        np.all((array >= 0) & (array < n_vertices), axis=1),
+        f"edges {{}} have ends outside 0…{n_vertices - 1}, the vertices of the graph",
+    )
+    _require(array[:, 0] != array[:, 1], "edges {} join a vertex to itself")
+    return np.sort(array.astype(np.int64), axis=1)
+
+
+def _numbers(values: ArrayLike, name: str) -> FloatArray:
+    array: AnyArray = np.asarray(values)
+    if array.size and array.dtype.kind not in "fiu":
+        raise MeshError(f"{name} have type {array.dtype}, expected real numbers")
+    return array.astype(np.float64)
+
+
+def _require(good: BoolArray, complaint: str) -> None:
+    if not good.all():
+        raise MeshError(f"{complaint.format(some(np.flatnonzero(~good)))}; correct or remove them")

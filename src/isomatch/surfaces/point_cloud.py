@@ -1,0 +1,140 @@
+"""The point cloud: samples of a surface without triangles, joined to their nearest neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import robust_laplacian
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.errors import MeshError, SettingError, some
+from isomatch.surfaces._edges import linked
+
+FEWEST_POINTS = 4  # with fewer there are no local triangles
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PointCloud:
+    """Points that sample a surface, immutable; distances run along edges to nearest neighbours.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float
+        Positions, in the user's units. Stored as read-only float64.
+    n_neighbours : int
+        Each point is joined to this many nearest others, or to all if there are fewer.
+
+    Raises
+    ------
+    MeshError
+        If there are fewer than 4 points, the array has another shape, or a coordinate is not finite.
+    SettingError
+        If ``n_neighbours`` is not positive.
+
+    Notes
+    -----
+    Paths along edges zigzag, and the error does not fall with finer sampling, only with more neighbours. Mean excess
+    over great circles on random points of a sphere: 5 to 8 % with 8 neighbours, 3 % with 12, 1.2 % with 20,
+    0.6 % with 30, 0.2 % with 50; time grows in proportion. Against that, edges cut corners where the surface is
+    curved over the reach of a neighbourhood (−0.3 % for 50 of 1 000 points of a sphere), and may jump to another
+    part of the surface that is as near: choose fewer neighbours for thin or close parts. O(n log n) time.
+
+    Examples
+    --------
+    >>> points = np.random.default_rng(0).normal(size=(500, 3))
+    >>> sphere = PointCloud(points / np.linalg.norm(points, axis=1, keepdims=True))
+    >>> sphere
+    PointCloud(500 points, 30 neighbours)
+    >>> bool(abs(sphere.area / (4 * np.pi) - 1) < 0.05)
+    True
+    """
+
+    vertices: FloatArray
+    n_neighbours: int
+
+    def __init__(self, vertices: ArrayLike, n_neighbours: int = 30) -> None:
+        points = np.array(vertices, dtype=np.float64, order="C")
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < FEWEST_POINTS:
+            raise MeshError(
+                f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: x, y, z for each"
+            )
+        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if len(bad):
+            raise MeshError(f"points {some(bad)} have coordinates that are not finite; remove them")
+        if n_neighbours < 1:
+            raise SettingError(f"n_neighbours = {n_neighbours} is not a positive number of neighbours")
+        points.flags.writeable = False
+        object.__setattr__(self, "vertices", points)
+        object.__setattr__(self, "n_neighbours", int(n_neighbours))
+
+    def __repr__(self) -> str:
+        return f"PointCloud({self.n_vertices} points, {self.n_neighbours} neighbours)"
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of points."""
+        return len(self.vertices)
+
+    @cached_property
+    def edges(self) -> IntArray:
+        """(e, 2) pairs of which one is among the nearest of the other, smaller index first, in lexicographic order."""
+        n, k = self.n_vertices, self._n_joined
+        nearest = cKDTree(self._scaled).query(self._scaled, k + 1)[1]
+        itself = nearest == np.arange(n)[:, None]
+        itself[~itself.any(axis=1), k] = True  # among more than k coincident points it may be missing
+        others = nearest[~itself].reshape(n, k)
+        ends = np.stack([np.repeat(np.arange(n), k), others.ravel()])
+        keys = np.unique(ends.min(axis=0) * n + ends.max(axis=0))
+        return np.column_stack([keys // n, keys % n])
+
+    @cached_property
+    def edge_lengths(self) -> FloatArray:
+        """(e,) length of each edge, in the units of the points."""
+        x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
+        return np.asarray(np.hypot(np.hypot(x, y), z))  # no square leaves the range of numbers
+
+    @cached_property
+    def vertex_areas(self) -> FloatArray:
+        """(n,) area of each point, positive: a third of the triangles around it in its tangent plane.
+
+        From the tufted Laplacian of Sharp & Crane 2020 (robust_laplacian). `MeshError` if points lie so that there
+        are no such triangles: all in a line, say, or many at one place.
+        """
+        try:
+            mass = robust_laplacian.point_cloud_laplacian(self._scaled, n_neighbors=self._n_joined)[1]
+        except RuntimeError:
+            raise MeshError(
+                "the points have no local triangles, hence no areas: they lie in a line or at few places, or have too "
+                "few neighbours; thin them out, or raise n_neighbours"
+            ) from None
+        areas = mass.diagonal() * self._unit**2
+        bad = np.flatnonzero(~(areas > 0))
+        if len(bad):
+            raise MeshError(f"points {some(bad)} have no area; remove coincident and stray points")
+        return np.asarray(areas)
+
+    @cached_property
+    def area(self) -> float:
+        """Total area, in squared units of the points."""
+        return float(self.vertex_areas.sum())
+
+    @cached_property
+    def components(self) -> IntArray:
+        """(n,) label of the connected component of each point."""
+        return linked(self.edges, self.n_vertices)[1]
+
+    @property
+    def _n_joined(self) -> int:
+        return min(self.n_neighbours, self.n_vertices - 1)
+
+    @property
+    def _unit(self) -> float:
+        return float(np.abs(self.vertices).max()) or 1.0
+
+    @property
+    def _scaled(self) -> FloatArray:
+        return self.vertices / self._unit
