@@ -1,6 +1,13 @@
 """Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone."""
 
-from isomatch.bases import DistanceBasis, LaplaceBasis, distance_basis, laplace_basis
+from isomatch.bases import (
+    CanonicalForm,
+    DistanceBasis,
+    LaplaceBasis,
+    canonical_form,
+    distance_basis,
+    laplace_basis,
+)
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -35,6 +42,7 @@ from isomatch.surfaces import (
 __version__ = "0.1.0"
 
 __all__ = [
+    "CanonicalForm",
     "Config",
     "Correspondence",
     "DistanceBasis",
@@ -56,6 +64,7 @@ __all__ = [
     "PreparedShape",
     "Quality",
     "SettingError",
+    "canonical_form",
     "check",
     "distance_basis",
     "distance_engine",

@@ -1,5 +1,7 @@
 """The geodesic distance basis: orthonormal, the best of its rank when exact, near it when sampled."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from isomatch.geodesics import distance_engine, farthest_point_sampling
 from shapes import disguised, flat_grid, icosphere, planar_delaunay, two_spheres
 from zoo import specimen
 
-METHODS, WEIGHTS = ("nystrom", "exact"), ("area", "uniform")
+METHODS, WEIGHTS = ("predicted", "nystrom", "fmds", "smds", "exact"), ("area", "uniform")
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +79,8 @@ def test_exact_basis_is_the_optimum(weights):
     spectrum = np.sort(np.abs(np.linalg.eigvalsh(root[:, None] * distances * root)))[::-1]
     least = np.linalg.norm(spectrum[20:])
     assert weighted_norm(dense(exact) - distances, exact.weights) == pytest.approx(least, rel=1e-6)
-    for other in ("area", "uniform"):
-        sampled = distance_basis(patch, 20, 40, weights=other)
+    for method, other in itertools.product(METHODS[:-1], WEIGHTS):
+        sampled = distance_basis(patch, 20, 40, method, other)
         assert weighted_norm(dense(sampled) - distances, exact.weights) > least
     differently = distance_basis(
         patch, 20, method="exact", weights="area" if weights == "uniform" else "uniform"
@@ -95,10 +97,11 @@ def test_nystrom_is_near_the_optimum_and_the_laplace_basis_is_not(mesh, bases, a
     assert projected > 1.5 * sampled, "even one-sided, with freely chosen coefficients"
 
 
+@pytest.mark.parametrize("method", ["predicted", "nystrom", "fmds"])
 @pytest.mark.parametrize("weights", WEIGHTS)
-def test_more_columns_and_higher_rank_fit_better(mesh, all_distances, weights):
+def test_more_columns_and_higher_rank_fit_better(mesh, all_distances, method, weights):
     errors = [
-        np.linalg.norm(dense(distance_basis(mesh, p // 2, p, weights=weights)) - all_distances)
+        np.linalg.norm(dense(distance_basis(mesh, p // 2, p, method, weights)) - all_distances)
         for p in (20, 40, 80, 160)
     ]
     assert (np.diff(errors) < 0).all(), errors
@@ -108,7 +111,7 @@ def test_more_columns_and_higher_rank_fit_better(mesh, all_distances, weights):
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_sampled_rows_are_reproduced_where_nothing_is_truncated(mesh, weights):
     """With k = p the Nyström form C U⁻¹ Cᵀ has the columns C themselves, up to the asymmetry of U."""
-    basis = distance_basis(mesh, 30, 30, weights=weights)
+    basis = distance_basis(mesh, 30, 30, "nystrom", weights)
     columns = geodesic_distances(mesh, basis.samples)
     assert np.abs(basis.row(basis.samples) - columns).mean() < 0.005 * columns.mean()
 
@@ -116,7 +119,7 @@ def test_sampled_rows_are_reproduced_where_nothing_is_truncated(mesh, weights):
 def test_symmetric_columns_are_reproduced_to_rounding():
     """On a flat square, where fast marching is exact and symmetric."""
     sheet = flat_grid(7, 9)
-    basis = distance_basis(sheet, 30, 30, weights="uniform")
+    basis = distance_basis(sheet, 30, 30, "nystrom", weights="uniform")
     np.testing.assert_allclose(basis.row(basis.samples), geodesic_distances(sheet, basis.samples), atol=1e-4)
 
 
@@ -184,7 +187,7 @@ def test_exact_basis_over_the_memory_budget(mesh, monkeypatch):
     monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.001")
     with pytest.raises(MemoryBudgetError, match=r"exact distance basis of \d+ points needs .*'nystrom'"):
         distance_basis(mesh, method="exact")
-    assert distance_basis(mesh, 20, 40).rank == 20, "the alternative that the message names works"
+    assert distance_basis(mesh, 20, 40, "nystrom").rank == 20, "the alternative that the message names works"
 
 
 @pytest.mark.parametrize("k", [0, -1, 41])

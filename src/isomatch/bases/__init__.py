@@ -1,22 +1,26 @@
 """Bases: all distances, and the smooth functions, of a surface in n × k numbers."""
 
-from isomatch.bases.distance_basis import (
-    BasisMethod,
-    DistanceBasis,
-    Weighting,
-    distance_basis,
-    exact_basis,
-    nystrom_basis,
-)
+from isomatch.bases.build import BasisMethod, distance_basis
+from isomatch.bases.canonical_form import CanonicalForm, canonical_form
+from isomatch.bases.distance_basis import DistanceBasis, Weighting
+from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
+from isomatch.bases.nystrom import exact_basis, nystrom_basis
+from isomatch.bases.prediction import ColumnPredictor, predicted_basis
 
 __all__ = [
     "BasisMethod",
+    "CanonicalForm",
+    "ColumnPredictor",
     "DistanceBasis",
     "LaplaceBasis",
     "Weighting",
+    "canonical_form",
     "distance_basis",
     "exact_basis",
+    "fmds_basis",
     "laplace_basis",
     "nystrom_basis",
+    "predicted_basis",
+    "smds_basis",
 ]

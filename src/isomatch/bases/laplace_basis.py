@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import robust_laplacian
 from scipy.linalg import solve_triangular
 from scipy.sparse import csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
@@ -13,6 +12,7 @@ from scipy.sparse.linalg import splu
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
+from isomatch.bases.laplacian import Surface, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
 from isomatch.surfaces import Mesh
@@ -56,13 +56,13 @@ class LaplaceBasis:
         return self.vectors[:, :k] @ self.coefficients(functions, k)
 
 
-def laplace_basis(surface: Mesh, k: int = 200, seed: int = 0) -> LaplaceBasis:
+def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 
     Parameters
     ----------
-    surface : Mesh
-        One component of n vertices, every vertex used by a face.
+    surface : Mesh or PointCloud
+        One component of n vertices, every vertex of a mesh used by a face.
     k : int
         Number of functions, at most n.
     seed : int
@@ -88,23 +88,18 @@ def laplace_basis(surface: Mesh, k: int = 200, seed: int = 0) -> LaplaceBasis:
     """
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
-    unused = np.flatnonzero(np.bincount(surface.sound_faces.ravel(), minlength=surface.n_vertices) == 0)
-    if len(unused):
-        raise MeshError(
-            f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
-        )
+    if isinstance(surface, Mesh):
+        unused = np.flatnonzero(np.bincount(surface.sound_faces.ravel(), minlength=surface.n_vertices) == 0)
+        if len(unused):
+            raise MeshError(
+                f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
+            )
     if surface.components.any():
         raise MeshError(
             f"the surface has {surface.components.max() + 1} components, whose eigenfunctions have nothing to do with "
             "each other; take one, such as mesh.submesh(mesh.components == 0)[0]"
         )
-    stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
-    weights = np.asarray(mass.diagonal(), dtype=np.float64)
-    if not (weights > 0).all():
-        raise MeshError(
-            f"{int((weights <= 0).sum())} vertices have no area, so the Laplacian is undefined there; "
-            "call repair(mesh)"
-        )
+    stiffness, weights = laplacian(surface)
     area = weights.sum()
     scale = diags_array(np.sqrt(area / weights))
     operator = csc_array(scale @ stiffness @ scale)  # unit area, orthonormal in the plain sense

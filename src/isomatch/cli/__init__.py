@@ -9,6 +9,7 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from isomatch import __version__
+from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
 from isomatch.cli.demo import demo
@@ -27,7 +28,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for verb in (match, check, repair, demo, bench, info):
+for verb in (match, basis, check, repair, demo, bench, info):
     app.command(verb)
 
 

@@ -1,0 +1,168 @@
+"""Canonical forms: the surface embedded in a few dimensions so that straight distances imitate geodesic ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.linalg import eigh
+
+from isomatch._arrays import FloatArray
+from isomatch._memory import require_memory
+from isomatch._threads import serial_blas
+from isomatch.bases.distance_basis import Weighting, measure_of, orthonormalised
+from isomatch.bases.interpolation import biharmonic_interpolant, swapped
+from isomatch.bases.laplacian import require_surface
+from isomatch.bases.nystrom import leading_eigenpairs
+from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics import (
+    EngineName,
+    MetricSpace,
+    Sampling,
+    distance_engine,
+    farthest_point_sampling,
+    peripheral_vertex,
+)
+
+EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalForm:
+    """A surface embedded in a Euclidean space.
+
+    Parameters
+    ----------
+    points : (n, dim) array of float
+        Centred; in mesh units. Axes in decreasing order of extent; rotations and reflections have no meaning.
+    values : (dim,) array of float
+        Eigenvalues of −½ J D² J that the axes belong to, of decreasing size.
+    stress : float
+        √(Σ (|x_i − x_j| − d_ij)² / Σ d_ij²) over the measured columns j and all i, with weights: what the metric of
+        the space cannot follow.
+    """
+
+    points: FloatArray
+    values: FloatArray
+    stress: float
+
+
+def canonical_form(
+    surface: MetricSpace,
+    dim: int = 3,
+    method: EmbeddingMethod = "nystrom",
+    p: int = 100,
+    weights: Weighting = "area",
+    seed: int = 0,
+    engine: EngineName | None = None,
+) -> CanonicalForm:
+    """Embed a surface by classical scaling of its geodesic distances, so that poses of one body look alike.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or other metric space
+        One component of n points; "fmds" needs a mesh or a point cloud.
+    dim : int
+        Dimension of the space.
+    method : {"nystrom", "exact", "fmds"}
+        From p columns of squared distances, by their span or by smooth interpolation, or from all n.
+    p : int
+        Distance columns; ignored by "exact".
+    weights : {"area", "uniform"}
+        What the centre and the axes are those of.
+    seed : int
+        Draws where the sampling starts.
+    engine : str, optional
+        How distances are computed.
+
+    Returns
+    -------
+    CanonicalForm
+
+    Raises
+    ------
+    SettingError
+        If there are fewer than ``dim`` positive eigenvalues, or a setting is unknown.
+    MeshError
+        If the surface has several components.
+
+    Notes
+    -----
+    Elad & Kimmel, *On bending invariant signatures for surfaces*, PAMI 2003, with the low-rank forms of Shamai,
+    Zibulevsky & Kimmel, 3DOR 2015: D² ≈ S T Sᵀ, J S is centred, and one QR decomposition gives the eigenpairs of
+    −½ J S T Sᵀ J. O(p n log n) time and 8 n p bytes; for "exact", 24 n².
+
+    Examples
+    --------
+    >>> from isomatch import Mesh
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> canonical_form(square, dim=2, method="exact").points.shape
+    (4, 2)
+    """
+    if method not in get_args(EmbeddingMethod):
+        raise SettingError(
+            f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
+        )
+    distances = distance_engine(surface, engine)
+    n = distances.n_points
+    measure = measure_of(surface, weights, n)
+    with serial_blas():
+        if method == "exact":
+            require_memory(24.0 * n * n, f"the exact canonical form of {n} points", "use method='nystrom'")
+            sampling = Sampling(np.arange(n), distances.distances_from(np.arange(n)))
+            if not np.isfinite(sampling.columns).all():
+                raise MeshError("some points cannot be reached from others; pass one connected component")
+            points, values = _scaled(sampling.columns**2, measure, dim)
+        else:
+            start = peripheral_vertex(surface, distances, seed)
+            sampling = farthest_point_sampling(distances, min(p, n), start)
+            points, values = _scaled_low_rank(surface, sampling, measure, dim, method)
+    if len(values) < dim or not (values > 0).all():
+        raise SettingError(
+            f"only {int((values > 0).sum())} of {dim} eigenvalues are positive: the distances fit no space of that "
+            "dimension; ask for a smaller dim"
+        )
+    return CanonicalForm(points, values, _stress(points, sampling, measure))
+
+
+def _scaled(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:
+    """Classical scaling of all squared distances: eigenpairs of A^½ (−½ J D² J) A^½."""
+    share = measure / measure.sum()
+    inner = -0.25 * (squares + squares.T)
+    mean = inner @ share
+    inner += share @ mean - mean - mean[:, None]
+    root = np.sqrt(measure)
+    n = len(root)
+    values, vectors = eigh(inner * root * root[:, None], subset_by_index=[max(n - dim, 0), n - 1])
+    points: FloatArray = vectors[:, ::-1] * np.sqrt(np.maximum(values[::-1], 0.0)) / root[:, None]
+    return points, values[::-1]
+
+
+def _scaled_low_rank(
+    surface: MetricSpace, sampling: Sampling, measure: FloatArray, dim: int, method: EmbeddingMethod
+) -> tuple[FloatArray, FloatArray]:
+    """Scale D² ≈ S T Sᵀ, by the form Q Λ Qᵀ of −½ (J S) T (J S)ᵀ."""
+    squares, samples, p = sampling.columns**2, sampling.vertices, len(sampling.vertices)
+    if method == "fmds":
+        spread = np.hstack([biharmonic_interpolant(require_surface(surface), samples), squares.T])
+        middle = swapped(p)
+    else:
+        among = squares[:, samples]
+        values, vectors = leading_eigenpairs((among + among.T) / 2, (p + 1) // 2)
+        spread, middle = squares.T @ vectors, np.diag(1 / values)
+    spread -= measure @ spread / measure.sum()
+    form = orthonormalised(spread, -0.5 * middle, measure, method, "", samples)
+    chosen = np.argsort(-form.values, kind="stable")[:dim]
+    values = form.values[chosen]
+    return form.vectors[:, chosen] * np.sqrt(np.maximum(values, 0.0)), values
+
+
+def _stress(points: FloatArray, sampling: Sampling, measure: FloatArray) -> float:
+    """Relative stress over the columns of the samples, each entry with the weight of its point."""
+    missed = whole = 0.0
+    for sample, column in zip(sampling.vertices, sampling.columns):
+        straight = np.linalg.norm(points - points[sample], axis=1)
+        missed += float(measure @ (straight - column) ** 2)
+        whole += float(measure @ column**2)
+    return float(np.sqrt(missed / whole))

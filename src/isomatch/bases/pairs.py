@@ -1,0 +1,40 @@
+"""Distances of pairs from a low-rank form, at the speed of memory."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._threads import n_threads, parallel_map
+
+FEWEST_FOR_THREADS = 50_000  # pairs; below, starting threads costs more than it saves
+
+
+def pair_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
+    """Σ_c Λ_c Q_ic Q_jc for pairs of rows of Q (n, k): (m,), summed in the precision of Q.
+
+    O(m k) time on all threads; nothing is gathered, so there is no memory but the result.
+    """
+    out = np.zeros(len(i))
+    parts = n_threads() if len(i) >= FEWEST_FOR_THREADS else 1
+    ends = np.linspace(0, len(i), parts + 1).astype(np.int64)
+
+    def part(a: int) -> None:
+        chosen = slice(ends[a], ends[a + 1])
+        _sum_pairs(vectors, values, i[chosen], j[chosen], out[chosen])
+
+    parallel_map(part, range(parts))
+    return out
+
+
+@numba.njit(cache=True, nogil=True, fastmath=True)
+def _sum_pairs(
+    vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray, out: FloatArray
+) -> None:  # pragma: no cover - compiled
+    for a in range(len(i)):
+        x, y = vectors[i[a]], vectors[j[a]]
+        total = values[0] * x[0] * y[0]
+        for c in range(1, len(values)):
+            total += values[c] * x[c] * y[c]
+        out[a] = total

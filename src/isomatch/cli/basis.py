@@ -1,0 +1,99 @@
+"""``isomatch basis``: all geodesic distances of a mesh in one small file, and how good they are."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+import isomatch
+from isomatch.bases import BasisMethod, Weighting, canonical_form
+from isomatch.cli.terminal import progress, say_json, say_table
+from isomatch.geodesics import EngineName
+
+
+def basis(
+    file: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    k: Annotated[int, Parameter(name="--k")] = 50,
+    p: Annotated[int, Parameter(name="--p")] = 100,
+    method: BasisMethod | None = None,
+    weights: Weighting = "area",
+    engine: EngineName | None = None,
+    tolerance: float | None = None,
+    single: bool = False,
+    canonical: Path | None = None,
+    seed: int = 0,
+    json: bool = False,
+    force: bool = False,
+) -> None:
+    """Compute the geodesic distance basis of a mesh: all its distances in n × k numbers.
+
+    Parameters
+    ----------
+    file : Path
+        Mesh of one component: .off, .obj, .ply or .stl.
+    output : Path
+        File for the basis, .npz; isomatch.DistanceBasis.load reads it.
+    k : int
+        Rank.
+    p : int
+        Distance columns to compute.
+    method : str
+        predicted, nystrom, fmds, smds or exact; by default the first.
+    weights : str
+        area or uniform: what is approximated best, the surface or its vertices.
+    engine : str
+        How distances are computed; by default fast marching.
+    tolerance : float
+        Choose k and p so that the estimated relative error is at most this.
+    single : bool
+        Store single precision: half the size.
+    canonical : Path
+        Also write the canonical form, a mesh with the same faces whose straight distances imitate the geodesic ones.
+    seed : int
+        Seed of sampling and error estimate.
+    json : bool
+        Print one JSON object and nothing else.
+    force : bool
+        Replace earlier files.
+    """
+    for path in (output, canonical):
+        if path is not None and path.exists() and not force:
+            raise isomatch.IsomatchError(f"{path}: already exists; choose another name, or pass --force")
+    mesh = isomatch.read_mesh(file)
+    with progress() as stage:
+        stage("distances")
+        started = time.perf_counter()
+        dtype = np.float32 if single else np.float64
+        computed = isomatch.distance_basis(mesh, k, p, method, weights, seed, engine, tolerance, dtype)
+        seconds = time.perf_counter() - started
+        computed.save(output)
+        record = {
+            "file": str(file),
+            "basis": str(output),
+            "points": mesh.n_vertices,
+            "rank": computed.rank,
+            "columns": len(computed.samples),
+            "method": computed.method,
+            "engine": computed.engine,
+            "seconds": seconds,
+            "estimated_relative_error": computed.error_estimate(),
+        }
+        if canonical is not None:
+            stage("canonical form")
+            form = canonical_form(mesh, weights=weights, seed=seed, engine=engine)
+            isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
+            record |= {"canonical_form": str(canonical), "stress": form.stress}
+    if json:
+        say_json(record)
+        return
+    say_table(
+        (name.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value), "")
+        for name, value in record.items()
+    )
