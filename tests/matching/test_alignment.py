@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import ortho_group
 
-from isomatch.matching.alignment import DescriptorCloud, icp, orthogonal_alignment, residual
+from isomatch.descriptors import GeodesicDistanceDescriptor
+from isomatch.matching.alignment import icp, orthogonal_alignment, residual
 
 SIGNS = np.array([1, -1, -1, 1, -1, -1, -1, 1, -1, -1.0])
 DECAY = 1 / (1 + np.arange(10.0))
@@ -22,13 +23,13 @@ def planted_rotation(signature, seed=0):
 
 
 def random_cloud(n=80, signature=SIGNS, seed=0):
-    return DescriptorCloud(np.random.default_rng(seed).normal(size=(n, len(signature))), signature)
+    return GeodesicDistanceDescriptor(np.random.default_rng(seed).normal(size=(n, len(signature))), signature)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_recovers_a_planted_rotation(seed):
     target, rotation = random_cloud(seed=seed), planted_rotation(SIGNS, seed)
-    source = DescriptorCloud(target.points @ rotation, SIGNS)
+    source = GeodesicDistanceDescriptor(target.coordinates @ rotation, SIGNS)
     found = orthogonal_alignment(target, source)
     np.testing.assert_allclose(found, rotation, atol=1e-9)
     assert residual(target, source, found) < 1e-9
@@ -37,7 +38,7 @@ def test_recovers_a_planted_rotation(seed):
 def test_real_never_mixes_with_imaginary():
     """Even where the points ask for it."""
     target = random_cloud(signature=np.array([1, -1.0]))
-    source = DescriptorCloud(target.points[:, ::-1], target.signature)
+    source = GeodesicDistanceDescriptor(target.coordinates[:, ::-1], target.signature)
     found = orthogonal_alignment(target, source)
     assert found[0, 1] == found[1, 0] == 0
     np.testing.assert_allclose(np.abs(np.diag(found)), 1)
@@ -46,8 +47,8 @@ def test_real_never_mixes_with_imaginary():
 def test_distances_are_kept():
     """X C has the same bilinear form as X: that is what orthogonal within signs means."""
     target, source = random_cloud(seed=1), random_cloud(seed=2)
-    turned = target.points @ orthogonal_alignment(target, source)
-    before, after = ((x * SIGNS) @ x.T for x in (target.points, turned))
+    turned = target.coordinates @ orthogonal_alignment(target, source)
+    before, after = ((x * SIGNS) @ x.T for x in (target.coordinates, turned))
     np.testing.assert_allclose(after, before, atol=1e-9)
 
 
@@ -78,7 +79,7 @@ def test_sign_that_one_side_lacks_is_dropped():
 
 def test_null_columns_are_dropped_not_rotated():
     target = random_cloud()
-    target.points[:, [3, 5]] = 0
+    target.coordinates[:, [3, 5]] = 0
     found = orthogonal_alignment(target, target)
     kept = np.delete(np.arange(10), [3, 5])
     np.testing.assert_allclose(found[[3, 5]], 0, atol=1e-12)
@@ -91,15 +92,19 @@ def test_directions_that_few_points_leave_open_are_dropped():
     target = random_cloud(n=3, signature=-np.ones(7))
     found = orthogonal_alignment(target, target)
     np.testing.assert_allclose(np.linalg.svd(found, compute_uv=False), [1, 1, 1, 0, 0, 0, 0], atol=1e-7)
-    np.testing.assert_allclose(target.points @ found, target.points, atol=1e-7)
+    np.testing.assert_allclose(target.coordinates @ found, target.coordinates, atol=1e-7)
 
 
 @pytest.fixture
 def planted():
     """A cloud that decays like descriptors, and its rows permuted and rotated."""
-    target = DescriptorCloud(random_cloud(n=300).points * DECAY, SIGNS)
+    target = GeodesicDistanceDescriptor(random_cloud(n=300).coordinates * DECAY, SIGNS)
     truth = np.random.default_rng(4).permutation(300)
-    return target, DescriptorCloud(target.points[truth] @ planted_rotation(SIGNS, 5), SIGNS), truth
+    return (
+        target,
+        GeodesicDistanceDescriptor(target.coordinates[truth] @ planted_rotation(SIGNS, 5), SIGNS),
+        truth,
+    )
 
 
 def test_icp_finds_a_planted_permutation_from_a_rough_map(planted):
@@ -145,7 +150,7 @@ def test_icp_moves_each_start_as_if_it_were_alone(planted):
 def test_extra_coordinates_decide_what_the_descriptors_leave_open(planted):
     """All descriptors equal: only the extra coordinates tell the rows apart."""
     _, _, truth = planted
-    same = DescriptorCloud(np.ones((300, 1)), np.ones(1))
+    same = GeodesicDistanceDescriptor(np.ones((300, 1)), np.ones(1))
     extra = np.random.default_rng(8).normal(size=(300, 3))
     found = icp(same, same, np.zeros((1, 300), dtype=int), 5, (extra, extra[truth]))[0]
     np.testing.assert_array_equal(found.image, truth)

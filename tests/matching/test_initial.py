@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch.matching.alignment import DescriptorCloud
+from isomatch.descriptors import GeodesicDistanceDescriptor
 from isomatch.matching.initial import (
     images_from_rotation,
     rotation_from_functions,
@@ -15,7 +15,7 @@ def cloud(seed, n=60, k=30):
     rng = np.random.default_rng(seed)
     signature = np.where(rng.random(k) < 0.2, 1.0, -1.0)
     signature[0] = 1
-    return DescriptorCloud(rng.normal(size=(n, k)) / (1 + np.arange(k)), signature)
+    return GeodesicDistanceDescriptor(rng.normal(size=(n, k)) / (1 + np.arange(k)), signature)
 
 
 def solved_plainly(y, x, y_signs, x_signs, s):
@@ -36,11 +36,11 @@ def test_landmarks_solve_the_penalised_least_squares():
     at_target, at_source = np.array([[1, 5, 9, 20, 33], [2, 3, 4, 5, 6]]), np.array([[7, 2, 0, 11, 40]] * 2)
     found = rotations_from_landmarks(target, source, at_target, at_source)
     assert found.shape == (2, 20, 20)
-    s = (target.points[:, :20] ** 2).sum(axis=1).mean()
+    s = (target.coordinates[:, :20] ** 2).sum(axis=1).mean()
     for h in range(2):
         expected = solved_plainly(
-            target.points[at_target[h], :20],
-            source.points[at_source[h], :20],
+            target.coordinates[at_target[h], :20],
+            source.coordinates[at_source[h], :20],
             target.signature,
             source.signature,
             s,
@@ -61,7 +61,7 @@ def test_signs_of_columns_are_recovered_from_five_points():
     """The whole use of landmarks: eigenvectors come with either sign."""
     target = cloud(4)
     flips = np.random.default_rng(4).choice([-1.0, 1.0], 30)
-    source = DescriptorCloud(target.points * flips, target.signature)
+    source = GeodesicDistanceDescriptor(target.coordinates * flips, target.signature)
     points = np.arange(5)[None]
     found = rotations_from_landmarks(target, source, points, points)[0]
     np.testing.assert_array_equal(np.sign(np.diag(found))[:8], flips[:8])
@@ -76,7 +76,10 @@ def test_functions_solve_the_same_problem_in_coefficients():
     f_target, f_source = rng.normal(size=(60, 8)), rng.normal(size=(70, 8))
     a_target, a_source = rng.random(60), rng.random(70)
     found = rotation_from_functions(target, source, f_target, f_source, a_target, a_source)
-    y, x = (f_target * a_target[:, None]).T @ target.points, (f_source * a_source[:, None]).T @ source.points
+    y, x = (
+        (f_target * a_target[:, None]).T @ target.coordinates,
+        (f_source * a_source[:, None]).T @ source.coordinates,
+    )
     s = (y[:, :20] ** 2).sum(axis=1).mean()
     expected = solved_plainly(y[:, :20], x[:, :20], target.signature, source.signature, s)
     np.testing.assert_allclose(found, expected, atol=1e-9)

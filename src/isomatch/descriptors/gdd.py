@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases import DistanceBasis
 
 
@@ -27,6 +27,10 @@ class GeodesicDistanceDescriptor:
 
     coordinates: FloatArray
     signature: FloatArray
+
+    def at(self, vertices: IntArray, k: int | None = None) -> GeodesicDistanceDescriptor:
+        """Restrict to some of the vertices, and to the first k columns."""
+        return GeodesicDistanceDescriptor(self.coordinates[vertices, :k], self.signature[:k])
 
     def inner(self) -> FloatArray:
         """Coordinates times signature: D ≈ ``coordinates @ inner().T``."""

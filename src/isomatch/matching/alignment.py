@@ -7,37 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.descriptors import GeodesicDistanceDescriptor
 
 NULL_DIRECTION = 1e-9  # singular values below this share of the largest leave the rotation undetermined
 SETTLED = 0.99  # share of unchanged images at which an iteration has converged
 
 
-@dataclass(frozen=True, eq=False)
-class DescriptorCloud:
-    """Geodesic distance descriptors of some vertices.
-
-    Parameters
-    ----------
-    points : (m, k) array of float
-        Real coordinates.
-    signature : (k,) array of float
-        1 for a real column, −1 for an imaginary one.
-    """
-
-    points: FloatArray
-    signature: FloatArray
-
-    def at(self, rows: IntArray) -> DescriptorCloud:
-        """Restrict to some of the vertices."""
-        return DescriptorCloud(self.points[rows], self.signature)
-
-
-def orthogonal_alignment(target: DescriptorCloud, source: DescriptorCloud) -> FloatArray:
+def orthogonal_alignment(
+    target: GeodesicDistanceDescriptor, source: GeodesicDistanceDescriptor
+) -> FloatArray:
     """Find the orthogonal C that minimises ‖T C − S‖ and mixes columns of equal sign only.
 
     Parameters
     ----------
-    target, source : DescriptorCloud
+    target, source : GeodesicDistanceDescriptor
         The same m points on both shapes, row by row; k_t and k_s columns. Points may be stacks (..., m, k), aligned
         one by one.
 
@@ -52,7 +35,7 @@ def orthogonal_alignment(target: DescriptorCloud, source: DescriptorCloud) -> Fl
     -----
     Schönemann 1966, once for each sign. O(m k²).
     """
-    cross = target.points.swapaxes(-1, -2) @ source.points  # (..., k_t, m) (..., m, k_s)
+    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
     rotation = np.zeros_like(cross)
     for sign in (1.0, -1.0):
         block = (..., *np.ix_(target.signature == sign, source.signature == sign))
@@ -83,8 +66,8 @@ class Alignment:
 
 
 def icp(
-    target: DescriptorCloud,
-    source: DescriptorCloud,
+    target: GeodesicDistanceDescriptor,
+    source: GeodesicDistanceDescriptor,
     starts: IntArray,
     max_iterations: int,
     extra: tuple[FloatArray, FloatArray] | None = None,
@@ -93,7 +76,7 @@ def icp(
 
     Parameters
     ----------
-    target, source : DescriptorCloud
+    target, source : GeodesicDistanceDescriptor
         m_t and m_s points.
     starts : (h, m_s) array of int
         First guesses: target row of each source row.
@@ -113,12 +96,14 @@ def icp(
     """
     images, moving = starts.copy(), np.arange(len(starts))
     beside = (
-        (np.empty((len(target.points), 0)), np.empty((len(source.points), 0))) if extra is None else extra
+        (np.empty((len(target.coordinates), 0)), np.empty((len(source.coordinates), 0)))
+        if extra is None
+        else extra
     )
-    fixed = np.hstack([source.points, beside[1]])
+    fixed = np.hstack([source.coordinates, beside[1]])
     for _ in range(max_iterations):
         previous = images[moving]
-        turned = target.points @ orthogonal_alignment(target.at(previous), source)
+        turned = target.coordinates @ orthogonal_alignment(target.at(previous), source)
         for i, points in zip(moving, turned):
             images[i] = _nearest(np.hstack([points, beside[0]]), fixed)
         moving = moving[(images[moving] == previous).mean(axis=1) < SETTLED]
@@ -132,7 +117,9 @@ def _nearest(candidates: FloatArray, queries: FloatArray) -> IntArray:
     return np.asarray(scores.argmax(axis=1))
 
 
-def residual(target: DescriptorCloud, source: DescriptorCloud, rotation: FloatArray) -> float:
+def residual(
+    target: GeodesicDistanceDescriptor, source: GeodesicDistanceDescriptor, rotation: FloatArray
+) -> float:
     """Root mean square distance of each aligned target point from the source point of the same row."""
-    difference = target.points @ rotation - source.points
+    difference = target.coordinates @ rotation - source.coordinates
     return float(np.sqrt((difference**2).sum(axis=1).mean()))

@@ -119,7 +119,7 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
     """
     pool = _Pool(pair)
     pool.merge(given)
-    share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.points**2).sum(axis=1).mean() / 2)
+    share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.coordinates**2).sum(axis=1).mean() / 2)
     signatures = share * pair.target.signatures, share * pair.source.signatures
     guided = pool.settled(feature_starts(pair), SIGNATURE_STEPS, signatures)
     pool.add([alignment.image for alignment in guided], DISTANCE_STEPS, "features")

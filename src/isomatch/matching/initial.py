@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.descriptors import GeodesicDistanceDescriptor
 from isomatch.errors import LandmarkError, some
-from isomatch.matching.alignment import DescriptorCloud
 from isomatch.matching.nearest import nearest_rows
 
 LANDMARK_COLUMNS = 20  # leading descriptor columns that a few points can determine
@@ -16,13 +16,16 @@ RIDGE = 0.001  # penalty on every entry; decides where the landmarks do not
 
 
 def rotations_from_landmarks(
-    target: DescriptorCloud, source: DescriptorCloud, at_target: IntArray, at_source: IntArray
+    target: GeodesicDistanceDescriptor,
+    source: GeodesicDistanceDescriptor,
+    at_target: IntArray,
+    at_source: IntArray,
 ) -> FloatArray:
     """Align the leading columns of two clouds at a few corresponding points.
 
     Parameters
     ----------
-    target, source : DescriptorCloud
+    target, source : GeodesicDistanceDescriptor
         The clouds.
     at_target, at_source : (h, m) array of int
         Rows of m corresponding points, for each of h starts.
@@ -39,10 +42,10 @@ def rotations_from_landmarks(
     Shamai & Kimmel 2017, initialisation from feature points.
     """
     k = min(LANDMARK_COLUMNS, len(target.signature), len(source.signature))
-    leading = target.points[:, :k]
+    leading = target.coordinates[:, :k]
     s = float((leading**2).sum(axis=1).mean())
     allowed = target.signature[:k, None] == source.signature[:k]  # (i, j)
-    y, x = leading[at_target], source.points[at_source][..., :k]  # (h, m, k)
+    y, x = leading[at_target], source.coordinates[at_source][..., :k]  # (h, m, k)
     offset = np.subtract.outer(np.arange(k), np.arange(k))
     penalty = s * (OFF_DIAGONAL * offset**2 + RIDGE)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
@@ -54,15 +57,17 @@ def rotations_from_landmarks(
     return rotations
 
 
-def images_from_rotation(target: DescriptorCloud, source: DescriptorCloud, rotation: FloatArray) -> IntArray:
+def images_from_rotation(
+    target: GeodesicDistanceDescriptor, source: GeodesicDistanceDescriptor, rotation: FloatArray
+) -> IntArray:
     """Nearest target row of each source row, in as many leading columns as the rotation has."""
     k_target, k_source = rotation.shape
-    return nearest_rows(target.points[:, :k_target] @ rotation, source.points[:, :k_source])
+    return nearest_rows(target.coordinates[:, :k_target] @ rotation, source.coordinates[:, :k_source])
 
 
 def rotation_from_functions(
-    target: DescriptorCloud,
-    source: DescriptorCloud,
+    target: GeodesicDistanceDescriptor,
+    source: GeodesicDistanceDescriptor,
     target_functions: FloatArray,
     source_functions: FloatArray,
     target_weights: FloatArray,
@@ -72,7 +77,7 @@ def rotation_from_functions(
 
     Parameters
     ----------
-    target, source : DescriptorCloud
+    target, source : GeodesicDistanceDescriptor
         Clouds of all vertices.
     target_functions, source_functions : (n_t, q), (n_s, q) arrays of float
         Values of the same q functions (WKS, HKS, segments, anything) on both shapes.
@@ -89,11 +94,11 @@ def rotation_from_functions(
     Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W are orthogonal in the areas, so that XᵀA f
     holds W times the coefficients of f.
     """
-    f_target = target.points.T @ (target_weights[:, None] * target_functions)  # (k_t, q)
-    f_source = source.points.T @ (source_weights[:, None] * source_functions)
+    f_target = target.coordinates.T @ (target_weights[:, None] * target_functions)  # (k_t, q)
+    f_source = source.coordinates.T @ (source_weights[:, None] * source_functions)
     rows = np.arange(f_target.shape[1])[None]
-    as_target = DescriptorCloud(f_target.T, target.signature)
-    as_source = DescriptorCloud(f_source.T, source.signature)
+    as_target = GeodesicDistanceDescriptor(f_target.T, target.signature)
+    as_source = GeodesicDistanceDescriptor(f_source.T, source.signature)
     rotation: FloatArray = rotations_from_landmarks(as_target, as_source, rows, rows)[0]
     return rotation
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.alignment import DescriptorCloud
+from isomatch.descriptors import GeodesicDistanceDescriptor
 from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.prepare import PreparedShape
 
@@ -34,10 +34,9 @@ class Glimpse:
     rows: IntArray
 
     @cached_property
-    def cloud(self) -> DescriptorCloud:
+    def cloud(self) -> GeodesicDistanceDescriptor:
         """Leading columns of the geodesic distance descriptors, (m, 30)."""
-        cloud = self.shape.cloud
-        return DescriptorCloud(cloud.points[self.rows, :SEARCH_RANK], cloud.signature[:SEARCH_RANK])
+        return self.shape.cloud.at(self.rows, SEARCH_RANK)
 
     @cached_property
     def functions(self) -> FloatArray:

@@ -229,10 +229,12 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
     known = np.flatnonzero(on_body >= 0)
     if len(known) < 3:
         raise LandmarkError("the initial map leaves (nearly) everything unmatched; it cannot start anything")
-    columns = pair.target.cloud.points.shape[1]
-    stand_in = known[cKDTree(pair.source.cloud.points[known]).query(pair.source.cloud.points)[1]]
+    columns = pair.target.cloud.coordinates.shape[1]
+    stand_in = known[cKDTree(pair.source.cloud.coordinates[known]).query(pair.source.cloud.coordinates)[1]]
     return np.asarray(
-        cKDTree(pair.target.cloud.points).query(target.cloud.points[on_body[stand_in], :columns])[1],
+        cKDTree(pair.target.cloud.coordinates).query(target.cloud.coordinates[on_body[stand_in], :columns])[
+            1
+        ],
         dtype=np.int64,
     )
 

@@ -11,11 +11,10 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
-from isomatch.descriptors import geodesic_distance_descriptor
+from isomatch.descriptors import GeodesicDistanceDescriptor, geodesic_distance_descriptor
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.maps import UNMATCHED, Correspondence
-from isomatch.matching.alignment import DescriptorCloud
 from isomatch.matching.config import Config
 from isomatch.matching.features import (
     extremal_points,
@@ -116,10 +115,12 @@ class PreparedShape:
         return float(np.where(a == b, 0.0, apart).mean())
 
     @cached_property
-    def cloud(self) -> DescriptorCloud:
+    def cloud(self) -> GeodesicDistanceDescriptor:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale."""
         descriptor = geodesic_distance_descriptor(self.distances)
-        return DescriptorCloud(descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature)
+        return GeodesicDistanceDescriptor(
+            descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature
+        )
 
     @cached_property
     def signatures(self) -> FloatArray:

@@ -48,13 +48,13 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
     source, target = pair.source.shape, pair.target.shape
 
     def turned(rows: IntArray, found: IntArray) -> FloatArray:
-        return target.cloud.points @ orthogonal_alignment(target.cloud.at(found), source.cloud.at(rows))
+        return target.cloud.coordinates @ orthogonal_alignment(target.cloud.at(found), source.cloud.at(rows))
 
     points = turned(pair.source.rows, pair.target.rows[image])
     everywhere = np.arange(source.body.n_vertices)
     for rows in (*[pair.refinement.rows] * DISTANCE_STEPS, everywhere, everywhere):
-        points = turned(rows, nearest_in_cells(points, source.cloud.points[rows], target.cells))
-    return points, source.cloud.points
+        points = turned(rows, nearest_in_cells(points, source.cloud.coordinates[rows], target.cells))
+    return points, source.cloud.coordinates
 
 
 def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
