@@ -13,6 +13,7 @@ from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
 from isomatch.cli.demo import demo
+from isomatch.cli.distance import distance
 from isomatch.cli.info import info
 from isomatch.cli.match import match
 from isomatch.cli.repair import repair
@@ -28,7 +29,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for verb in (match, basis, check, repair, demo, bench, info):
+for verb in (match, basis, distance, check, repair, demo, bench, info):
     app.command(verb)
 
 

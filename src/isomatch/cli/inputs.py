@@ -12,7 +12,15 @@ from isomatch.errors import FormatError
 
 
 def read_landmarks(path: Path) -> IntArray:
-    """Read pairs of 0-based vertices (source, target), one a line, comma or blank separated, ``#`` comments."""
+    """Read pairs of 0-based vertices (source, target); see `read_pairs`."""
+    pairs = read_pairs(path, "a landmark", "of the source and of the target")
+    if not len(pairs):
+        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices a line")
+    return pairs
+
+
+def read_pairs(path: Path, what: str, whose: str) -> IntArray:
+    """Read pairs of 0-based vertices, one a line, comma or blank separated, ``#`` comments."""
     pairs = []
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -22,13 +30,10 @@ def read_landmarks(path: Path) -> IntArray:
             source, target = (int(word) for word in words)
         except ValueError:
             raise FormatError(
-                f"{path}:{number}: {' '.join(words)!r} is not a landmark; write two 0-based vertex indices, "
-                "of the source and of the target"
+                f"{path}:{number}: {' '.join(words)!r} is not {what}; write two 0-based vertex indices, {whose}"
             ) from None
         pairs.append((source, target))
-    if not pairs:
-        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices a line")
-    return np.array(pairs, dtype=np.int64)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def read_initial_map(path: Path, n_target: int) -> IntArray:

@@ -2,6 +2,7 @@
 
 from isomatch.geodesics.engines import EngineName, MetricSpace, distance_engine, geodesic_distances
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
 
@@ -15,5 +16,6 @@ __all__ = [
     "distance_engine",
     "farthest_point_sampling",
     "geodesic_distances",
+    "pair_distances",
     "peripheral_vertex",
 ]

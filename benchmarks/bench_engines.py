@@ -1,0 +1,62 @@
+"""Every engine against exact geodesics: error and time for each column, on real meshes and a procedural one."""
+
+import time
+
+import numpy as np
+import pytest
+
+from conftest import DATA
+from isomatch import Mesh, distance_engine
+from isomatch.datasets import creature
+
+pytest.importorskip("pygeodesic", reason="needs pygeodesic")
+pytest.importorskip("potpourri3d", reason="needs potpourri3d")
+
+SOURCES = 10
+ENGINES = ("fast_marching", "heat", "dijkstra", "exact")
+MESHES = (
+    "creature 5k",
+    "faust_r/tr_reg_000",
+    "faust_r/tr_reg_033",
+    "tosca_iso_r/cat0",
+    "tosca_iso_r/wolf0",
+    "tosca_iso_r/victoria10",
+    "tosca/cat0",
+)
+
+
+def _mesh(name: str) -> Mesh:
+    if name == "creature 5k":
+        return creature(5000).mesh
+    folder, shape = name.split("/")
+    path = DATA / folder / (f"{shape.rstrip('0123456789')}.npz" if folder == "tosca" else f"{shape}.npz")
+    if not path.exists():
+        pytest.skip(f"needs {path.relative_to(DATA)}; set ISOMATCH_DATA")
+    with np.load(path, allow_pickle=False) as held:
+        return Mesh(held[shape if folder == "tosca" else "vertices"], held["faces"])
+
+
+@pytest.mark.parametrize("name", MESHES)
+def bench_engines(benchmark, name, monkeypatch):
+    """Mean and largest relative error to exact distances, milliseconds for a column on one thread."""
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "1")
+    mesh = _mesh(name)
+    sources = np.random.default_rng(0).integers(mesh.n_vertices, size=SOURCES)
+    engines = {engine: distance_engine(mesh, engine) for engine in ENGINES}
+    columns, seconds = {}, {}
+    for engine, each in engines.items():
+        each.distances_from(sources[:1])  # compiles, factorises
+        started = time.perf_counter()
+        columns[engine] = each.distances_from(sources)
+        seconds[engine] = (time.perf_counter() - started) / SOURCES
+    exact = columns["exact"]
+    away = exact > 0
+    print(f"\n{name}, {mesh.n_vertices} vertices")
+    for engine in ENGINES:
+        error = np.abs(columns[engine][away] / exact[away] - 1)
+        print(
+            f"  {engine:14} mean {error.mean():7.3%}  99 % {np.quantile(error, 0.99):7.2%}  max {error.max():7.2%}  "
+            f"{1e3 * seconds[engine]:8.2f} ms a column"
+        )
+        benchmark.extra_info[engine] = float(error.mean())
+    benchmark.pedantic(engines["fast_marching"].distances_from, (sources,), rounds=3)

@@ -1,0 +1,133 @@
+"""``isomatch distance``: geodesic distances of pairs of vertices, or from some vertices to all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Group, Parameter
+from cyclopts.validators import LimitedChoice
+
+import isomatch
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.cli.inputs import read_pairs
+from isomatch.cli.terminal import progress, say, say_json
+from isomatch.errors import FormatError
+from isomatch.geodesics import EngineName, pair_distances
+
+WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
+HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
+
+
+def distance(
+    file: Path,
+    /,
+    *,
+    pairs: Annotated[Path | None, Parameter(group=WHICH)] = None,
+    sources: Annotated[str | None, Parameter(name="--from", group=WHICH)] = None,
+    engine: Annotated[EngineName | None, Parameter(group=HOW)] = None,
+    basis: Annotated[Path | None, Parameter(group=HOW)] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    json: bool = False,
+    force: bool = False,
+) -> None:
+    """Print or write geodesic distances, in the units of the file; inf where no path leads.
+
+    Parameters
+    ----------
+    file : Path
+        Mesh: .off, .obj, .ply or .stl. Points without faces are joined to their nearest neighbours.
+    pairs : Path
+        Two columns of 0-based vertex indices, comma or blank separated, # comments: one distance a line.
+    sources : str
+        0-based vertices with commas between: a column of distances to all vertices for each.
+    engine : str
+        fast_marching (for meshes, the default), exact, heat, or dijkstra (along edges; the default for points).
+    basis : Path
+        Distance basis of this mesh, from isomatch basis: approximate distances without computing any.
+    output : Path
+        File to write instead of printing: .csv, or .npz with distances and pairs or sources.
+    json : bool
+        Print one JSON object and nothing else.
+    force : bool
+        Replace an earlier file.
+    """
+    if output is not None:
+        if output.suffix not in (".csv", ".npz"):
+            raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
+        if output.exists() and not force:
+            raise isomatch.IsomatchError(
+                f"{output}: already exists; choose another name with -o, or pass --force"
+            )
+    asked = (
+        read_pairs(pairs, "a pair", "separated by a comma or blank")
+        if pairs is not None
+        else _vertices(sources or "")
+    )
+    with progress() as stage:
+        stage("reading")
+        mesh = isomatch.read_mesh(file)
+        surface = mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
+        stage("distances")
+        name, distances = _distances(surface, asked, engine, basis)
+    kind = "pairs" if pairs is not None else "sources"
+    if output is not None:
+        _write(output, kind, asked, distances)
+    if json:
+        record = {"file": str(file), "engine": name, "basis": basis and str(basis), kind: asked.tolist()}
+        where = {"output": str(output)} if output is not None else {"distances": distances.tolist()}
+        say_json(record | where)
+    elif output is not None:
+        say(f"wrote {output}: {distances.size} distances by {name}")
+    else:
+        say("\n".join(_lines(kind, asked, distances)))
+
+
+def _vertices(words: str) -> IntArray:
+    try:
+        return np.array([int(word) for word in words.split(",")], dtype=np.int64)
+    except ValueError:
+        raise isomatch.SettingError(
+            f"--from {words!r} is not a list of vertices; write 0-based indices with commas between, such as 0,12"
+        ) from None
+
+
+def _distances(
+    surface: isomatch.Mesh | isomatch.PointCloud,
+    asked: IntArray,
+    engine: EngineName | None,
+    basis: Path | None,
+) -> tuple[str, FloatArray]:
+    """Name of what computed them, and distances: (m,) for pairs (m, 2), (m, n) for sources (m,)."""
+    if basis is None:
+        chosen = isomatch.distance_engine(surface, engine)
+        by_pairs = asked.ndim == 2
+        return chosen.name, pair_distances(chosen, asked) if by_pairs else chosen.distances_from(asked)
+    low_rank = isomatch.DistanceBasis.load(basis)
+    if len(low_rank.vectors) != surface.n_vertices:
+        raise isomatch.MeshError(
+            f"{basis}: a basis of {len(low_rank.vectors)} points, but the surface has {surface.n_vertices} vertices; "
+            "give the mesh that it was made from"
+        )
+    name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
+    return name, low_rank.distance(*asked.T) if asked.ndim == 2 else low_rank.row(asked)
+
+
+def _lines(kind: str, asked: IntArray, distances: FloatArray) -> list[str]:
+    """One distance a line for pairs; for sources a table whose row is a vertex and column a source."""
+    if kind == "pairs":
+        return [repr(value) for value in distances.tolist()]
+    header = ",".join(["vertex", *(f"from_{source}" for source in asked)])
+    return [header, *(",".join([str(i), *map(repr, row)]) for i, row in enumerate(distances.T.tolist()))]
+
+
+def _write(path: Path, kind: str, asked: IntArray, distances: FloatArray) -> None:
+    if path.suffix == ".npz":
+        arrays: dict[str, Any] = {kind: asked, "distances": distances}
+        np.savez_compressed(path, **arrays)
+        return
+    lines = _lines(kind, asked, distances)
+    if kind == "pairs":
+        lines = ["source,target,distance", *(f"{i},{j},{line}" for (i, j), line in zip(asked, lines))]
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
