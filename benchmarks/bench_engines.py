@@ -13,6 +13,7 @@ pytest.importorskip("pygeodesic", reason="needs pygeodesic")
 pytest.importorskip("potpourri3d", reason="needs potpourri3d")
 
 SOURCES = 10
+REPEATS = 10  # the quickest counts; exact is timed once
 ENGINES = ("fast_marching", "heat", "dijkstra", "exact")
 MESHES = (
     "creature 5k",
@@ -46,9 +47,12 @@ def bench_engines(benchmark, name, monkeypatch):
     columns, seconds = {}, {}
     for engine, each in engines.items():
         each.distances_from(sources[:1])  # compiles, factorises
-        started = time.perf_counter()
-        columns[engine] = each.distances_from(sources)
-        seconds[engine] = (time.perf_counter() - started) / SOURCES
+        runs = []
+        for _ in range(1 if engine == "exact" else REPEATS):
+            started = time.perf_counter()
+            columns[engine] = each.distances_from(sources)
+            runs.append((time.perf_counter() - started) / SOURCES)
+        seconds[engine] = min(runs)
     exact = columns["exact"]
     away = exact > 0
     print(f"\n{name}, {mesh.n_vertices} vertices")

@@ -26,7 +26,7 @@ class Dijkstra(ColumnEngine):
     Notes
     -----
     Dijkstra 1959, in scipy. O(e + n log n) time a column for e edges. It is the exact distance of a graph. On a mesh or
-    a point cloud paths zigzag, so that distances come out too long however fine the sampling: by about 5 to 10 % on
+    a point cloud paths zigzag, so that distances come out too long however fine the sampling: by about 5 to 8 % on
     a mesh; for point clouds see `PointCloud`.
     """
 

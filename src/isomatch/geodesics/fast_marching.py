@@ -24,7 +24,7 @@ class FastMarching(ColumnEngine):
     -----
     Kimmel & Sethian, *Computing geodesic paths on manifolds*, PNAS 1998; what is added to it is told in
     `isomatch.geodesics.front.march`. O(n log n) time a column, on all threads; mean relative error to exact
-    geodesics 0.1 to 0.2 % on animals and people of 5 000 vertices.
+    geodesics 0.1 to 0.3 % on animals and people of 5 000 vertices, 0.04 % at 28 000.
     """
 
     name = "fast_marching"

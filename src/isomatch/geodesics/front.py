@@ -9,11 +9,9 @@ from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._threads import n_threads, parallel_map
 from isomatch.geodesics.stencil import Stencil
 
-MOST_SHIFT = (
-    0.02  # of an edge's length: what the curvature of a front may change a distance by in one triangle
-)
-TIE = 1e-6  # of a step: paths that differ by less are equal, and the first one found is kept
+MOST_SHIFT = 0.02  # of an edge: most that the curvature of a front may change a distance by in one triangle
 MOST_FOCUS = 0.3  # a front runs together no faster than to a point 1 / 0.3 steps ahead
+TIE = 1e-6  # of a step: paths that differ by less are equal, and the first one found is kept
 
 
 def march(stencil: Stencil, sources: IntArray) -> FloatArray:
@@ -156,7 +154,8 @@ def _march(
                         part = crossing / (height * length)
                         mean = excess[v] + part * (excess[w] - excess[v])
                         shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
-                        shift = min(max(shift, -MOST_SHIFT * length), MOST_SHIFT * length)
+                        most = MOST_SHIFT * min(length, straight)
+                        shift = min(max(shift, -most), most)
                         if straight - shift < candidate:
                             candidate = straight - shift
                             radius = straight
