@@ -32,14 +32,21 @@ def test_exact(wolf, all_distances):
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_nystrom(wolf, all_distances, seed):
-    basis = distance_basis(wolf, 50, 100, weights="uniform", seed=seed)
+    basis = distance_basis(wolf, 50, 100, "nystrom", "uniform", seed)
     assert relative_error(basis.row(np.arange(wolf.n_vertices)), all_distances) < 0.0075
 
 
 def test_nystrom_on_a_tenth_of_the_rows(wolf):
     rows = np.arange(0, wolf.n_vertices, 10)
-    basis = distance_basis(wolf, 50, 100, weights="uniform")
+    basis = distance_basis(wolf, 50, 100, "nystrom", "uniform")
     assert relative_error(basis.row(rows), geodesic_distances(wolf, rows)) < 0.0075
+
+
+@pytest.mark.parametrize(("p", "error"), [(100, 0.0053), (200, 0.0046)])
+def test_predicted_on_a_tenth_of_the_rows(wolf, p, error):
+    rows = np.arange(0, wolf.n_vertices, 10)
+    basis = distance_basis(wolf, 50, p, "predicted", "uniform")
+    assert relative_error(basis.row(rows), geodesic_distances(wolf, rows)) < error
 
 
 @pytest.mark.long

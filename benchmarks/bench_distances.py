@@ -1,0 +1,112 @@
+"""Distance bases of the TOSCA wolf: error against rank, and against preparation time, for every method.
+
+    python benchmarks/bench_distances.py
+
+writes ``docs/benchmarks/distance_bases.csv`` and ``.png``; needs ``tosca/wolf.npz`` under ``ISOMATCH_DATA``.
+"""
+
+import csv
+import time
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from conftest import DATA
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
+
+OUT = Path(__file__).parents[1] / "docs" / "benchmarks"
+RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
+COLUMNS = (60, 80, 100, 140, 200, 300, 400)
+METHODS = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
+NAMES = {
+    "exact": "exact (optimum)",
+    "laplace": "Laplace basis",
+    "nystrom": "Nyström",
+    "fmds": "FMDS",
+    "smds": "SMDS",
+}
+
+
+def relative_error(approximate, distances, weights):
+    """Relative Frobenius error with weights on both sides."""
+    root = np.sqrt(weights)
+    scale = root[:, None] * root
+    return float(np.linalg.norm(scale * (approximate - distances)) / np.linalg.norm(scale * distances))
+
+
+def measure(mesh, distances):
+    """One row for each basis: weights, method, k, p, error, processor seconds."""
+    everywhere = np.arange(mesh.n_vertices)
+    smooth = laplace_basis(mesh, max(RANKS)).vectors
+    for weights in ("uniform", "area"):
+        measure = mesh.vertex_areas if weights == "area" else np.ones(mesh.n_vertices)
+        exact = distance_basis(mesh, max(RANKS), max(RANKS), "exact", weights, held_out=0)
+        root = np.sqrt(measure)[:, None]
+        for k in RANKS:
+            row = exact.truncated(k).row(everywhere)
+            yield weights, "exact", k, mesh.n_vertices, relative_error(row, distances, measure), ""
+            span = np.linalg.qr(root * smooth[:, :k])[0]
+            one_sided = span @ (span.T @ (root * distances)) / root
+            yield weights, "laplace", k, mesh.n_vertices, relative_error(one_sided, distances, measure), ""
+        settings = [(k, 2 * k) for k in RANKS] + [(50, p) for p in COLUMNS if p != 100]
+        for method in METHODS:
+            for k, p in settings:
+                started = time.process_time()
+                basis = distance_basis(mesh, k, p, method, weights, held_out=0)
+                seconds = time.process_time() - started
+                error = relative_error(basis.row(everywhere), distances, measure)
+                yield weights, method, k, p, error, round(seconds, 3)
+
+
+def draw(rows):
+    """Error against rank at p = 2 k, and against preparation time at k = 50, for both weights."""
+    figure, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained", sharey=True)
+    for (by_rank, by_time), weights in zip(axes, ("uniform", "area")):
+        chosen = [row for row in rows if row[0] == weights]
+        best = next(row[4] for row in chosen if row[1] == "exact" and row[2] == 50)
+        for method, colour in {"laplace": "0.6", **METHODS, "exact": "k"}.items():
+            line = [
+                (r[2], r[4]) for r in chosen if r[1] == method and (r[3] == 2 * r[2] or method not in METHODS)
+            ]
+            by_rank.plot(*zip(*line), "o-", color=colour, label=NAMES.get(method, method), markersize=4)
+        for method, colour in METHODS.items():
+            line = sorted((r[3], r[5], r[4]) for r in chosen if r[1] == method and r[2] == 50)
+            by_time.plot([r[1] for r in line], [r[2] for r in line], "o-", color=colour, markersize=4)
+            for p, seconds, error in line:
+                if p in (100, 200, 400):
+                    by_time.annotate(f"{p}", (seconds, error), (3, 4), textcoords="offset points", fontsize=8)
+        by_time.axhline(best, color="k")
+        by_rank.set(
+            yscale="log", xlabel="rank k, from p = 2 k columns", ylabel=f"relative error, {weights} weights"
+        )
+        by_time.set(xscale="log", xlabel="processor seconds to prepare rank 50; numbers are columns p")
+        for axis in (by_rank, by_time):
+            axis.grid(alpha=0.3, which="both")
+    axes[0, 0].legend()
+    figure.savefig(OUT / "distance_bases.png", dpi=110)
+
+
+def main():
+    """Measure, write, draw."""
+    with np.load(DATA / "tosca" / "wolf.npz") as poses:
+        mesh = Mesh(poses["wolf0"], poses["faces"])
+    distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
+    distances = (distances + distances.T) / 2
+    distance_basis(mesh, 5, 10)  # compiles
+    rows = list(measure(mesh, distances))
+    with open(OUT / "distance_bases.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["weights", "method", "k", "p", "relative_error", "processor_seconds"])
+        writer.writerows([*row[:4], f"{row[4]:.5f}", row[5]] for row in rows)
+    draw(rows)
+    for row in rows:
+        print(*row)
+
+
+if __name__ == "__main__":
+    main()

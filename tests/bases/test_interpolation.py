@@ -1,0 +1,123 @@
+"""Interpolated bases: the limit of hard interpolation, two routes to one matrix, and the published order of methods."""
+
+import numpy as np
+import pytest
+
+from data import tosca
+from isomatch import distance_basis, geodesic_distances
+from isomatch.bases import ColumnPredictor, fmds_basis
+from isomatch.bases.interpolation import biharmonic_interpolant
+from isomatch.bases.laplacian import laplacian
+from isomatch.bases.prediction import DensityWeighted, representative_points
+from isomatch.datasets import creature
+from isomatch.geodesics import distance_engine, farthest_point_sampling
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return creature(1500).mesh
+
+
+@pytest.fixture(scope="module")
+def sampling(mesh):
+    return farthest_point_sampling(distance_engine(mesh), 40, start=0)
+
+
+def test_interpolant_reproduces_values_constants_and_the_dense_solution(mesh, sampling):
+    interpolant = biharmonic_interpolant(mesh, sampling.vertices)
+    np.testing.assert_allclose(interpolant[sampling.vertices], np.eye(40), atol=5e-3)
+    np.testing.assert_allclose(interpolant.sum(axis=1), 1, atol=1e-3)
+    stiffness, masses = laplacian(mesh)
+    selection = np.eye(mesh.n_vertices)[sampling.vertices]
+    fidelity = 100.0
+    energy = (stiffness / (masses / masses.sum())) @ stiffness
+    direct = np.linalg.solve(energy.toarray() + fidelity * selection.T @ selection, fidelity * selection.T)
+    np.testing.assert_allclose(biharmonic_interpolant(mesh, sampling.vertices, fidelity), direct, atol=1e-6)
+
+
+def test_interpolant_does_not_depend_on_scale(mesh, sampling):
+    large = type(mesh)(100 * mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(
+        biharmonic_interpolant(large, sampling.vertices, 10.0),
+        biharmonic_interpolant(mesh, sampling.vertices, 10.0),
+        atol=1e-6,
+    )
+
+
+def test_low_rank_form_is_the_average_of_both_interpolations(mesh, sampling):
+    weights = np.ones(mesh.n_vertices)
+    basis = fmds_basis(mesh, sampling, weights, 80, "fast_marching")
+    one_sided = biharmonic_interpolant(mesh, sampling.vertices) @ sampling.columns
+    expected = (one_sided + one_sided.T) / 2
+    np.testing.assert_allclose(basis.row(np.arange(mesh.n_vertices)), expected, atol=1e-8 * expected.max())
+
+
+def test_predicted_columns_are_the_measured_ones_at_the_samples(mesh, sampling):
+    predictor = ColumnPredictor.fitted(mesh, sampling)
+    predicted = predictor.distances(sampling.vertices, np.arange(mesh.n_vertices))
+    assert np.abs(predicted - sampling.columns).mean() < 0.002 * sampling.columns.mean()
+
+
+def test_predicted_columns_are_nearer_than_interpolated_ones(mesh, sampling):
+    rows = np.arange(5, mesh.n_vertices, 50)
+    truth = geodesic_distances(mesh, rows)
+    predicted = ColumnPredictor.fitted(mesh, sampling).distances(rows, np.arange(mesh.n_vertices))
+    interpolated = biharmonic_interpolant(mesh, sampling.vertices)[rows] @ sampling.columns
+    assert np.linalg.norm(predicted - truth) < 0.5 * np.linalg.norm(interpolated - truth)
+
+
+def test_samples_crowd_where_weight_does():
+    mesh = creature(1500).mesh
+    engine = distance_engine(mesh)
+    left = mesh.vertices[:, 0] < np.median(mesh.vertices[:, 0])
+    even, uneven = (
+        farthest_point_sampling(DensityWeighted(engine, density), 60, 0)
+        for density in (np.ones(mesh.n_vertices), np.where(left, 27.0, 1.0))
+    )
+    np.testing.assert_array_equal(even.vertices, farthest_point_sampling(engine, 60, 0).vertices)
+    assert left[uneven.vertices].sum() > 1.4 * left[even.vertices].sum()
+    np.testing.assert_array_equal(uneven.columns, engine.distances_from(uneven.vertices))
+
+
+def test_nodes_stand_for_all_the_weight(mesh, sampling):
+    nodes, shares = representative_points(
+        mesh.vertices, sampling.vertices, mesh.vertex_areas, np.ones(mesh.n_vertices), 300
+    )
+    assert len(set(nodes)) == 300
+    assert shares.sum() == pytest.approx(mesh.area)
+    assert (shares > 0).all()
+
+
+@pytest.mark.parametrize("weights", ["area", "uniform"])
+def test_predicted_is_nearest_to_the_optimum(mesh, weights):
+    distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
+    distances = (distances + distances.T) / 2
+    root = np.sqrt(distance_basis(mesh, 1, 2, weights=weights).weights)
+
+    def error(basis):
+        return np.linalg.norm(root[:, None] * (basis.row(np.arange(len(root))) - distances) * root)
+
+    exact = distance_basis(mesh, 50, method="exact", weights=weights)
+    for k in (5, 20, 50):
+        best = error(exact.truncated(k))
+        predicted, nystrom = (
+            error(distance_basis(mesh, k, 2 * k, name, weights)) for name in ("predicted", "nystrom")
+        )
+        assert best < predicted < 1.4 * best
+        assert predicted < nystrom
+
+
+@pytest.mark.parametrize(
+    "pose",
+    ["wolf0", pytest.param("cat0", marks=pytest.mark.long), pytest.param("centaur0", marks=pytest.mark.long)],
+)
+def test_published_order_of_methods(pose):
+    """Spectral MDS is worse than FMDS and FMDS worse than Nyström; the predicted columns are better than all."""
+    mesh = tosca(pose)
+    rows = np.arange(0, mesh.n_vertices, mesh.n_vertices // 200)
+    truth = geodesic_distances(mesh, rows)
+    errors = [
+        np.linalg.norm(distance_basis(mesh, 50, 100, method, "uniform").row(rows) - truth)
+        for method in ("predicted", "nystrom", "fmds", "smds")
+    ]
+    assert (np.diff(errors) > 0).all(), errors
