@@ -78,13 +78,15 @@ def draw(rows):
             line = sorted((r[3], r[5], r[4]) for r in chosen if r[1] == method and r[2] == 50)
             by_time.plot([r[1] for r in line], [r[2] for r in line], "o-", color=colour, markersize=4)
             for p, seconds, error in line:
-                if p in (100, 200, 400):
-                    by_time.annotate(f"{p}", (seconds, error), (3, 4), textcoords="offset points", fontsize=8)
+                if method in ("predicted", "fmds") and p in (100, 200, 400):
+                    by_time.annotate(f"{p}", (seconds, error), (2, 4), textcoords="offset points", fontsize=8)
         by_time.axhline(best, color="k")
         by_rank.set(
             yscale="log", xlabel="rank k, from p = 2 k columns", ylabel=f"relative error, {weights} weights"
         )
-        by_time.set(xscale="log", xlabel="processor seconds to prepare rank 50; numbers are columns p")
+        by_time.set(xscale="log", xlabel="processor seconds to prepare rank 50; numbers: columns p")
+        by_time.set_xticks((0.2, 0.5, 1, 2), ("0.2", "0.5", "1", "2"))
+        by_time.set_xticks((), minor=True)
         for axis in (by_rank, by_time):
             axis.grid(alpha=0.3, which="both")
     axes[0, 0].legend()
