@@ -15,7 +15,7 @@ from isomatch._threads import serial_blas
 from isomatch.bases.laplacian import Surface, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Graph, Mesh
 
 BLOCK = (
     8  # vectors solved for at once; larger blocks converge in more vectors, smaller ones solve more slowly
@@ -56,12 +56,12 @@ class LaplaceBasis:
         return self.vectors[:, :k] @ self.coefficients(functions, k)
 
 
-def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis:
+def laplace_basis(surface: Surface | Graph, k: int = 200, seed: int = 0) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 
     Parameters
     ----------
-    surface : Mesh or PointCloud
+    surface : Mesh, PointCloud or Graph
         One component of n vertices, every vertex of a mesh used by a face.
     k : int
         Number of functions, at most n.

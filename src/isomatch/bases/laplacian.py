@@ -7,13 +7,13 @@ from typing import TypeAlias
 
 import numpy as np
 import robust_laplacian
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
-from isomatch.surfaces import Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud
 
 Surface: TypeAlias = Mesh | PointCloud
 """What has a Laplacian."""
@@ -28,11 +28,15 @@ def require_surface(surface: MetricSpace) -> Surface:
     )
 
 
-def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
+def laplacian(surface: Surface | Graph) -> tuple[csc_array, FloatArray]:
     """Stiffness L (n, n), which has no scale, and masses (n,) in squared mesh units.
 
     The tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020.
+    On a graph, edge weights are the geometric mean of the masses at the ends over the squared length, times a constant
+    that makes it the five-point Laplacian on a square grid.
     """
+    if isinstance(surface, Graph):
+        return _graph_laplacian(surface), surface.vertex_areas
     if isinstance(surface, Mesh):
         stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
     else:
@@ -44,6 +48,16 @@ def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
             "call repair(mesh)"
         )
     return csc_array(stiffness), masses
+
+
+def _graph_laplacian(graph: Graph) -> csc_array:
+    i, j = graph.edges.T
+    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())
+    degree = 2 * len(i) / graph.n_vertices
+    conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2
+    adjacency = coo_array((conductance, (i, j)), shape=(graph.n_vertices,) * 2)
+    adjacency = adjacency + adjacency.T
+    return csc_array(diags_array(adjacency.sum(axis=1)) - adjacency)
 
 
 def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:

@@ -38,10 +38,10 @@ class Judged:
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     curvature_mismatch : float
-        Mean absolute difference of the standardised signed mean curvatures.
+        Mean absolute difference of the standardised signed mean curvatures; 1 where a shape has none.
     orientation : float
         Mean cosine between the normals of the smooth target drawn on the source and those of the smooth target: near 1
-        for the true map, near −1 for its mirror image, between for mixtures.
+        for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape has no normals.
     """
 
     hypothesis: Hypothesis
@@ -107,7 +107,7 @@ def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
         hypothesis,
         image,
         residual(at_target, source.cloud, orthogonal_alignment(at_target, source.cloud)),
-        float(np.abs(target.curvature[image] - source.curvature).mean()),
+        float(np.abs(target.curvature[image] - source.curvature).mean()) if pair.sided else 1.0,
         orientation_of(source, target.shape, target.rows[image], SMOOTH),
     )
 
@@ -115,10 +115,13 @@ def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
 def orientation_of(source: Glimpse, target: PreparedShape, image: IntArray, k: int) -> float:
     """Mean cosine between the normals of the target, low-passed to k functions, and of its copy drawn on the source.
 
-    ``image`` (m,) holds the target body vertex of each row of the glimpse.
+    ``image`` (m,) holds the target body vertex of each row of the glimpse. 0 where a shape has no triangles.
     """
+    mesh, onto = source.shape.triangles, target.triangles
+    if mesh is None or onto is None:
+        return 0.0
     k = min(k, source.functions.shape[1], len(target.laplace.values))
-    copy = source.shape.laplace.vectors[:, :k] @ source.fit(target.body.vertices[image], k)
-    drawn = vertex_normals(copy, source.shape.body.faces)[source.rows]
-    smooth = vertex_normals(target.laplace.low_passed(target.body.vertices, k), target.body.faces)[image]
+    copy = source.shape.laplace.vectors[:, :k] @ source.fit(onto.vertices[image], k)
+    drawn = vertex_normals(copy, mesh.faces)[source.rows]
+    smooth = vertex_normals(target.laplace.low_passed(onto.vertices, k), onto.faces)[image]
     return float(np.einsum("ij,ij->i", drawn, smooth).mean())

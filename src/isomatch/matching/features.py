@@ -11,6 +11,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import wave_kernel_signature
 from isomatch.geodesics import DistanceEngine
+from isomatch.matching.body import Shape
 from isomatch.matching.nearest import Cells
 from isomatch.surfaces import Mesh
 from isomatch.surfaces.mesh import vertex_normals
@@ -22,14 +23,14 @@ SIGNATURE_WEIGHT, CURVATURE_WEIGHT = 0.6, 0.4
 
 
 def extremal_points(
-    mesh: Mesh, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
+    mesh: Shape, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
 ) -> tuple[IntArray, FloatArray]:
     """Tips of the surface: local maxima of the average geodesic distance, the most remote first.
 
     Parameters
     ----------
-    mesh : Mesh
-        The surface.
+    mesh : Mesh, PointCloud or Graph
+        The shape.
     engine : DistanceEngine
         Its distances.
     average_distance : (n,) array of float
@@ -78,21 +79,19 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     return np.asarray(np.clip(curvature, low, high), dtype=np.float64)
 
 
-def point_signatures(mesh: Mesh, laplace: LaplaceBasis) -> FloatArray:
-    """Wave kernel signatures and signed mean curvatures, each column standardised by area: (n, 23).
+def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis) -> FloatArray:
+    """Wave kernel signatures, and signed mean curvatures of a mesh, each column standardised by area: (n, 20 or 23).
 
     The logarithm of the signature evens out its scale. Signed curvature is the only part that tells a surface from
     its mirror image and a chest from a back.
     """
     wave = np.log(wave_kernel_signature(laplace, k=SIGNATURE_FUNCTIONS)[:, ::SIGNATURE_STEP])
-    curvature = np.column_stack(
-        [mean_curvature(mesh, laplace, min(k, len(laplace.values))) for k in CURVATURE_FUNCTIONS]
-    )
+    parts = [(wave, SIGNATURE_WEIGHT)]
+    if mesh is not None:
+        sizes = (min(k, len(laplace.values)) for k in CURVATURE_FUNCTIONS)
+        parts.append((np.column_stack([mean_curvature(mesh, laplace, k) for k in sizes]), CURVATURE_WEIGHT))
     return np.hstack(
-        [
-            standardised(values, laplace.weights) * (weight / np.sqrt(values.shape[1]))
-            for values, weight in ((wave, SIGNATURE_WEIGHT), (curvature, CURVATURE_WEIGHT))
-        ]
+        [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
     )
 
 
@@ -104,13 +103,13 @@ def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
     return np.asarray(centred / scale, dtype=np.float64)
 
 
-def spread_vertices(mesh: Mesh, count: int) -> IntArray:
-    """Choose vertices evenly in space: Euclidean farthest points, from the one farthest from the centroid.
+def spread_vertices(points: FloatArray, areas: FloatArray, count: int) -> IntArray:
+    """Choose points (n, 3) evenly in space: Euclidean farthest points, from the one farthest from the centroid.
 
     A prefix of the result is as even as the whole. O(n count).
     """
-    points = mesh.vertices - np.average(mesh.vertices, axis=0, weights=mesh.vertex_areas)
-    chosen = np.zeros(min(count, mesh.n_vertices), dtype=np.int64)
+    points = points - np.average(points, axis=0, weights=areas)
+    chosen = np.zeros(min(count, len(points)), dtype=np.int64)
     chosen[0] = (points**2).sum(axis=1).argmax()
     _spread(points, chosen)
     return chosen
@@ -130,12 +129,19 @@ def _spread(points: FloatArray, chosen: IntArray) -> None:  # pragma: no cover -
         nearest[chosen[i]] = -1.0
 
 
-def surface_cells(mesh: Mesh, centres: IntArray) -> Cells:
+def nearest_along_edges(shape: Shape, centres: IntArray) -> tuple[FloatArray, IntArray]:
+    """Distance along edges from each vertex to the nearest of some, (n,), and which vertex that is, (n,)."""
+    i, j = shape.edges.T
+    lengths = np.maximum(shape.edge_lengths, 1e-300)
+    graph = coo_array((lengths, (i, j)), shape=(shape.n_vertices,) * 2).tocsr()
+    distance, _, nearest = dijkstra(
+        graph, directed=False, indices=centres, min_only=True, return_predecessors=True
+    )
+    return distance, nearest
+
+
+def surface_cells(shape: Shape, centres: IntArray) -> Cells:
     """Partition the vertices by the centre nearest along edges."""
-    i, j = mesh.edges.T
-    lengths = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1)
-    graph = coo_array((np.maximum(lengths, 1e-300), (i, j)), shape=(mesh.n_vertices,) * 2).tocsr()
-    _, _, nearest = dijkstra(graph, directed=False, indices=centres, min_only=True, return_predecessors=True)
-    number = np.zeros(mesh.n_vertices, dtype=np.int64)
+    number = np.zeros(shape.n_vertices, dtype=np.int64)
     number[centres] = np.arange(len(centres))
-    return Cells.of(centres, number[nearest])
+    return Cells.of(centres, number[nearest_along_edges(shape, centres)[1]])

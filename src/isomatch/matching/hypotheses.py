@@ -120,7 +120,8 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
     pool = _Pool(pair)
     pool.merge(given)
     share = SIGNATURE_SHARE * np.sqrt((pair.source.cloud.coordinates**2).sum(axis=1).mean() / 2)
-    signatures = share * pair.target.signatures, share * pair.source.signatures
+    of_target, of_source = pair.signatures
+    signatures = share * of_target[pair.target.rows], share * of_source[pair.source.rows]
     guided = pool.settled(feature_starts(pair), SIGNATURE_STEPS, signatures)
     pool.add([alignment.image for alignment in guided], DISTANCE_STEPS, "features")
     if not pool.hypotheses:

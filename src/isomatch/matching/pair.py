@@ -44,11 +44,6 @@ class Glimpse:
         return self.shape.laplace.vectors[self.rows]
 
     @cached_property
-    def signatures(self) -> FloatArray:
-        """Point signatures, (m, q)."""
-        return self.shape.signatures[self.rows]
-
-    @cached_property
     def curvature(self) -> FloatArray:
         """Signed mean curvature, standardised over the rows, (m,)."""
         values = self.shape.curvature[self.rows]
@@ -88,6 +83,18 @@ class Pair:
         """The source at its refinement vertices; kept, because its decomposition serves every fit."""
         shape = self.source.shape
         return Glimpse(shape, shape.spread[: shape.config.n_refine])
+
+    @property
+    def sided(self) -> bool:
+        """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
+        return self.source.shape.triangles is not None and self.target.shape.triangles is not None
+
+    @cached_property
+    def signatures(self) -> tuple[FloatArray, FloatArray]:
+        """Point signatures that both shapes have: of the target (n_t, q), of the source (n_s, q)."""
+        of_target, of_source = self.target.shape.signatures, self.source.shape.signatures
+        common = min(of_target.shape[1], of_source.shape[1])
+        return of_target[:, :common], of_source[:, :common]
 
     def functional_map(self, image: IntArray, k: int) -> FloatArray:
         """F (k, k) with Φ_source F ≈ Φ_target[image]: carries functions of the target to the source."""

@@ -15,6 +15,7 @@ from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.errors import LandmarkError, MeshError, NotConvergedError, SettingError
 from isomatch.matching import refine
+from isomatch.matching.body import Shape
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.config import Config
 from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search
@@ -28,11 +29,10 @@ from isomatch.matching.initial import (
 )
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Pair
-from isomatch.matching.precise import nearest_points
+from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.quality import landmark_errors, outcome_of, quality_of
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.surfaces import Mesh
 
 logger = logging.getLogger(__name__)
 
@@ -47,8 +47,8 @@ Progress = Callable[[str], Any]
 
 
 def match(
-    source: Mesh | PreparedShape,
-    target: Mesh | PreparedShape,
+    source: Shape | PreparedShape,
+    target: Shape | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -60,8 +60,8 @@ def match(
 
     Parameters
     ----------
-    source, target : Mesh or PreparedShape
-        The surfaces; `prepare` a shape that is matched more than once.
+    source, target : Mesh, PointCloud, Graph or PreparedShape
+        The shapes; `prepare` one that is matched more than once.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3.
     initial_map : (n_source,) array_like of int, optional
@@ -139,10 +139,11 @@ def match(
         fits = _contest(pair, order, rivals, config)
         coordinates = _coordinates(pair, fits[0], config)
         image = nearest_in_cells(*coordinates, target.cells)
-        corners, barycentric = nearest_points(*coordinates, target.body.faces, image)
+        corners, barycentric = nearest_points(*coordinates, target.faces, image)
         clock.start("quality")
-        precise = np.einsum("ij,ijx->ix", barycentric, target.body.vertices[corners])
-        quality = quality_of(pair, image, precise, fits, pairs)
+        quality = quality_of(
+            pair, image, interpolation(corners, barycentric, target.body.n_vertices), fits, pairs
+        )
         others = _others(pair, [fit.judged for fit in fits] + order + rivals)
         alternatives = parallel_map(lambda judged: _alternative(pair, judged), others)
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
@@ -160,7 +161,7 @@ def match(
     )
 
 
-def _prepared(side: str, shape: Mesh | PreparedShape, config: Config, seed: int) -> PreparedShape:
+def _prepared(side: str, shape: Shape | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
         for name in PREPARATION:
             used, asked = getattr(shape.requested, name), getattr(config, name)

@@ -12,9 +12,10 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
 from isomatch.descriptors import GeodesicDistanceDescriptor, geodesic_distance_descriptor
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.maps import UNMATCHED, Correspondence
+from isomatch.matching.body import Shape, body_of
 from isomatch.matching.config import Config
 from isomatch.matching.features import (
     extremal_points,
@@ -24,9 +25,8 @@ from isomatch.matching.features import (
     surface_cells,
 )
 from isomatch.matching.nearest import Cells
-from isomatch.surfaces import Mesh, check, repair
+from isomatch.surfaces import Graph, Mesh
 
-FEWEST_VERTICES = 50
 FEATURE_SPACING = 0.25  # in √area: keeps fingers from displacing hands
 FEATURE_LIMIT = 8
 LARGE_COMPONENT = 0.05  # share of the area at which a component left out is worth a warning
@@ -38,11 +38,11 @@ class PreparedShape:
 
     Parameters
     ----------
-    mesh : Mesh
-        The user's surface, untouched.
-    body : Mesh
-        What is matched: the largest connected component, welded, wound outward, centred, of unit area. Lengths
-        below are in its units.
+    mesh : Mesh, PointCloud or Graph
+        The user's shape, untouched.
+    body : Mesh, PointCloud or Graph
+        What is matched: the largest connected component, a mesh welded and wound outward, centred, of unit area.
+        Lengths below are in its units.
     body_vertex : (n,) array of int
         Body vertex of each vertex of ``mesh``; −1 for those left out.
     mesh_vertex : (n_body,) array of int
@@ -77,8 +77,8 @@ class PreparedShape:
         How long it took.
     """
 
-    mesh: Mesh
-    body: Mesh
+    mesh: Shape
+    body: Shape
     body_vertex: IntArray
     mesh_vertex: IntArray
     scale: float
@@ -98,6 +98,16 @@ class PreparedShape:
 
     def __repr__(self) -> str:
         return f"PreparedShape({self.mesh!r}, {self.distances!r}, {self.laplace!r})"
+
+    @property
+    def triangles(self) -> Mesh | None:
+        """The body, if it is made of triangles and so has an inside, normals and curvature."""
+        return self.body if isinstance(self.body, Mesh) else None
+
+    @property
+    def faces(self) -> IntArray:
+        """(m, 3) triangles of the body; none of points or a graph."""
+        return self.body.faces if isinstance(self.body, Mesh) else np.zeros((0, 3), dtype=np.int64)
 
     @cached_property
     def average_distance(self) -> FloatArray:
@@ -124,13 +134,14 @@ class PreparedShape:
 
     @cached_property
     def signatures(self) -> FloatArray:
-        """(n_body, 23) wave kernel signatures and curvatures."""
-        return point_signatures(self.body, self.laplace)
+        """(n_body, 23) wave kernel signatures, and curvatures of a mesh: points and graphs have (n_body, 20)."""
+        return point_signatures(self.triangles, self.laplace)
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """(n_body,) signed mean curvature of the body low-passed to 100 functions."""
-        return mean_curvature(self.body, self.laplace, 100)
+        """(n_body,) signed mean curvature of the body low-passed to 100 functions; 0 where there are no triangles."""
+        mesh = self.triangles
+        return np.zeros(self.body.n_vertices) if mesh is None else mean_curvature(mesh, self.laplace, 100)
 
     @cached_property
     def cells(self) -> Cells:
@@ -170,13 +181,14 @@ class PreparedShape:
         )
 
 
-def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> PreparedShape:
+def prepare(surface: Shape, config: Config | None = None, seed: int = 0) -> PreparedShape:
     """Compute everything about one shape that matching needs.
 
     Parameters
     ----------
-    surface : Mesh
-        Any triangle mesh with one main component.
+    surface : Mesh, PointCloud or Graph
+        Any shape with one main component. Points and graphs have neither an inside nor curvature: maps from or to them
+        rest on distances and spectra alone, which do not tell a shape from its mirror image.
     config : Config, optional
         Settings.
     seed : int
@@ -202,21 +214,14 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
     config = config or Config()
     if seed < 0:
         raise SettingError(f"seed = {seed} is negative; give 0 or more")
-    body, unit, body_vertex, mesh_vertex, left_out, notes = _body_of(surface)
-    if body.n_vertices < FEWEST_VERTICES:
-        raise MeshError(
-            f"the largest component has {body.n_vertices} vertices, at least {FEWEST_VERTICES} are needed; "
-            "subdivide the mesh, or weld its triangles if they share no vertices"
-        )
+    found = body_of(surface)
+    body, notes = found.surface, found.notes
     requested, config = config, _fitting(config, body.n_vertices)
     if config != requested:
         notes += (
-            f"small mesh of {body.n_vertices} vertices: {config.n_columns} columns, rank {config.rank}, "
+            f"small shape of {body.n_vertices} vertices: {config.n_columns} columns, rank {config.rank}, "
             f"{config.n_functions} functions",
         )
-    root = float(np.sqrt(body.area))
-    centre = np.average(body.vertices, axis=0, weights=body.vertex_areas)
-    body = Mesh((body.vertices - centre) / root, body.faces)
     with serial_blas():
         engine = distance_engine(body)
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
@@ -226,13 +231,18 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
         features, feature_columns = extremal_points(
             body, engine, distances @ body.vertex_areas, FEATURE_SPACING, FEATURE_LIMIT
         )
-        spread = spread_vertices(body, max(config.n_search, config.n_refine))
+        count = min(max(config.n_search, config.n_refine), body.n_vertices)
+        spread = (
+            spread_vertices(body.vertices, body.vertex_areas, count)
+            if not isinstance(body, Graph)
+            else farthest_point_sampling(engine, count, int(sampling.vertices[0])).vertices
+        )
     return PreparedShape(
         mesh=surface,
         body=body,
-        body_vertex=body_vertex,
-        mesh_vertex=mesh_vertex,
-        scale=root * unit,
+        body_vertex=found.body_vertex,
+        mesh_vertex=found.mesh_vertex,
+        scale=found.scale,
         distances=distances,
         laplace=laplace,
         samples=sampling.vertices,
@@ -243,39 +253,9 @@ def prepare(surface: Mesh, config: Config | None = None, seed: int = 0) -> Prepa
         config=config,
         requested=requested,
         seed=seed,
-        left_out=left_out,
+        left_out=found.left_out,
         notes=notes,
         seconds=time.perf_counter() - started,
-    )
-
-
-def _body_of(mesh: Mesh) -> tuple[Mesh, float, IntArray, IntArray, float, tuple[str, ...]]:
-    """Largest component of the mended mesh, its unit of length, index maps both ways, and what was done."""
-    report = check(mesh)
-    if report.fatal:
-        raise MeshError("; ".join(report.fatal))
-    mended = repair(mesh)
-    notes = list(mended.changes)
-    unit = float(np.abs(mended.mesh.vertices).max())  # so that areas neither overflow nor vanish
-    whole = Mesh(mended.mesh.vertices / unit, mended.mesh.faces)
-    labels = whole.components
-    shares = np.bincount(labels, whole.vertex_areas) / whole.area
-    largest = int(shares.argmax())
-    body, kept = whole.submesh(labels == largest)
-    if len(shares) > 1:
-        notes.append(
-            f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
-            "no path leads to them, so they have no geodesic distance to the rest"
-        )
-    to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
-    to_body[kept] = np.arange(len(kept))
-    return (
-        body,
-        unit,
-        to_body[mended.new_index],
-        mended.vertex_index[kept],
-        float(1 - shares[largest]),
-        tuple(notes),
     )
 
 

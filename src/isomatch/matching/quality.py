@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.sparse import csr_array
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import IntArray
 from isomatch.matching.alignment import orthogonal_alignment, residual
+from isomatch.matching.body import Shape
 from isomatch.matching.choice import orientation_of
 from isomatch.matching.config import Orientation
+from isomatch.matching.features import nearest_along_edges
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
 from isomatch.matching.refine import JointFit, differ
 from isomatch.matching.result import Outcome, Quality
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Graph
 
-REACH = 0.05  # a target vertex this near to an image, in √area, is covered
+REACH = 0.05  # a target vertex this near to an image along edges, in √area, is covered
 SMOOTH = 60  # functions of the surfaces whose normals are compared
 RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
 TIE = 1.05  # score of a different map, against that returned, below which nothing decides between them
@@ -26,7 +28,7 @@ POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.3, 0.
 def quality_of(
     pair: Pair,
     image: IntArray,
-    precise: FloatArray,
+    pull_back: csr_array,
     fits: list[JointFit],
     landmarks: IntArray | None,
 ) -> Quality:
@@ -38,8 +40,8 @@ def quality_of(
         The two shapes.
     image : (n_s,) array of int
         Target body vertex of each source body vertex.
-    precise : (n_s, 3) array of float
-        Precise images, points of the target's body.
+    pull_back : (n_s, n_t) sparse array
+        The precise map, as the matrix that interpolates at the images.
     fits : list of JointFit
         Refined winner, then its rivals, best first.
     landmarks : (m, 2) array of int, optional
@@ -47,10 +49,14 @@ def quality_of(
     """
     source, target = pair.source.shape, pair.target.shape
     rows = source.spread[: source.config.n_refine]
-    distortion = np.abs(
-        source.columns[:, rows] - target.distances.distance(image[source.samples][:, None], image[rows])
-    )
-    gap, _ = cKDTree(target.body.vertices[np.unique(image)]).query(target.body.vertices)
+    unit = 1.0
+    if any(
+        isinstance(shape.body, Graph) for shape in (source, target)
+    ):  # which has no area to measure lengths by
+        unit = source.intrinsic_scale / target.intrinsic_scale
+    there = unit * target.distances.between(image[source.samples], image[rows])
+    distortion = np.abs(source.columns[:, rows] - there)
+    gap, _ = nearest_along_edges(target.body, np.unique(image))
     at_target, at_source = target.cloud.at(image[rows]), source.cloud.at(rows)
     landmark_error = np.nan
     if landmarks is not None:
@@ -60,8 +66,10 @@ def quality_of(
         misfit=fits[0].misfit,
         rival=_rival(pair, fits),
         residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
-        stretch=_stretch(source.body, precise),
-        orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH),
+        stretch=_stretch(source.body, target.body, pull_back),
+        orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH)
+        if pair.sided
+        else np.nan,
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=float(target.body.vertex_areas[gap < REACH].sum() / target.body.area),
@@ -70,9 +78,12 @@ def quality_of(
     )
 
 
-def _stretch(source: Mesh, points: FloatArray) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images, (n_s, 3) precise points, over their own."""
+def _stretch(source: Shape, target: Shape, pull_back: csr_array) -> float:
+    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates."""
+    if isinstance(source, Graph) or isinstance(target, Graph):
+        return np.nan
     i, j = source.edges.T
+    points = pull_back @ target.vertices
     images, lengths = (((x[i] - x[j]) ** 2).sum() for x in (points, source.vertices))
     return float(images / lengths)
 

@@ -14,7 +14,7 @@ from isomatch._threads import parallel_map
 from isomatch.matching.alignment import orthogonal_alignment
 from isomatch.matching.choice import ORIENTED, Judged
 from isomatch.matching.nearest import nearest_in_cells
-from isomatch.matching.pair import Glimpse, Pair
+from isomatch.matching.pair import Pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
@@ -192,7 +192,7 @@ def _stepped(pair: Pair, fit: JointFit, sizes: tuple[int, ...], with_positions: 
     side = fit.side if with_positions else 0.0
     limit = min(glimpse.functions.shape[1], len(target.laplace.values))
     for k in sizes:
-        of_target, of_source = _joint(glimpse, target, rows, min(k, limit), side, glimpse.rows)
+        of_target, of_source = _joint(pair, rows, min(k, limit), side, glimpse.rows)
         rows = nearest_in_cells(of_target, of_source, target.cells)
         misfit = float(np.linalg.norm(of_target[rows] - of_source, axis=1).mean())
     return JointFit(fit.judged, rows, misfit)
@@ -203,24 +203,22 @@ def joint_coordinates(pair: Pair, fit: JointFit, with_signatures: bool = True) -
 
     Signatures recognise points; without them, positions, normals and spectrum alone make a smoother map.
     """
-    target, glimpse = pair.target.shape, pair.refinement
-    everywhere = np.arange(glimpse.shape.body.n_vertices)
-    k = min(glimpse.functions.shape[1], len(target.laplace.values))
-    coordinates = _joint(glimpse, target, fit.image, k, fit.side, everywhere)
+    source, target = pair.source.shape, pair.target.shape
+    k = min(len(source.laplace.values), len(target.laplace.values))
+    coordinates = _joint(pair, fit.image, k, fit.side, np.arange(source.body.n_vertices))
     if with_signatures:
         return coordinates
-    of_target, of_source = (
-        np.delete(x, np.s_[k : k + target.signatures.shape[1]], axis=1) for x in coordinates
-    )
+    signatures = np.s_[k : k + pair.signatures[0].shape[1]]
+    of_target, of_source = (np.delete(x, signatures, axis=1) for x in coordinates)
     return of_target, of_source
 
 
 def settled(pair: Pair, coordinates: Coordinates, steps: int) -> Coordinates:
     """Bend the source, in the space of the coordinates, smoothly onto the target.
 
-    In each step every vertex of either surface finds its nearest point on the other; the displacements that would join
-    them, averaged on the source and low-passed to its functions, move the source. As the surfaces come to coincide, the
-    map between them becomes smooth, and the two directions each other's inverse.
+    In each step the refinement vertices of either surface find their nearest points on the other; the displacement, a
+    combination of the source's functions, that best joins them all moves the source. As the surfaces come to coincide,
+    the map between them becomes smooth, and the two directions each other's inverse.
 
     Parameters
     ----------
@@ -238,8 +236,8 @@ def settled(pair: Pair, coordinates: Coordinates, steps: int) -> Coordinates:
 
     Notes
     -----
-    O(n √n d) a step for the nearest neighbours and O(n K d) for the smoothing. Both directions are used for
-    reversibility as by Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps*, 2019; the smoothing is ours.
+    O(n_refine √n d) a step for the nearest neighbours and O(n K d) for the displacement. Both directions are used for
+    reversibility as by Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps*, 2019; how, is ours.
     """
     source, target = pair.source.shape, pair.target.shape
     of_target, of_source = coordinates
@@ -258,24 +256,21 @@ def settled(pair: Pair, coordinates: Coordinates, steps: int) -> Coordinates:
 def _onto(shape: PreparedShape, of_shape: FloatArray, points: FloatArray) -> csr_array:
     """Matrix that interpolates at the shape's point nearest to each of some points."""
     image = nearest_in_cells(of_shape, points, shape.cells)
-    corners, barycentric = nearest_points(of_shape, points, shape.body.faces, image)
+    corners, barycentric = nearest_points(of_shape, points, shape.faces, image)
     return interpolation(corners, barycentric, len(of_shape))
 
 
-def _joint(
-    glimpse: Glimpse, target: PreparedShape, image: IntArray, k: int, side: float, wanted: IntArray
-) -> Coordinates:
+def _joint(pair: Pair, image: IntArray, k: int, side: float, wanted: IntArray) -> Coordinates:
     """Coordinates of all target vertices and of the wanted source vertices; positions and normals unless side is 0."""
-    source = glimpse.shape
-    phi_target = target.laplace.vectors[:, :k]
-    fitted = glimpse.fit(np.hstack([phi_target[image], target.body.vertices[image]]), k)
-    functional_map, copy = fitted[:, :k], fitted[:, k:]
-    of_target = [phi_target @ functional_map.T / np.sqrt(k), target.signatures]
-    of_source = [source.laplace.vectors[wanted, :k] / np.sqrt(k), source.signatures[wanted]]
-    if side:
-        smooth = target.laplace.low_passed(target.body.vertices, k)
-        drawn = source.laplace.vectors[:, :k] @ copy
-        of_target += [smooth / POSITION_UNIT, NORMAL_WEIGHT * vertex_normals(smooth, target.body.faces)]
-        normals = side * vertex_normals(drawn, source.body.faces)[wanted]
+    glimpse, target = pair.refinement, pair.target.shape
+    phi_source, phi_target = glimpse.shape.laplace.vectors[:, :k], target.laplace.vectors[:, :k]
+    of_target = [phi_target @ glimpse.fit(phi_target[image], k).T / np.sqrt(k), pair.signatures[0]]
+    of_source = [phi_source[wanted] / np.sqrt(k), pair.signatures[1][wanted]]
+    mesh, onto = glimpse.shape.triangles, target.triangles
+    if side and mesh and onto:
+        smooth = target.laplace.low_passed(onto.vertices, k)
+        drawn = phi_source @ glimpse.fit(onto.vertices[image], k)
+        of_target += [smooth / POSITION_UNIT, NORMAL_WEIGHT * vertex_normals(smooth, onto.faces)]
+        normals = side * vertex_normals(drawn, mesh.faces)[wanted]
         of_source += [drawn[wanted] / POSITION_UNIT, NORMAL_WEIGHT * normals]
     return np.hstack(of_target), np.hstack(of_source)

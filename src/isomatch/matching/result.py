@@ -58,16 +58,18 @@ class Quality:
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
-        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears.
+        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears; nan
+        for a graph.
     orientation : float
         Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
-        outside, near −1 it mirrors, between it is twisted.
+        outside, near −1 it mirrors, between it is twisted; nan without triangles on both.
     distortion_mean, distortion_p95 : float
         Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
         own surface, over pairs of a farthest point sample and a spread vertex; marched on the source, low-rank on the
-        target, so that the error of the basis, about half a per cent, is part of it.
+        target, so that the error of the basis, about half a per cent, is part of it. A graph's distances are scaled to
+        the same average.
     coverage : float
-        Share of the target's area within 0.05 √area in space of an image; vertices not reached have no preimage.
+        Share of the target's area within 0.05 √area, along edges, of an image.
     matched : float
         Share of the source's vertices that have an image.
     landmark_error : float

@@ -1,0 +1,127 @@
+"""What of a shape is matched: its largest part, mended, and of unit area."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from isomatch._arrays import BoolArray, IntArray
+from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics import distance_engine
+from isomatch.surfaces import Graph, Mesh, PointCloud, check, repair
+
+Shape: TypeAlias = Mesh | PointCloud | Graph
+"""What can be matched."""
+
+FEWEST_VERTICES = 50
+AVERAGE_DISTANCE = (
+    0.75  # between two points of a body of unit area, as in animals; gives a graph, without area, a scale
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The part of a shape that is matched.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        The largest connected component; a mesh welded and wound outward; centred, of unit area.
+    scale : float
+        What a length of 1 is worth in the units of the shape.
+    body_vertex : (n,) array of int
+        Body vertex of each vertex of the shape; −1 for those left out.
+    mesh_vertex : (n_body,) array of int
+        Vertex of the shape of each body vertex.
+    left_out : float
+        Share of the area in other components.
+    notes : tuple of str
+        What was left out or mended.
+    """
+
+    surface: Shape
+    scale: float
+    body_vertex: IntArray
+    mesh_vertex: IntArray
+    left_out: float
+    notes: tuple[str, ...]
+
+
+def body_of(shape: Shape) -> Body:
+    """Take the largest component, mend it, and give it unit area.
+
+    Raises
+    ------
+    MeshError
+        If the shape cannot be used.
+    """
+    whole, unit, new_index, old_index, notes = _mended(shape)
+    labels = whole.components
+    shares = np.bincount(labels, whole.vertex_areas) / whole.area
+    largest = int(shares.argmax())
+    kept = labels == largest
+    vertices = np.flatnonzero(kept)
+    if len(shares) > 1:
+        notes.append(
+            f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
+            "no path leads to them, so they have no geodesic distance to the rest"
+        )
+    if len(vertices) < FEWEST_VERTICES:
+        raise MeshError(
+            f"the largest component has {len(vertices)} vertices, at least {FEWEST_VERTICES} are needed; "
+            "subdivide the mesh, or weld its triangles if they share no vertices"
+        )
+    surface, length = _normalised(whole, kept)
+    to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
+    to_body[vertices] = np.arange(len(vertices))
+    return Body(
+        surface,
+        length * unit,
+        to_body[new_index],
+        old_index[vertices],
+        float(1 - shares[largest]),
+        tuple(notes),
+    )
+
+
+def _mended(shape: Shape) -> tuple[Shape, float, IntArray, IntArray, list[str]]:
+    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways."""
+    if isinstance(shape, PointCloud | Graph):
+        everything = np.arange(shape.n_vertices)
+        return shape, 1.0, everything, everything, []
+    if not isinstance(shape, Mesh):
+        raise SettingError(
+            f"a {type(shape).__name__} cannot be matched; give a Mesh, a PointCloud or a Graph"
+        )
+    report = check(shape)
+    if report.fatal:
+        raise MeshError("; ".join(report.fatal))
+    mended = repair(shape)
+    unit = float(np.abs(mended.mesh.vertices).max())
+    mesh = Mesh(mended.mesh.vertices / unit, mended.mesh.faces)
+    return mesh, unit, mended.new_index, mended.vertex_index, list(mended.changes)
+
+
+def _normalised(whole: Shape, kept: BoolArray) -> tuple[Shape, float]:
+    """Cut out some vertices and give them unit area; returns also what a length of 1 is worth."""
+    if isinstance(whole, Graph):
+        number = np.cumsum(kept) - 1
+        inside = kept[whole.edges[:, 0]]
+        weights = whole.vertex_areas[kept] / whole.vertex_areas[kept].sum()
+        edges, lengths = number[whole.edges[inside]], whole.edge_lengths[inside]
+        part = Graph(len(weights), edges, lengths, weights)
+        some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
+        length = float((distance_engine(part).distances_from(some) @ weights).mean()) / AVERAGE_DISTANCE
+        return Graph(len(weights), edges, lengths / length, weights), length
+    part_of = (
+        whole.submesh(kept)[0]
+        if isinstance(whole, Mesh)
+        else PointCloud(whole.vertices[kept], whole.n_neighbours)
+    )
+    length = float(np.sqrt(part_of.area))
+    points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
+    if isinstance(part_of, Mesh):
+        return Mesh(points, part_of.faces), length
+    return PointCloud(points, part_of.n_neighbours), length
