@@ -35,7 +35,7 @@ VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "refinement: the paper's post-processing": (Config(refinement="laplace_icp"), []),
     "refinement: none (plain descriptors)": (Config(refinement="none"), []),
     "no contest: energy alone decides": (Config(), [(choice, {"MOST_CONTENDERS": 1})]),
-    "contest decided by misfit alone": (Config(), [(refine, {"ENERGY_SHARE": 0.0})]),
+    "contest decided by misfit alone": (Config(), [(refine, {"score_of": lambda pair, fit: fit.misfit})]),
     "no compositions": (Config(), [(hypotheses, {"COMPOSED": 0})]),
     "no flips, no compositions": (Config(), [(hypotheses, {"FLIPPED_PARENTS": 0, "COMPOSED": 0})]),
     "starts without point signatures": (Config(), [(hypotheses, {"SIGNATURE_SHARE": 0.0})]),

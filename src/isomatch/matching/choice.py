@@ -100,16 +100,22 @@ def _orientation_class(cosine: float, wanted: Orientation) -> int:
 
 
 def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
-    source, target = pair.source, pair.target
     image = pair.upsampled(hypothesis.alignment.image, SIZES)
-    at_target = target.cloud.at(image)
+    onto = pair.target.rows[image]
+    at_target, at_source = pair.target.cloud.at(image), pair.source.cloud
     return Judged(
         hypothesis,
         image,
-        residual(at_target, source.cloud, orthogonal_alignment(at_target, source.cloud)),
-        float(np.abs(target.curvature[image] - source.curvature).mean()) if pair.sided else 1.0,
-        orientation_of(source, target.shape, target.rows[image], SMOOTH),
+        residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
+        curvature_mismatch(pair, pair.source.rows, onto),
+        orientation_of(pair.source, pair.target.shape, onto, SMOOTH),
     )
+
+
+def curvature_mismatch(pair: Pair, rows: IntArray, image: IntArray) -> float:
+    """Mean absolute difference of standardised curvature between source and target vertices; 1 if a shape has none."""
+    source, target = pair.source.shape, pair.target.shape
+    return float(np.abs(target.curvature[image] - source.curvature[rows]).mean()) if pair.sided else 1.0
 
 
 def orientation_of(source: Glimpse, target: PreparedShape, image: IntArray, k: int) -> float:

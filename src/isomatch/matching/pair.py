@@ -44,13 +44,6 @@ class Glimpse:
         return self.shape.laplace.vectors[self.rows]
 
     @cached_property
-    def curvature(self) -> FloatArray:
-        """Signed mean curvature, standardised over the rows, (m,)."""
-        values = self.shape.curvature[self.rows]
-        deviation = values.std()
-        return np.asarray((values - values.mean()) / (deviation if deviation > 0 else 1.0), dtype=np.float64)
-
-    @cached_property
     def _triangular(self) -> tuple[FloatArray, FloatArray]:
         q, r = np.linalg.qr(self.functions)
         return q, r

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -257,7 +258,7 @@ def _contest(pair: Pair, order: list[Judged], rivals: list[Judged], config: Conf
     fits = refine.jointly(pair, contenders(order, config.orientation))
     if rivals:
         others = fits[1:] + refine.jointly(pair, contenders(rivals, config.orientation))
-        fits[1:] = sorted(others, key=lambda fit: fit.score)
+        fits[1:] = sorted(others, key=partial(refine.score_of, pair))
     return fits
 
 

@@ -22,6 +22,7 @@ from isomatch.matching.features import (
     mean_curvature,
     point_signatures,
     spread_vertices,
+    standardised,
     surface_cells,
 )
 from isomatch.matching.nearest import Cells
@@ -139,9 +140,14 @@ class PreparedShape:
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """(n_body,) signed mean curvature of the body low-passed to 100 functions; 0 where there are no triangles."""
+        """(n_body,) signed mean curvature of the body low-passed to 100 functions, of mean 0 and variance 1 in the areas.
+
+        0 where there are no triangles.
+        """
         mesh = self.triangles
-        return np.zeros(self.body.n_vertices) if mesh is None else mean_curvature(mesh, self.laplace, 100)
+        if mesh is None:
+            return np.zeros(self.body.n_vertices)
+        return standardised(mean_curvature(mesh, self.laplace, 100)[:, None], mesh.vertex_areas)[:, 0]
 
     @cached_property
     def cells(self) -> Cells:

@@ -13,7 +13,7 @@ from isomatch.matching.config import Orientation
 from isomatch.matching.features import nearest_along_edges
 from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
-from isomatch.matching.refine import JointFit, differ
+from isomatch.matching.refine import JointFit, differ, score_of
 from isomatch.matching.result import Outcome, Quality
 from isomatch.surfaces import Graph
 
@@ -90,8 +90,8 @@ def _stretch(source: Shape, target: Shape, pull_back: csr_array) -> float:
 
 def _rival(pair: Pair, fits: list[JointFit]) -> float:
     """Score of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
-    rivals = [fit.score for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
-    return rivals[0] / max(fits[0].score, 1e-12) if rivals else np.inf
+    rivals = [score_of(pair, fit) for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
+    return rivals[0] / max(score_of(pair, fits[0]), 1e-12) if rivals else np.inf
 
 
 def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:

@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.matching.alignment import orthogonal_alignment
-from isomatch.matching.choice import ORIENTED, Judged
+from isomatch.matching.alignment import orthogonal_alignment, residual
+from isomatch.matching.choice import ORIENTED, Judged, curvature_mismatch
 from isomatch.matching.nearest import nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import interpolation, nearest_points
@@ -28,7 +28,6 @@ STAGES = (  # functions in each step, and whether positions and normals take par
 )
 SETTLING_STEPS, SMOOTH_STEPS = 4, 8
 HOPELESS = 1.15  # misfit after a stage, against the best, from which a map is given up
-ENERGY_SHARE = 0.2  # exponent of the energy of the hypothesis beside the misfit of the refined map
 DIFFERENT = (
     0.02  # mean distance between images, in √area, from which two maps are two: one limb that is turned
 )
@@ -125,10 +124,17 @@ class JointFit:
         """1 if the map keeps the outside, −1 if it mirrors."""
         return 1.0 if self.judged.orientation >= 0 else -1.0
 
-    @property
-    def score(self) -> float:
-        """What speaks against the map: its misfit, and a little what was seen of it before the refinement."""
-        return self.misfit * float(self.judged.energy**ENERGY_SHARE)
+
+def score_of(pair: Pair, fit: JointFit) -> float:
+    """Give what speaks against a refined map: its misfit × the fourth root of its residual × curvature mismatch².
+
+    The misfit sees detail, after a fit that may have smoothed over what the distances still see.
+    """
+    rows = pair.refinement.rows
+    at_target, at_source = pair.target.shape.cloud.at(fit.image), pair.source.shape.cloud.at(rows)
+    distances = residual(at_target, at_source, orthogonal_alignment(at_target, at_source))
+    energy = distances * curvature_mismatch(pair, rows, fit.image) ** 2
+    return fit.misfit * float(energy**0.25)
 
 
 def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
@@ -169,7 +175,7 @@ def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
         limit = HOPELESS * min(fit.misfit for fit in clear)
         order = sorted(fits, key=lambda fit: (fit not in clear, fit.misfit))
         fits = _distinct(pair, [fit for fit in order if fit.misfit <= limit])
-    return sorted(fits, key=lambda fit: fit.score)
+    return sorted(fits, key=partial(score_of, pair))
 
 
 def _distinct(pair: Pair, fits: list[JointFit]) -> list[JointFit]:

@@ -52,7 +52,7 @@ class Quality:
         normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
         refinement it still tells which hypothesis is right, not how precise the map returned is.
     rival : float
-        What speaks against the best map that differs (misfit, times a small power of residual × curvature mismatch²),
+        What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
         over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
         those given); ``inf`` if no other came near.
     residual : float
