@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, FormatError, SettingError
-from isomatch.datasets import example_pair, ground_truth
-from isomatch.datasets.benchmarks import BenchmarkPair, BenchmarkSet, benchmark_set, relabelled
+from isomatch.datasets import BenchmarkPair, example_pair, ground_truth
+from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
 from isomatch.evaluation import BenchmarkRun, benchmark, read_rows, run_benchmark, summaries, write_tables
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, geodesic_distances
-from isomatch.evaluation import cumulative_curve, geodesic_errors
+from isomatch import Correspondence, SettingError, geodesic_distances
+from isomatch.evaluation import area_under_curve, cumulative_curve, geodesic_errors, mean_error, sided_errors
 from shapes import flat_grid
 
 
@@ -47,3 +47,34 @@ def test_drawn_points_are_those_of_the_seed(sheet):
 def test_curve_counts_errors_up_to_each_threshold():
     curve = cumulative_curve(np.array([0.0, 0.1, 0.1, np.inf]), np.array([0.0, 0.05, 0.1, 0.2]))
     assert curve.tolist() == [0.25, 0.25, 0.75, 0.75]
+
+
+def test_area_under_the_curve_is_that_of_the_steps():
+    errors = np.random.default_rng(0).random(200) / 3
+    fine = np.linspace(0, 0.25, 100_001)
+    assert area_under_curve(errors) == pytest.approx(cumulative_curve(errors, fine).mean(), abs=1e-4)
+    assert area_under_curve(np.zeros(3)) == 1
+    assert area_under_curve(np.array([0.25, 0.3, np.inf])) == 0
+
+
+def test_one_flip_is_decided_for_the_whole_map(sheet):
+    n = sheet.n_vertices
+    rows, mirror = np.arange(n), sheet.vertices[:, 1].astype(int) * 15 + 14 - sheet.vertices[:, 0].astype(int)
+    truth, mirrored = (np.column_stack([rows, image]) for image in (rows, mirror))
+    mostly = np.where(rows < n // 3, rows, mirror)
+    errors = sided_errors(sheet, Correspondence(mostly, n), truth, mirrored)
+    assert errors.flipped
+    assert (errors.better == errors.mirrored).all()
+    assert errors.better[: n // 3].max() > 0, "the vertices that chose the other side stay wrong"
+    assert not sided_errors(sheet, Correspondence(rows, n), truth, mirrored).flipped
+    assert sided_errors(sheet, Correspondence(rows, n), truth).mirrored is None
+
+
+def test_truths_over_other_vertices_are_told(sheet):
+    truth = np.array([[3, 3], [4, 4]])
+    with pytest.raises(SettingError, match="differ in their source vertices"):
+        sided_errors(sheet, Correspondence(np.arange(180), 180), truth, truth[::-1])
+
+
+def test_unmatched_counts_as_the_root_of_the_area():
+    assert mean_error(np.array([0.0, 0.5, np.inf])) == 0.5

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -12,36 +12,14 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from isomatch._arrays import AnyArray, IntArray
+from isomatch._arrays import IntArray
 from isomatch.datasets.creatures import Creature, creature, ground_truth
+from isomatch.datasets.published import faust, remeshed, scape, tosca
+from isomatch.datasets.shape_set import BenchmarkPair, ShapeSet
 from isomatch.errors import FormatError
 from isomatch.surfaces import Mesh
 
-TOSCA_CLASSES = ("cat", "centaur", "david", "horse", "victoria", "wolf")
 EXPECTED = "see docs/benchmarks.md for the layout of the folder and where the sets come from"
-
-
-@dataclass(frozen=True, eq=False)
-class BenchmarkPair:
-    """Two shapes and where some source vertices truly go.
-
-    Parameters
-    ----------
-    name : str
-        "source-target".
-    source, target : Mesh
-        The surfaces. A target that shares its source's triangulation has been relabelled and rotated.
-    truth : (q, 2) array of int
-        Rows (source vertex, target vertex).
-    mirrored : (q, 2) array of int, optional
-        The symmetric truth, for shapes that are truly symmetric.
-    """
-
-    name: str
-    source: Mesh
-    target: Mesh
-    truth: IntArray
-    mirrored: IntArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,35 +51,55 @@ class BenchmarkSet:
         return (self.load(*pair) for pair in self.pairs)
 
 
+OPENERS: dict[str, Callable[[Path], ShapeSet]] = {
+    "faust_r": remeshed,
+    "tosca_iso_r": remeshed,
+    "scape_r": remeshed,
+    "faust": faust,
+    "scape": scape,
+    "tosca": tosca,
+}
+
+
 def benchmark_set(name: str, folder: str | Path | None = None) -> BenchmarkSet:
     """Open a benchmark set.
 
     Parameters
     ----------
-    name : {"faust_r", "tosca_iso_r", "scape", "tosca", "creatures"}
-        Which set. Remeshed sets come with their published test pairs. "scape" and "tosca" hold every ordered pair of
-        poses (within a class); draw some with `BenchmarkSet.chosen`. "creatures" needs no folder.
+    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures"}
+        Which set. Remeshed sets come with their published test pairs. The others hold every ordered pair of poses
+        (within a class); draw some with `BenchmarkSet.chosen`. "creatures" needs no folder.
     folder : path, optional
-        Where the sets lie.
+        Where the sets lie, each in a folder of its name: as archives or as it was published, see `tosca` and its
+        neighbours.
 
     Raises
     ------
     FormatError
         If the set is unknown or not in the folder.
     """
-    openers: dict[str, Callable[[Path], BenchmarkSet]] = {
-        "faust_r": lambda root: _remeshed(root, "faust_r"),
-        "tosca_iso_r": lambda root: _remeshed(root, "tosca_iso_r"),
-        "scape": lambda root: _shared(root, "scape", ("scape",)),
-        "tosca": lambda root: _shared(root, "tosca", TOSCA_CLASSES),
-    }
     if name == "creatures":
         return _creatures()
-    if name not in openers:
-        raise FormatError(f"unknown benchmark set {name!r}; known are {', '.join([*openers, 'creatures'])}")
+    if name not in OPENERS:
+        raise FormatError(f"unknown benchmark set {name!r}; known are {', '.join([*OPENERS, 'creatures'])}")
     if folder is None or not (Path(folder) / name).is_dir():
         raise FormatError(f"benchmark set {name} not found in {folder}; {EXPECTED}")
-    return openers[name](Path(folder))
+    shapes = OPENERS[name](Path(folder) / name)
+    return BenchmarkSet(name, shapes.pairs, partial(_hidden, shapes))
+
+
+def _hidden(shapes: ShapeSet, source: str, target: str) -> BenchmarkPair:
+    """Read a pair; a target that shares its source's triangulation is relabelled and rotated."""
+    pair = shapes.pair(source, target)
+    if not shapes.shared:
+        return pair
+    mesh, new = relabelled(pair.target, crc32(pair.name.encode()))
+
+    def moved(rows: IntArray) -> IntArray:
+        return np.column_stack([rows[:, 0], new[rows[:, 1]]])
+
+    mirrored = None if pair.mirrored is None else moved(pair.mirrored)
+    return replace(pair, target=mesh, truth=moved(pair.truth), mirrored=mirrored)
 
 
 def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
@@ -111,48 +109,6 @@ def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
     vertices = np.empty_like(mesh.vertices)
     vertices[new] = mesh.vertices @ Rotation.random(rng=rng).as_matrix().T
     return Mesh(vertices, new[mesh.faces][rng.permutation(mesh.n_faces)]), new
-
-
-@lru_cache(maxsize=64)
-def _arrays(path: Path) -> dict[str, AnyArray]:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return dict(data)
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read ({error}); {EXPECTED}") from error
-
-
-def _remeshed(root: Path, name: str) -> BenchmarkSet:
-    """Open shapes remeshed independently, with truth through a table of vertices that is common to all."""
-
-    def load(source: str, target: str) -> BenchmarkPair:
-        a, b = (_arrays(root / name / f"{shape}.npz") for shape in (source, target))
-        mesh_a, mesh_b = (Mesh(shape["vertices"], shape["faces"]) for shape in (a, b))
-        truth = np.column_stack([a["vts"], b["vts"]]).astype(np.int64)
-        return BenchmarkPair(f"{source}-{target}", mesh_a, mesh_b, truth)
-
-    lines = (root / name / "test_pairs.txt").read_text(encoding="utf-8").splitlines()
-    pairs = [tuple(line.replace(",", " ").split()[:2]) for line in lines if line.strip() and line[0] != "#"]
-    return BenchmarkSet(name, tuple((a, b) for a, b in pairs), load)
-
-
-def _shared(root: Path, name: str, classes: tuple[str, ...]) -> BenchmarkSet:
-    """Open poses that share a triangulation: every target is relabelled and rotated."""
-    owner: dict[str, Path] = {}
-    for group in classes:
-        path = root / name / f"{group}.npz"
-        owner |= {pose: path for pose in _arrays(path) if pose != "faces"}
-
-    def load(source: str, target: str) -> BenchmarkPair:
-        data = _arrays(owner[source])
-        mesh, new = relabelled(
-            Mesh(_arrays(owner[target])[target], data["faces"]), crc32(f"{source}-{target}".encode())
-        )
-        truth = np.column_stack([np.arange(len(new)), new])
-        return BenchmarkPair(f"{source}-{target}", Mesh(data[source], data["faces"]), mesh, truth)
-
-    pairs = tuple((a, b) for a in owner for b in owner if a != b and owner[a] == owner[b])
-    return BenchmarkSet(name, pairs, load)
 
 
 def _creatures() -> BenchmarkSet:

@@ -18,7 +18,8 @@ from threadpoolctl import ThreadpoolController
 
 from isomatch._threads import n_threads
 from isomatch.baselines import pyfm_zoomout
-from isomatch.datasets.benchmarks import BenchmarkPair, benchmark_set
+from isomatch.datasets import BenchmarkPair
+from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
 from isomatch.evaluation.princeton import THRESHOLDS, cumulative_curve, geodesic_errors
 from isomatch.maps import Correspondence

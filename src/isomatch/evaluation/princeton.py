@@ -1,15 +1,45 @@
-"""The Princeton protocol: geodesic error of a map against truth, and its cumulative curve."""
+"""The Princeton protocol: geodesic error of a map against truth, direct or mirrored, and its cumulative curve."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.geodesics import distance_engine
+from isomatch.errors import SettingError
+from isomatch.geodesics import distance_engine, pair_distances
 from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 
-THRESHOLDS = np.linspace(0.0, 0.25, 101)
+LIMIT = 0.25  # where the published curves end
+THRESHOLDS = np.linspace(0.0, LIMIT, 101)
+UNMATCHED_ERROR = 1.0  # what a vertex without an image counts for in means: √(target area)
+
+
+@dataclass(frozen=True, eq=False)
+class SidedErrors:
+    """Errors of one map against the direct truth and, where there is one, the mirrored.
+
+    Parameters
+    ----------
+    direct, mirrored : (q,) array of float
+        Geodesic errors / √(target area), ``inf`` where unmatched; ``mirrored`` is None without mirrored truth.
+    """
+
+    direct: FloatArray
+    mirrored: FloatArray | None = None
+
+    @property
+    def flipped(self) -> bool:
+        """Whether the mirrored truth has the smaller mean error."""
+        return self.mirrored is not None and mean_error(self.mirrored) < mean_error(self.direct)
+
+    @property
+    def better(self) -> FloatArray:
+        """(q,) errors of the better side: one decision for the whole map, never one for each vertex."""
+        return self.direct if self.mirrored is None or not self.flipped else self.mirrored
 
 
 def geodesic_errors(
@@ -42,17 +72,76 @@ def geodesic_errors(
     """
     if n_points is not None and n_points < len(truth):
         truth = truth[np.sort(np.random.default_rng(seed).choice(len(truth), n_points, replace=False))]
-    engine = distance_engine(target)
     image = correspondence.vertices[truth[:, 0]]
-    wanted, column = np.unique(truth[:, 1], return_inverse=True)
-    errors = np.zeros(len(truth))
-    for first in range(0, len(wanted), 64):
-        distances = engine.distances_from(wanted[first : first + 64])
-        rows = np.flatnonzero((column >= first) & (column < first + 64))
-        errors[rows] = distances[column[rows] - first, image[rows]]
-    return np.where(image < 0, np.inf, errors / np.sqrt(target.area))
+    held = image >= 0
+    errors = np.full(len(truth), np.inf)
+    pairs = np.column_stack([truth[held, 1], image[held]])
+    errors[held] = pair_distances(distance_engine(target), pairs) / np.sqrt(target.area)
+    return errors
 
 
-def cumulative_curve(errors: FloatArray, thresholds: FloatArray = THRESHOLDS) -> FloatArray:
+def sided_errors(
+    target: Mesh,
+    correspondence: Correspondence,
+    truth: IntArray,
+    mirrored: IntArray | None = None,
+    n_points: int | None = None,
+    seed: int = 0,
+) -> SidedErrors:
+    """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes.
+
+    Parameters
+    ----------
+    target, correspondence, truth, n_points, seed
+        As for `geodesic_errors`.
+    mirrored : (q, 2) array of int, optional
+        The truth after a left–right flip of one shape, with the same source vertices row by row.
+
+    Returns
+    -------
+    SidedErrors
+        Both sides, over the same rows.
+
+    Raises
+    ------
+    SettingError
+        If the two truths differ in their source vertices.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> rows = np.arange(4)
+    >>> flip = Correspondence([1, 0, 3, 2], 4)
+    >>> errors = sided_errors(square, flip, np.column_stack([rows, rows]), np.column_stack([rows, [1, 0, 3, 2]]))
+    >>> errors.flipped, errors.direct.tolist(), errors.better.tolist()
+    (True, [1.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 0.0])
+    """
+    if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
+        raise SettingError("direct and mirrored truth differ in their source vertices; give the same rows")
+    return SidedErrors(
+        geodesic_errors(target, correspondence, truth, n_points, seed),
+        None if mirrored is None else geodesic_errors(target, correspondence, mirrored, n_points, seed),
+    )
+
+
+def mean_error(errors: FloatArray) -> float:
+    """Mean of errors, a vertex without an image counting as √(target area)."""
+    return float(np.where(np.isfinite(errors), errors, UNMATCHED_ERROR).mean())
+
+
+def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> FloatArray:
     """Share of errors at or below each threshold."""
     return np.searchsorted(np.sort(errors), thresholds, side="right") / max(len(errors), 1)
+
+
+def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
+    """Area under the cumulative curve on [0, limit] / limit: 1 if all errors are 0, 0 if none is below the limit.
+
+    Exact, without thresholds: an error e adds its share of the curve from e to the limit.
+
+    Examples
+    --------
+    >>> area_under_curve(np.array([0.0, 0.125, np.inf, np.inf]))
+    0.375
+    """
+    return float(np.clip(1 - errors / limit, 0, 1).mean())

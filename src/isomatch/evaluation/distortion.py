@@ -1,0 +1,124 @@
+"""Metric distortion: how much a map changes geodesic distances, in the largest and in the mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.errors import LandmarkError
+from isomatch.geodesics import DistanceEngine, distance_engine
+from isomatch.maps import Correspondence
+from isomatch.surfaces import Mesh
+
+BLOCK = 64  # distance columns held at once
+
+
+@dataclass(frozen=True)
+class MetricDistortion:
+    """Differences between distances d₁ of points and d₂ of their images.
+
+    Parameters
+    ----------
+    linf : float
+        ½ max |d₁ − d₂|: the distortion of which the Gromov–Hausdorff distance is the least over all maps.
+    l2 : float
+        Mean of (d₁ − d₂)², so in squared units.
+    truth : MetricDistortion, optional
+        The same of the true correspondence, which no isometry makes 0 either.
+    """
+
+    linf: float
+    l2: float
+    truth: MetricDistortion | None = None
+
+
+def metric_distortion(
+    source: Mesh,
+    target: Mesh,
+    correspondence: Correspondence,
+    truth: IntArray | None = None,
+    *,
+    n_rows: int = 1000,
+    n_columns: int = 1000,
+    normalised: bool = True,
+    seed: int = 0,
+) -> MetricDistortion:
+    """Compare geodesic distances between drawn points with those between their images.
+
+    Parameters
+    ----------
+    source, target : Mesh
+        The surfaces.
+    correspondence : Correspondence
+        Map source → target; its vertices are judged, those without an image left out.
+    truth : (q, 2) array of int, optional
+        Rows (source vertex, target vertex). If given, points are drawn from these source vertices, and the distortion
+        of the truth is told beside that of the map.
+    n_rows, n_columns : int
+        Points drawn, without replacement, at the two ends of the distances.
+    normalised : bool
+        Divide the distances of each shape by its own √area, so that scale does not count; or leave mesh units.
+    seed : int
+        Seeds the draws.
+
+    Returns
+    -------
+    MetricDistortion
+        ``inf`` where a map tears connected points to where no path leads; pairs that no path joins on either shape
+        are passed over.
+
+    Raises
+    ------
+    LandmarkError
+        If the map does not fit the shapes, or no point has an image.
+
+    Notes
+    -----
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, whose table has the mean square over 1000 random rows and
+    columns. Both distances are by fast marching: n_rows columns on the source and up to as many on the target (twice
+    with truth), n_rows × n_columns numbers. Of drawn points, ``linf`` is a bound from below.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> double = Mesh(2 * square.vertices, square.faces)
+    >>> same = Correspondence([0, 1, 2, 3], 4)
+    >>> metric_distortion(square, double, same)
+    MetricDistortion(linf=0.0, l2=0.0, truth=None)
+    >>> round(metric_distortion(square, double, same, normalised=False).linf, 4)  # half the diagonal
+    0.7071
+    """
+    if correspondence.shape != (source.n_vertices, target.n_vertices):
+        raise LandmarkError(f"{correspondence!r} does not fit {source!r} and {target!r}")
+    image = correspondence.vertices
+    pairs = np.column_stack([np.arange(len(image)), image]) if truth is None else truth
+    pairs = pairs[correspondence.matched[pairs[:, 0]]]
+    if not len(pairs):
+        raise LandmarkError(f"{correspondence!r} maps none of the points to be judged")
+    rng = np.random.default_rng(seed)
+    rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
+    units = [np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
+    engine = distance_engine(target)
+    here = _distances(distance_engine(source), rows[:, 0], columns[:, 0]) / units[0]
+
+    def against(row_images: IntArray, column_images: IntArray) -> tuple[float, float]:
+        there = _distances(engine, row_images, column_images) / units[1]
+        joined = np.isfinite(here) | np.isfinite(there)
+        change = np.abs(here[joined] - there[joined])
+        return float(change.max(initial=0.0) / 2), float((change**2).sum() / max(change.size, 1))
+
+    true = None if truth is None else MetricDistortion(*against(rows[:, 1], columns[:, 1]))
+    return MetricDistortion(*against(image[rows[:, 0]], image[columns[:, 0]]), true)
+
+
+def _distances(engine: DistanceEngine, rows: IntArray, columns: IntArray) -> FloatArray:
+    """(rows, columns) distances; a repeated row is computed once."""
+    sources, again = np.unique(rows, return_inverse=True)
+    blocks = [
+        engine.distances_from(sources[first : first + BLOCK])[:, columns]
+        for first in range(0, len(sources), BLOCK)
+    ]
+    table: FloatArray = np.concatenate(blocks)[again]
+    return table

@@ -1,0 +1,193 @@
+"""Sets as users have them on disk: tiny folders in every form, their truth, and what is said when something is wrong."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from isomatch import FormatError, Mesh, write_mesh
+from isomatch.datasets import faust, remeshed, scape, tosca
+from isomatch.datasets.benchmarks import benchmark_set
+from shapes import icosphere
+
+BALL = icosphere(1)
+EGG = Mesh(BALL.vertices * [1, 1, 1.3], BALL.faces)
+MIRROR = np.linalg.norm(BALL.vertices[:, None] - BALL.vertices * [-1, 1, 1], axis=2).argmin(axis=1)
+
+
+def save(path, mesh):
+    """Write a mesh as the suffix says, also in the forms that the package itself does not write."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".mat":
+        x, y, z = mesh.vertices.T[:, :, None]
+        savemat(path, {"surface": {"X": x, "Y": y, "Z": z, "TRIV": mesh.faces + 1.0}})
+    elif path.suffix == ".vert":
+        np.savetxt(path, mesh.vertices, fmt="%.17g")
+        np.savetxt(path.with_suffix(".tri"), mesh.faces + 1, fmt="%d")
+    elif path.suffix == ".npz":
+        np.savez(path, vertices=mesh.vertices, faces=mesh.faces)
+    else:
+        write_mesh(path, mesh)
+
+
+def save_vertices(path, vertices):
+    np.savetxt(path, np.asarray(vertices) + 1, fmt="%d")
+
+
+@pytest.fixture
+def two_remeshed(tmp_path):
+    """Two shapes in a folder of meshes beside one of known vertices, and the known vertices of each."""
+    rng = np.random.default_rng(0)
+    marks = {name: rng.permutation(BALL.n_vertices)[:9] for name in ("man2", "woman10")}
+    for (name, vertices), mesh in zip(marks.items(), (BALL, EGG)):
+        save(tmp_path / "remeshed" / "off" / f"{name}.off", mesh)
+        (tmp_path / "remeshed" / "corres").mkdir(exist_ok=True)
+        save_vertices(tmp_path / "remeshed" / "corres" / f"{name}.vts", vertices)
+    return tmp_path / "remeshed", marks
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".vert", ".off", ".obj", ".ply", ".npz"])
+def test_every_kind_of_file_is_read_in_its_order(tmp_path, suffix):
+    save(tmp_path / "high" / f"cat0{suffix}", BALL)
+    save(tmp_path / "high" / f"cat10{suffix}", EGG)
+    save(tmp_path / "high" / f"cat2{suffix}", EGG)
+    cats = tosca(tmp_path)
+    assert cats.names == ("cat0", "cat2", "cat10")
+    assert len(cats.pairs) == 6
+    pair = cats.pair("cat0", "cat2")
+    np.testing.assert_allclose(pair.target.vertices, EGG.vertices)
+    np.testing.assert_array_equal(pair.target.faces, EGG.faces)
+    assert (pair.truth == np.arange(BALL.n_vertices)[:, None]).all()
+    assert pair.mirrored is None
+
+
+def test_an_archive_of_poses_is_a_folder_of_shapes(tmp_path):
+    np.savez(tmp_path / "scape.npz", mesh000=BALL.vertices, mesh001=EGG.vertices, faces=BALL.faces)
+    bodies = scape(tmp_path)
+    assert bodies.pairs == (("mesh000", "mesh001"), ("mesh001", "mesh000"))
+    np.testing.assert_array_equal(bodies["mesh001"].mesh.vertices, EGG.vertices)
+
+
+def test_nothing_is_read_before_it_is_asked_for(tmp_path):
+    (tmp_path / "tr_reg_000.ply").write_text("broken")
+    (tmp_path / "tr_scan_000.ply").write_text("a scan, without truth")
+    shapes = faust(tmp_path)
+    assert shapes.names == ("tr_reg_000",)
+    with pytest.raises(FormatError, match=r"tr_reg_000\.ply"):
+        shapes["tr_reg_000"]
+
+
+def test_known_vertices_correspond_line_by_line(two_remeshed):
+    root, marks = two_remeshed
+    pair = remeshed(root).pair("man2", "woman10")
+    assert pair.truth.tolist() == np.column_stack([marks["man2"], marks["woman10"]]).tolist()
+    assert pair.mirrored is None
+    save_vertices(root / "corres" / "woman10.sym.vts", MIRROR[marks["woman10"]])
+    pair = remeshed(root).pair("man2", "woman10")
+    assert pair.mirrored.tolist() == np.column_stack([marks["man2"], MIRROR[marks["woman10"]]]).tolist()
+    assert not pair.symmetric, "told beside, but a flip stays an error"
+
+
+def test_pairs_are_those_listed(two_remeshed):
+    root, _ = two_remeshed
+    assert remeshed(root).pairs == (), "all pairs are within a class"
+    (root / "test_pairs.txt").write_text("# pairs\nman2,woman10\n")
+    assert remeshed(root).pairs == (("man2", "woman10"),)
+
+
+def test_a_dense_map_is_truth(tmp_path):
+    save(tmp_path / "1.off", BALL)
+    save(tmp_path / "2.off", EGG)
+    save_vertices(tmp_path / "1_2.map", MIRROR)
+    shapes = remeshed(tmp_path)
+    assert shapes.pairs == (("1", "2"),)
+    assert (shapes.pair("1", "2").truth[:, 1] == MIRROR).all()
+    save_vertices(tmp_path / "1_2.map", MIRROR[:5])
+    with pytest.raises(FormatError, match=r"5 entries .* do not map the 42 vertices of 1"):
+        shapes.pair("1", "2")
+
+
+def test_landmarks_know_their_mirror_images(tmp_path):
+    save(tmp_path / "cat0.vert", BALL)
+    save(tmp_path / "cat1.vert", EGG)
+    (tmp_path / "landmarks").mkdir()
+    (tmp_path / "landmarks" / "cat.txt").write_text("# vertex, mirror\n7, 0\n3, 2\n5, 1\n")
+    pair = tosca(tmp_path).with_landmarks(tmp_path / "landmarks").pair("cat0", "cat1")
+    assert pair.truth.tolist() == [[7, 7], [3, 3], [5, 5]]
+    assert pair.mirrored.tolist() == [[7, 7], [3, 5], [5, 3]]
+
+
+def test_a_benchmark_set_hides_equal_indices(tmp_path):
+    for name, mesh in (("cat0", BALL), ("cat1", EGG)):
+        save(tmp_path / "tosca" / f"{name}.mat", mesh)
+    save_vertices(tmp_path / "tosca" / "cat.sym.vts", MIRROR)
+    pair = benchmark_set("tosca", tmp_path).load("cat0", "cat1")
+    assert (pair.truth[:, 0] != pair.truth[:, 1]).mean() > 0.8
+    lengths = (
+        np.linalg.norm(x - x.mean(axis=0), axis=1)
+        for x in (EGG.vertices, pair.target.vertices[pair.truth[:, 1]])
+    )
+    np.testing.assert_allclose(*lengths)
+    assert (pair.mirrored[:, 1] == pair.truth[MIRROR, 1]).all()
+
+
+@pytest.mark.parametrize("door", [tosca, scape, faust, remeshed])
+def test_an_empty_folder_says_where_to_obtain_the_set(tmp_path, door):
+    with pytest.raises(
+        FormatError, match=f"no shapes of the set '{door.__name__}' in this folder; obtain .*"
+    ):
+        door(tmp_path)
+
+
+def test_defects_are_told(tmp_path, two_remeshed):
+    root, _ = two_remeshed
+    save_vertices(root / "corres" / "man2.vts", [-1, 3])
+    with pytest.raises(FormatError, match=r"man2.vts: entries 0 are not whole numbers from 1"):
+        remeshed(root)["man2"]
+    save_vertices(root / "corres" / "man2.vts", [3, 42])
+    with pytest.raises(FormatError, match="known vertices reach 42, but its vertices are 0…41"):
+        remeshed(root)["man2"]
+    save_vertices(root / "corres" / "man2.vts", [3, 4])
+    with pytest.raises(FormatError, match="2 known vertices of man2 and 9 of woman10 do not correspond"):
+        remeshed(root).pair("man2", "woman10")
+    save_vertices(root / "corres" / "man2.sym.vts", [3])
+    with pytest.raises(FormatError, match="2 known vertices but 1 mirror images"):
+        remeshed(root)["man2"]
+    (root / "corres" / "man2.vts").write_text("")
+    with pytest.raises(FormatError, match="0 rows"):
+        remeshed(root)["man2"]
+    (root / "corres" / "man2.vts").unlink()
+    with pytest.raises(FormatError, match=r"nothing is known about man2; expected man2\.vts"):
+        remeshed(root)["man2"]
+    with pytest.raises(FormatError, match="remeshed has no shape 'child'; it has man2, woman10"):
+        remeshed(root)["child"]
+    save(root / "ply" / "man2.ply", BALL)
+    with pytest.raises(FormatError, match="man2 is both"):
+        remeshed(root)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("cat0.mat", b"not a matrix", "not a shape"),
+        ("cat0.vert", b"1 2 three\n", "cannot be read"),
+        ("cat0.vert", b"1 2\n", "1 rows of 2 numbers, expected rows of 3"),
+    ],
+)
+def test_broken_shapes_are_told(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    (tmp_path / "cat0.tri").write_text("1 2 3\n")
+    with pytest.raises(FormatError, match=message):
+        tosca(tmp_path)["cat0"]
+
+
+def test_a_broken_archive_and_broken_landmarks_are_told(tmp_path):
+    (tmp_path / "cat.npz").write_bytes(b"PK nothing")
+    with pytest.raises(FormatError, match=r"cat.npz: cannot be read"):
+        tosca(tmp_path)
+    (tmp_path / "cat.npz").unlink()
+    save(tmp_path / "cat0.off", BALL)
+    with pytest.raises(FormatError, match=r"no landmarks of cat0; expected cat0\.txt or cat\.txt"):
+        tosca(tmp_path).with_landmarks(tmp_path)["cat0"]
+    (tmp_path / "cat.txt").write_text("3 1\n4 9\n")
+    with pytest.raises(FormatError, match="mirrored to line 9, the last is 1"):
+        tosca(tmp_path).with_landmarks(tmp_path)["cat0"]
