@@ -1,6 +1,7 @@
 """Runs over a set: every pair is a row, interrupted runs go on, problems are told."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,15 @@ import pytest
 from isomatch import Correspondence, FormatError, SettingError
 from isomatch.datasets import BenchmarkPair, example_pair, ground_truth
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
-from isomatch.evaluation import BenchmarkRun, benchmark, read_rows, run_benchmark, summaries, write_tables
+from isomatch.evaluation import (
+    BenchmarkRun,
+    benchmark,
+    read_published_curves,
+    read_rows,
+    run_benchmark,
+    summaries,
+    write_tables,
+)
 
 
 @pytest.fixture
@@ -31,7 +40,7 @@ def small(monkeypatch):
         return method
 
     def broken(one, other):
-        raise RuntimeError("no map today")
+        raise RuntimeError("no <map> today")
 
     chosen = BenchmarkSet("small", (("a", "b"), ("b", "c")), load)
     monkeypatch.setattr(benchmark, "benchmark_set", lambda name, folder: chosen)
@@ -57,9 +66,52 @@ def test_rows_tables_and_resuming(small, tmp_path):
     assert table["broken"]["mean"] is None
     with (tmp_path / "pairs.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["problem"] for row in rows if row["method"] == "broken"] == ["RuntimeError: no map today"] * 2
+    assert [row["problem"] for row in rows if row["method"] == "broken"] == [
+        "RuntimeError: no <map> today"
+    ] * 2
     assert all(float(row["direct"]) > 0 for row in rows if row["method"] == "flipped")
+    right = [row for row in rows if row["method"] == "right"]
+    assert all(float(row["auc"]) == float(row["within_05"]) == 1 for row in right)
+    assert all(float(row["distortion_l2"]) == float(row["distortion_l2_truth"]) > 0 for row in right)
+    assert all(0.5 < float(row["coverage"]) < 1 < float(row["smoothness"]) for row in right)
     assert {path.name for path in tmp_path.iterdir()} >= {"curves.png", "curves.svg", "summary.csv"}
+    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "RuntimeError: no &lt;map&gt; today" in page
+    assert "<map>" not in page
+    assert "data:image/svg+xml;base64," in page
+    assert "http" not in page.replace("http-equiv", ""), "nothing is loaded from elsewhere"
+
+
+def test_mirrored_truth_is_told_but_does_not_excuse_shapes_that_are_not_symmetric(
+    small, monkeypatch, tmp_path
+):
+    chosen = benchmark.benchmark_set("small", None)
+    lopsided = replace(chosen, load=lambda a, b: replace(chosen.load(a, b), symmetric=False))
+    monkeypatch.setattr(benchmark, "benchmark_set", lambda name, folder: lopsided)
+    row = next(run_benchmark(BenchmarkRun("small", ("flipped",), n_points=50, jobs=1), tmp_path))
+    assert row["error"] == row["direct"] > row["mirrored"] == 0
+
+
+def test_published_curves_of_the_sets_are_drawn_beside(small, tmp_path):
+    curve = {"small|theirs|x": [0.0, 0.1], "small|theirs|y": [40.0, 90.0]}
+    np.savez(tmp_path / "a.npz", **curve, **{"other|theirs|x": [0.0], "other|theirs|y": [1.0]})
+    np.savez(tmp_path / "b.npz", **{"small|theirs|x": [0.0], "small|theirs|y": [0.0]})
+    curves = read_published_curves(tmp_path)
+    assert [(curve.set_name, curve.method) for curve in curves] == [("small", "theirs"), ("other", "theirs")]
+    assert curves[0].shares.tolist() == [0.4, 0.9], "the first file that has it"
+    list(run_benchmark(BenchmarkRun("small", ("right",), n_points=20, jobs=1), tmp_path / "out"))
+    write_tables(tmp_path / "out", curves)
+    drawn = (tmp_path / "out" / "curves.svg").read_text(encoding="utf-8")
+    assert "small, theirs (published)" in drawn
+    assert "other" not in drawn
+
+
+def test_published_curves_that_cannot_be_read_are_told(tmp_path):
+    with pytest.raises(FormatError, match="no published curves; expected"):
+        read_published_curves(tmp_path)
+    (tmp_path / "a.npz").write_text("nothing")
+    with pytest.raises(FormatError, match="cannot be read as curves"):
+        read_published_curves(tmp_path)
 
 
 def test_failures_are_counted():

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from isomatch.cli.terminal import progress, say, say_json
-from isomatch.evaluation import BenchmarkRun, run_benchmark, write_tables
+from isomatch.evaluation import BenchmarkRun, read_published_curves, run_benchmark, write_tables
 
 
 def bench(
@@ -21,6 +21,7 @@ def bench(
     points: int = 1000,
     seed: int = 0,
     jobs: int | None = None,
+    published: Path | None = None,
     json: bool = False,
 ) -> None:
     """Run methods over benchmark sets and measure their maps against the truth.
@@ -28,11 +29,11 @@ def bench(
     Parameters
     ----------
     sets : str
-        faust_r, tosca_iso_r, scape, tosca, creatures; several with commas.
+        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures; several with commas.
     output : Path
-        Folder for rows.jsonl, pairs.csv, summary.csv and curves; rows already there are not run again.
+        Folder for rows.jsonl, index.html, pairs.csv, summary.csv and curves; rows already there are not run again.
     data : Path
-        Folder of the sets; creatures need none.
+        Folder of the sets, each in a folder of its name, as archives or as it was published; creatures need none.
     methods : str
         isomatch, pyfm; several with commas.
     pairs : int
@@ -43,16 +44,19 @@ def bench(
         Seed of both draws.
     jobs : int
         Pairs at once, each on one thread; by default one for each processor. With 1, a pair has all threads.
+    published : Path
+        Folder of published curves to draw beside, .npz with 'set|method|x' (errors) and 'set|method|y' (percent).
     json : bool
         Print one JSON object and nothing else.
     """
     folder = None if data is None else str(data)
+    beside = [] if published is None else read_published_curves(published)
     with progress() as stage:
         for name in sets.split(","):
             run = BenchmarkRun(name, tuple(methods.split(",")), folder, pairs, points, seed, jobs)
             for count, row in enumerate(run_benchmark(run, output), 1):
                 stage(f"{name}: {count} rows, last {row['pair']} by {row['method']}")
-    table = write_tables(output)
+    table = write_tables(output, beside)
     if json:
         say_json({"summary": table, "folder": str(output)})
         return
@@ -66,7 +70,7 @@ def bench(
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
             + (f"  {row['problems']} without a map" if row["problems"] else "")
         )
-    say(f"written to {output}: pairs.csv, summary.csv, curves.png, curves.svg")
+    say(f"written to {output}: index.html, pairs.csv, summary.csv, curves.png, curves.svg")
 
 
 def _number(value: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import time
@@ -21,16 +20,15 @@ from isomatch.baselines import pyfm_zoomout
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
-from isomatch.evaluation.princeton import THRESHOLDS, cumulative_curve, geodesic_errors
+from isomatch.evaluation.bijectivity import coverage
+from isomatch.evaluation.distortion import metric_distortion
+from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
+from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.maps import Correspondence
 from isomatch.matching import match
 from isomatch.surfaces import Mesh
 
-FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
-COLUMNS = (
-    "set", "pair", "method", "n_source", "n_target", "error", "median", "p95", "direct", "mirrored",
-    "unmatched", "within_05", "within_10", "within_25", "seconds", "outcome", "problem",
-)  # fmt: skip
+DISTORTION_ROWS = 100  # points whose distances to 1000 others tell the distortion of a pair
 
 Method = Callable[[Mesh, Mesh], tuple[Correspondence, dict[str, Any]]]
 
@@ -148,24 +146,31 @@ def _row(run: BenchmarkRun, method: str, names: tuple[str, str]) -> dict[str, An
 
 
 def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> dict[str, Any]:
-    """Errors × 100, an unmatched vertex counting as √area.
+    """Errors × 100, an unmatched vertex counting as √area, and the cheap ones of the other measures.
 
-    Where the source is truly symmetric, one decision is taken for the pair between direct and mirrored truth.
+    Where the shapes are truly symmetric, one decision is taken for the pair between direct and mirrored truth.
     """
-    judged = [pair.truth] if pair.mirrored is None else [pair.truth, pair.mirrored]
-    raw = [geodesic_errors(pair.target, found, truth, run.n_points, run.seed) for truth in judged]
-    sides = [np.where(np.isfinite(errors), errors, 1.0) for errors in raw]
-    errors = min(sides, key=np.mean)
-    return {
-        "error": float(100 * errors.mean()),
-        "median": float(100 * np.median(errors)),
-        "p95": float(100 * np.quantile(errors, 0.95)),
-        "direct": float(100 * sides[0].mean()),
-        "mirrored": float(100 * sides[1].mean()) if len(sides) > 1 else None,
-        "unmatched": float((~np.isfinite(raw[0])).mean()),
-        **{f"within_{int(100 * t):02d}": float((errors <= t).mean()) for t in (0.05, 0.10, 0.25)},
-        "curve": [round(float(value), 4) for value in cumulative_curve(errors)],
+    sides = sided_errors(pair.target, found, pair.truth, pair.mirrored, run.n_points, run.seed)
+    errors = counted(sides.better if pair.symmetric else sides.direct)
+    distortion = metric_distortion(
+        pair.source, pair.target, found, pair.truth, n_rows=DISTORTION_ROWS, seed=run.seed
+    )
+    numbers = {
+        "error": 100 * errors.mean(),
+        "median": 100 * np.median(errors),
+        "p95": 100 * np.quantile(errors, 0.95),
+        "direct": 100 * counted(sides.direct).mean(),
+        "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
+        "unmatched": np.isinf(sides.direct).mean(),
+        "auc": area_under_curve(errors),
+        **{f"within_{100 * t:02.0f}": share for t, share in zip(SHARES, cumulative_curve(errors, SHARES))},
+        "distortion_l2": distortion.l2,
+        "distortion_l2_truth": distortion.truth.l2 if distortion.truth else np.nan,
+        "coverage": coverage(pair.target, found),
+        "smoothness": dirichlet_energy(pair.source, pair.target, found),
     }
+    told = {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
+    return told | {"curve": [round(float(value), 4) for value in cumulative_curve(errors)]}
 
 
 def read_rows(out: str | Path) -> list[dict[str, Any]]:
@@ -175,69 +180,3 @@ def read_rows(out: str | Path) -> list[dict[str, Any]]:
         return []
     rows = [json.loads(line) for line in ledger.read_text(encoding="utf-8").splitlines() if line.strip()]
     return list({(row["set"], row["pair"], row["method"]): row for row in rows}.values())
-
-
-def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Mean, median, worst, failures and seconds for each set and method, in order of appearance."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault((row["set"], row["method"]), []).append(row)
-    table = []
-    for (name, method), members in groups.items():
-        good = [row for row in members if "problem" not in row]
-        errors = np.array([row["error"] for row in good])
-        table.append(
-            {
-                "set": name,
-                "method": method,
-                "pairs": len(members),
-                "mean": float(errors.mean()) if len(good) else None,
-                "median": float(np.median(errors)) if len(good) else None,
-                "max": float(errors.max()) if len(good) else None,
-                "failures": int((errors > FAILURE).sum()),
-                "problems": len(members) - len(good),
-                "seconds": float(np.mean([row["seconds"] for row in good])) if good else None,
-            }
-        )
-    return table
-
-
-def write_tables(out: str | Path) -> list[dict[str, Any]]:
-    """Write ``pairs.csv``, ``summary.csv`` and the curves ``curves.png`` and ``.svg``; return the summary."""
-    out = Path(out)
-    rows = sorted(read_rows(out), key=lambda row: (row["set"], row["method"], row["pair"]))
-    table = summaries(rows)
-    _write_csv(out / "pairs.csv", rows, COLUMNS)
-    if table:
-        _write_csv(out / "summary.csv", table, tuple(table[0]))
-        _draw_curves(rows, out)
-    return table
-
-
-def _write_csv(path: Path, rows: list[dict[str, Any]], columns: tuple[str, ...]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
-
-
-def _draw_curves(rows: list[dict[str, Any]], out: Path) -> None:
-    from matplotlib.figure import Figure
-
-    curves: dict[str, list[list[float]]] = {}
-    for row in rows:
-        if "curve" in row:
-            curves.setdefault(f"{row['set']}, {row['method']}", []).append(row["curve"])
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
-    axes = figure.add_subplot(
-        xlabel="geodesic error / √(target area)", ylabel="correspondences, %", xlim=(0, 0.25), ylim=(0, 101)
-    )
-    for (label, members), style in zip(curves.items(), ("-", "--", "-.", ":") * len(curves)):
-        axes.plot(THRESHOLDS, 100 * np.mean(members, axis=0), style, label=f"{label} ({len(members)} pairs)")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")
-    for suffix in ("png", "svg"):
-        figure.savefig(out / f"curves.{suffix}", dpi=150)

@@ -15,6 +15,7 @@ from isomatch.surfaces import Mesh
 
 LIMIT = 0.25  # where the published curves end
 THRESHOLDS = np.linspace(0.0, LIMIT, 101)
+SHARES = (0.05, 0.10, 0.25)  # where the curve is told in tables
 UNMATCHED_ERROR = 1.0  # what a vertex without an image counts for in means: √(target area)
 
 
@@ -34,7 +35,7 @@ class SidedErrors:
     @property
     def flipped(self) -> bool:
         """Whether the mirrored truth has the smaller mean error."""
-        return self.mirrored is not None and mean_error(self.mirrored) < mean_error(self.direct)
+        return self.mirrored is not None and bool(counted(self.mirrored).mean() < counted(self.direct).mean())
 
     @property
     def better(self) -> FloatArray:
@@ -124,9 +125,9 @@ def sided_errors(
     )
 
 
-def mean_error(errors: FloatArray) -> float:
-    """Mean of errors, a vertex without an image counting as √(target area)."""
-    return float(np.where(np.isfinite(errors), errors, UNMATCHED_ERROR).mean())
+def counted(errors: FloatArray) -> FloatArray:
+    """Errors for means: a vertex without an image counts as √(target area)."""
+    return np.where(np.isfinite(errors), errors, UNMATCHED_ERROR)
 
 
 def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> FloatArray:
