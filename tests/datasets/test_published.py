@@ -60,6 +60,14 @@ def test_every_kind_of_file_is_read_in_its_order(tmp_path, suffix):
     assert pair.mirrored is None
 
 
+def test_shapes_of_two_classes_have_no_common_truth(tmp_path):
+    save(tmp_path / "cat0.off", BALL)
+    save(tmp_path / "dog0.off", EGG)
+    assert tosca(tmp_path).pairs == ()
+    with pytest.raises(FormatError, match="of cat0 and 42 of dog0 do not correspond"):
+        tosca(tmp_path).pair("cat0", "dog0")
+
+
 def test_an_archive_of_poses_is_a_folder_of_shapes(tmp_path):
     np.savez(tmp_path / "scape.npz", mesh000=BALL.vertices, mesh001=EGG.vertices, faces=BALL.faces)
     bodies = scape(tmp_path)

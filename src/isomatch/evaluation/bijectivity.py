@@ -23,8 +23,8 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
         Map source → target; its vertices are judged.
     reach : float
         A target vertex counts, with its area, when an image lies this near along edges, in √(target area). With 0, the
-        usual measure, only images themselves count: a nearest vertex map between shapes sampled alike then has about
-        0.7, and a coarse source covers little of a fine target.
+        usual measure, only images themselves count: even a good map between independent samplings then stays well
+        below 1, and a coarse source covers little of a fine target.
 
     Returns
     -------

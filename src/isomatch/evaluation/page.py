@@ -20,7 +20,8 @@ MEANINGS = {
     "within_05, within_10, within_25": "share of correspondences with an error up to 0.05, 0.10, 0.25 √(target area)",
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
     "error is the smaller one for shapes that are truly symmetric, else the direct",
-    "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape in its own √area; and that of the truth",
+    "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape in its own √area, by "
+    "the map and by the truth",
     "coverage": "share of the target's area whose vertices are images",
     "smoothness": "Dirichlet energy of the map / target area: 1 for an isometry, more where it stretches or jumps",
     "seconds": "of the match, preparation included",

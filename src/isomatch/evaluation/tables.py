@@ -102,11 +102,14 @@ def _draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve]
         xlabel="geodesic error / √(target area)", ylabel="correspondences, %", xlim=(0, LIMIT), ylim=(0, 101)
     )
     for (label, members), style in zip(curves.items(), ("-", "--", "-.", ":") * len(curves)):
-        axes.plot(THRESHOLDS, 100 * np.mean(members, axis=0), style, label=f"{label} ({len(members)} pairs)")
+        axes.plot(
+            THRESHOLDS, 100 * np.mean(members, axis=0), style, lw=2, label=f"{label} ({len(members)} pairs)"
+        )
     beside = [curve for curve in published if curve.set_name in {row["set"] for row in rows}]
     for i, curve in enumerate(beside):
+        colour, dashes = f"C{i % 9 + 1}", ("-", "--", ":")[i // 9 % 3]
         label = f"{curve.set_name}, {curve.method} (published)"
-        axes.plot(curve.errors, 100 * curve.shares, lw=0.8, color=f"C{(i + 4) % 10}", alpha=0.8, label=label)
+        axes.plot(curve.errors, 100 * curve.shares, dashes, color=colour, lw=0.8, label=label)
     axes.grid(alpha=0.3)
     if beside:
         axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small")
