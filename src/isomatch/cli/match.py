@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -11,6 +12,7 @@ import isomatch
 from isomatch.cli.inputs import read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
+from isomatch.matching.config import Orientation, Refinement
 
 
 def match(
@@ -21,6 +23,8 @@ def match(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     landmarks: Path | None = None,
     initial_map: Path | None = None,
+    refinement: Refinement | None = None,
+    orientation: Orientation | None = None,
     config: Path | None = None,
     seed: int = 0,
     json: bool = False,
@@ -40,8 +44,12 @@ def match(
         Two columns of 0-based vertex indices (source, target), comma or blank separated, # comments.
     initial_map : Path
         A first map to start from: one 0-based target index per line (-1: unknown), or a map.npz.
+    refinement : str
+        How the map is made precise: joint (default), smooth, laplace_icp (the paper's), none.
+    orientation : str
+        Which side of the surfaces the map keeps outward: preserve (default), reverse, any.
     config : Path
-        Settings in a TOML file; see isomatch.Config.
+        These and all other settings in a TOML file; see isomatch.Config.
     seed : int
         Seed of sampling and eigensolver.
     json : bool
@@ -50,7 +58,9 @@ def match(
         Replace an earlier result in the folder.
     """
     folder = ResultFolder(output)
-    settings = read_config(config)
+    settings = read_config(config) or isomatch.Config()
+    said: dict[str, Any] = {"refinement": refinement, "orientation": orientation}
+    settings = replace(settings, **{name: value for name, value in said.items() if value is not None})
     pairs = None if landmarks is None else read_landmarks(landmarks)
     with progress() as stage:
         stage("reading")

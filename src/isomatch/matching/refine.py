@@ -255,7 +255,8 @@ def settled(pair: Pair, coordinates: Coordinates, steps: int) -> Coordinates:
         back = _onto(source, bent, of_target[there])
         design = np.vstack([functions[here], back @ functions])
         wanted = np.vstack([forth @ of_target - of_source[here], of_target[there] - back @ of_source])
-        bent = of_source + functions @ solve(design.T @ design, design.T @ wanted, assume_a="pos")
+        gram = design.T @ design + 1e-9 * len(design) * np.eye(design.shape[1])  # definite on any mesh
+        bent = of_source + functions @ solve(gram, design.T @ wanted, assume_a="pos")
     return of_target, bent
 
 
