@@ -112,6 +112,15 @@ def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched,
     assert all(path.startswith(str(tmp_path)) for path in record["files"].values())
 
 
+def test_options_of_match_come_before_the_file_of_settings(shapes, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run_match(shapes, out, "--json", "--refinement", "smooth", "--orientation", "any") == 0
+    settings = json.loads(capsys.readouterr().out)["config"]
+    assert (settings["refinement"], settings["orientation"], settings["n_columns"]) == ("smooth", "any", 40)
+    assert run_match(shapes, out, "--force", "--refinement", "rough") == 2
+    assert "rough" in capsys.readouterr().err
+
+
 def true_pairs():
     source, target = example_pair()
     truth = ground_truth(source, target).vertices
