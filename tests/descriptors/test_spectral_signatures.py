@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, heat_kernel_signature, laplace_basis, wave_kernel_signature
+from isomatch.descriptors import wave_kernel_map
 from shapes import disguised, icosphere
 
 SIGNATURES = (heat_kernel_signature, wave_kernel_signature)
@@ -71,3 +72,13 @@ def test_heat_kernel_in_closed_form(basis):
 def test_first_functions_only(basis, signature):
     part = replace(basis, vectors=basis.vectors[:, :20], values=basis.values[:20])
     np.testing.assert_allclose(signature(basis, 9, k=20), signature(part, 9))
+
+
+def test_wave_kernel_of_a_landmark(basis):
+    """Symmetric, equal to the signature at the landmark itself, and without the signs of functions."""
+    of_7, of_90 = (wave_kernel_map(basis, vertex, 9) for vertex in (7, 90))
+    np.testing.assert_allclose(of_7[90], of_90[7])
+    np.testing.assert_allclose(of_7[7], wave_kernel_signature(basis, 9)[7])
+    flips = np.random.default_rng(0).choice([-1.0, 1.0], basis.vectors.shape[1])
+    flipped = replace(basis, vectors=basis.vectors * flips)
+    np.testing.assert_allclose(wave_kernel_map(flipped, 7, 9), of_7)

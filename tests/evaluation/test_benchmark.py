@@ -6,16 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, FormatError, SettingError
+from isomatch import Correspondence, FormatError, SettingError, geodesic_distances
+from isomatch.cli.bench import bench
 from isomatch.datasets import BenchmarkPair, example_pair, ground_truth
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
 from isomatch.evaluation import (
+    METHODS,
     BenchmarkRun,
+    Method,
     benchmark,
     read_published_curves,
     read_rows,
     run_benchmark,
     summaries,
+    true_landmarks,
     write_tables,
 )
 
@@ -35,9 +39,9 @@ def small(monkeypatch):
     def answer(image):
         def method(one, other):
             calls.append(one)
-            return Correspondence(image, other.n_vertices), {"outcome": "CONVERGED"}
+            return Correspondence(image, other.n_vertices)
 
-        return method
+        return Method(method)
 
     def broken(one, other):
         raise RuntimeError("no <map> today")
@@ -47,7 +51,7 @@ def small(monkeypatch):
     monkeypatch.setattr(
         benchmark,
         "METHODS",
-        {"right": answer(truth), "flipped": answer(wrong[:, 1]), "broken": broken},
+        {"right": answer(truth), "flipped": answer(wrong[:, 1]), "broken": Method(broken)},
     )
     return calls
 
@@ -154,3 +158,56 @@ def test_drawing_pairs_keeps_their_order():
     assert len(set(places)) == 5
     assert places == sorted(places)
     assert every.chosen(None) is every
+
+
+@pytest.fixture
+def relabelled_pair():
+    mesh = example_pair()[0].mesh
+    other, new = relabelled(mesh, seed=3)
+    return BenchmarkPair("a-b", mesh, other, np.column_stack([np.arange(len(new)), new]))
+
+
+def test_true_landmarks(relabelled_pair):
+    pair = relabelled_pair
+    landmarks = true_landmarks(pair, 5, seed=1)
+    truth = dict(pair.truth)
+    assert all(truth[a] == b for a, b in landmarks)
+    apart = geodesic_distances(pair.source, landmarks[:, 0])[:, landmarks[:, 0]]
+    assert apart[~np.eye(5, dtype=bool)].min() > 0.3 * np.sqrt(pair.source.area)
+    np.testing.assert_array_equal(landmarks, true_landmarks(pair, 5, seed=1))
+    assert (landmarks != true_landmarks(pair, 5, seed=2)).any()
+
+
+def test_wrong_rows_of_the_truth_are_no_landmarks(relabelled_pair):
+    pair = relabelled_pair
+    at = np.array([np.flatnonzero(pair.truth[:, 0] == a)[0] for a in true_landmarks(pair)[:, 0]])
+    truth = pair.truth.copy()
+    truth[at, 1] = np.roll(truth[at, 1], 1)
+    drawn = true_landmarks(replace(pair, truth=truth))
+    assert not set(drawn[:, 0]) & set(at)
+
+
+def test_methods_are_called_by_name(relabelled_pair):
+    given = []
+
+    def method(source, target, **hints):
+        given.append(hints)
+        return Correspondence(relabelled_pair.truth[:, 1], target.n_vertices)
+
+    for count in (0, 5):
+        one = Method(method, count)
+        found, told = one(relabelled_pair, one.hints(relabelled_pair, seed=0))
+        assert (found.vertices == relabelled_pair.truth[:, 1]).all()
+        assert told == {}
+    assert given[0] == {}
+    np.testing.assert_array_equal(given[1]["landmarks"], true_landmarks(relabelled_pair))
+
+
+def test_command_line_names_every_method():
+    assert all(name in bench.__doc__ for name in METHODS)
+
+
+def test_phi_runs_as_a_method(relabelled_pair):
+    found, told = METHODS["phi"](relabelled_pair, METHODS["phi"].hints(relabelled_pair, 0))
+    assert (found.vertices == relabelled_pair.truth[:, 1]).mean() > 0.95
+    assert told["outcome"] == "CONVERGED"

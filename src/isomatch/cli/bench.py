@@ -35,13 +35,14 @@ def bench(
     data : Path
         Folder of the sets, each in a folder of its name, as archives or as it was published; creatures need none.
     methods : str
-        isomatch, pyfm; several with commas.
+        isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, pyfm; several with
+        commas. gdd, gdd_post, phi and those named 5pt are given five true landmarks, far from one another.
     pairs : int
         Pairs to draw from each set; all by default.
     points : int
         Truth points judged in each pair.
     seed : int
-        Seed of both draws.
+        Seed of the draws of pairs, points and landmarks.
     jobs : int
         Pairs at once, each on one thread; by default one for each processor. With 1, a pair has all threads.
     published : Path
@@ -62,11 +63,11 @@ def bench(
         return
     say("mean geodesic error × 100 / √(target area)", "bold")
     say(
-        f"{'set':12} {'method':10} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
+        f"{'set':12} {'method':19} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
     )
     for row in table:
         say(
-            f"{row['set']:12} {row['method']:10} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
+            f"{row['set']:12} {row['method']:19} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
             + (f"  {row['problems']} without a map" if row["problems"] else "")
         )

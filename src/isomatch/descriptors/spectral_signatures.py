@@ -33,13 +33,45 @@ def wave_kernel_signature(
     -----
     Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5. O(n k n_energies).
     """
-    values, squares = basis.values[1:k], basis.vectors[:, 1:k] ** 2
+    filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
+    signature: FloatArray = basis.vectors[:, 1:k] ** 2 @ filters  # (n, k) (k, e) -> (n, e)
+    return signature
+
+
+def wave_kernel_map(
+    basis: LaplaceBasis, vertex: int, n_energies: int = 100, bandwidth: float = 7.0, k: int | None = None
+) -> FloatArray:
+    """Wave kernel between one vertex and all: how they recognise a landmark.
+
+    Parameters
+    ----------
+    basis, n_energies, bandwidth, k
+        As for `wave_kernel_signature`.
+    vertex : int
+        The landmark.
+
+    Returns
+    -------
+    (n, n_energies) array of float
+        Σ g_e(λ_i) φ_i(x) φ_i(y), g_e the filter of energy e; its value at the landmark itself is the signature there.
+
+    Notes
+    -----
+    Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012, after the heat kernel map of Ovsjanikov, Mérigot,
+    Mémoli & Guibas, *One Point Isometric Matching with the Heat Kernel*, SGP 2010. O(n k n_energies).
+    """
+    filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
+    kernel: FloatArray = basis.vectors[:, 1:k] @ (basis.vectors[vertex, 1:k, None] * filters)
+    return kernel
+
+
+def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
+    """Give normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
     energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
     filters = np.exp(-0.5 * ((energies - logs[:, None]) / max(sigma, 1e-12)) ** 2)
-    signature: FloatArray = squares @ (filters / filters.sum(axis=0))  # (n, k) (k, e) -> (n, e)
-    return signature
+    return np.asarray(filters / filters.sum(axis=0), dtype=np.float64)
 
 
 def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None = None) -> FloatArray:

@@ -3,6 +3,7 @@
 from isomatch.evaluation.benchmark import BenchmarkRun, read_rows, run_benchmark
 from isomatch.evaluation.bijectivity import coverage, cycle_errors
 from isomatch.evaluation.distortion import MetricDistortion, metric_distortion
+from isomatch.evaluation.methods import METHODS, Method, true_landmarks
 from isomatch.evaluation.princeton import (
     SidedErrors,
     area_under_curve,
@@ -16,7 +17,9 @@ from isomatch.evaluation.smoothness import conformal_distortion, dirichlet_energ
 from isomatch.evaluation.tables import summaries, write_tables
 
 __all__ = [
+    "METHODS",
     "BenchmarkRun",
+    "Method",
     "MetricDistortion",
     "PublishedCurve",
     "SidedErrors",
@@ -35,5 +38,6 @@ __all__ = [
     "sided_errors",
     "summaries",
     "torn_edges",
+    "true_landmarks",
     "write_tables",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -16,33 +16,17 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from isomatch._threads import n_threads
-from isomatch.baselines import pyfm_zoomout
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
+from isomatch.evaluation.methods import METHODS
 from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.maps import Correspondence
-from isomatch.matching import match
-from isomatch.surfaces import Mesh
 
 DISTORTION_ROWS = 100  # points whose distances to 1000 others tell the distortion of a pair
-
-Method = Callable[[Mesh, Mesh], tuple[Correspondence, dict[str, Any]]]
-
-
-def _isomatch(source: Mesh, target: Mesh) -> tuple[Correspondence, dict[str, Any]]:
-    result = match(source, target)
-    return result.map, result.to_dict()
-
-
-def _pyfm(source: Mesh, target: Mesh) -> tuple[Correspondence, dict[str, Any]]:
-    return pyfm_zoomout(source, target), {}
-
-
-METHODS: dict[str, Method] = {"isomatch": _isomatch, "pyfm": _pyfm}
 
 
 @dataclass(frozen=True)
@@ -62,7 +46,7 @@ class BenchmarkRun:
     n_points : int
         Truth points judged for each pair.
     seed : int
-        Seeds both draws.
+        Seeds the draws of pairs, of truth points and of true landmarks.
     jobs : int, optional
         Pairs at once, each on one thread; by default one for each processor. With ``jobs=1`` a pair has all threads.
     """
@@ -135,8 +119,9 @@ def _row(run: BenchmarkRun, method: str, names: tuple[str, str]) -> dict[str, An
     row |= {"points": run.n_points, "seed": run.seed}
     try:
         pair = benchmark_set(run.set_name, run.folder).load(*names)
+        hints = METHODS[method].hints(pair, run.seed)
         started = time.perf_counter()
-        found, details = METHODS[method](pair.source, pair.target)
+        found, details = METHODS[method](pair, hints)
         row |= {"seconds": time.perf_counter() - started, "outcome": details.get("outcome", "")}
         row |= {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices, "details": details}
         row |= _judged(run, pair, found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from isomatch.bases import Weighting
 from isomatch.errors import SettingError
@@ -13,6 +13,17 @@ from isomatch.errors import SettingError
 Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
+
+
+class Settings(Protocol):
+    """What the settings of every method, `match` or a baseline, can tell."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Whether the map should keep the side of the surface that looks outward."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
 
 
 @dataclass(frozen=True)

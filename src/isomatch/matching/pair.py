@@ -9,13 +9,18 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
 from isomatch.descriptors import GeodesicDistanceDescriptor
+from isomatch.errors import MeshError, SettingError
+from isomatch.matching.body import Shape
+from isomatch.matching.config import Config
 from isomatch.matching.nearest import nearest_rows
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepare import PreparedShape, prepare
 
 SEARCH_RANK = (
     30  # descriptor columns while hypotheses are compared; the rest only sharpens a map already found
 )
+PREPARATION = ("n_columns", "rank", "n_functions", "weights", "n_search", "n_refine")  # settings of `prepare`
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,3 +130,44 @@ class Pair:
     def differs(self, image: IntArray, others: list[IntArray], least: float) -> bool:
         """Tell whether a map differs from all the others by more than a mean distance."""
         return not others or bool(self._target_distances[np.array(others), image].mean(axis=1).min() > least)
+
+
+def prepared_pair(
+    source: Shape | PreparedShape, target: Shape | PreparedShape, config: Config | None, seed: int
+) -> tuple[Pair, Config]:
+    """Prepare what is not yet prepared, both at once; by default with the settings of what is.
+
+    Returns
+    -------
+    Pair
+        The two shapes.
+    Config
+        The settings of both.
+
+    Raises
+    ------
+    MeshError
+        If a surface cannot be used.
+    SettingError
+        If a shape was prepared with other settings.
+    """
+    sides = [("source", source), ("target", target)]
+    ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
+    settings = config or next(iter(ready), Config())
+    return Pair.of(*parallel_map(lambda side: _prepared(*side, settings, seed), sides)), settings
+
+
+def _prepared(side: str, shape: Shape | PreparedShape, config: Config, seed: int) -> PreparedShape:
+    if isinstance(shape, PreparedShape):
+        for name in PREPARATION:
+            used, asked = getattr(shape.requested, name), getattr(config, name)
+            if used != asked:
+                raise SettingError(
+                    f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
+                    "with the settings of the match"
+                )
+        return shape
+    try:
+        return prepare(shape, config, seed)
+    except MeshError as error:
+        raise MeshError(f"{side}: {error}") from error

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import time
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +10,11 @@ from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map, serial_blas
-from isomatch.errors import LandmarkError, MeshError, NotConvergedError, SettingError
+from isomatch.errors import LandmarkError, NotConvergedError, SettingError
 from isomatch.matching import refine
 from isomatch.matching.body import Shape
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
+from isomatch.matching.clock import Clock, Progress
 from isomatch.matching.config import Config
 from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search
 from isomatch.matching.initial import (
@@ -29,22 +26,17 @@ from isomatch.matching.initial import (
     rotations_from_landmarks,
 )
 from isomatch.matching.nearest import nearest_in_cells
-from isomatch.matching.pair import Pair
+from isomatch.matching.pair import Pair, prepared_pair
 from isomatch.matching.precise import interpolation, nearest_points
-from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import landmark_errors, outcome_of, quality_of
 from isomatch.matching.result import Alternative, MatchResult
-
-logger = logging.getLogger(__name__)
 
 LANDMARK_SLACK = (
     0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
 )
 
 MOST_ALTERNATIVES = 2
-PREPARATION = ("n_columns", "rank", "n_functions", "weights", "n_search", "n_refine")  # settings of `prepare`
-
-Progress = Callable[[str], Any]
 
 
 def match(
@@ -103,17 +95,11 @@ def match(
     >>> result.outcome.name
     'CONVERGED'
     """
-    clock = _Clock(progress)
-    config = (
-        config
-        or next((s.requested for s in (source, target) if isinstance(s, PreparedShape)), None)
-        or Config()
-    )
+    clock = Clock(progress)
     with serial_blas():
         clock.start("prepare")
-        shapes = [("source", source), ("target", target)]
-        source, target = parallel_map(lambda shape: _prepared(*shape, config, seed), shapes)
-        pair = Pair.of(source, target)
+        pair, config = prepared_pair(source, target, config, seed)
+        source, target = pair.source.shape, pair.target.shape
         parallel_map(lambda shape: (shape.cloud, shape.signatures, shape.curvature), [source, target])
         clock.start("hypotheses")
         pairs = None if landmarks is None else checked_landmarks(landmarks, *_sizes(source, target))
@@ -160,22 +146,6 @@ def match(
         config=config,
         seed=seed,
     )
-
-
-def _prepared(side: str, shape: Shape | PreparedShape, config: Config, seed: int) -> PreparedShape:
-    if isinstance(shape, PreparedShape):
-        for name in PREPARATION:
-            used, asked = getattr(shape.requested, name), getattr(config, name)
-            if used != asked:
-                raise SettingError(
-                    f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
-                    "with the settings of the match"
-                )
-        return shape
-    try:
-        return prepare(shape, config, seed)
-    except MeshError as error:
-        raise MeshError(f"{side}: {error}") from error
 
 
 def _sizes(source: PreparedShape, target: PreparedShape) -> tuple[int, int]:
@@ -289,30 +259,3 @@ def _alternative(pair: Pair, judged: Judged) -> Alternative:
         judged.orientation,
         judged.hypothesis.origin,
     )
-
-
-class _Clock:
-    """Seconds of each stage, reported as they start."""
-
-    def __init__(self, progress: Progress | None) -> None:
-        self._progress = progress
-        self._seconds: dict[str, float] = {}
-        self._stage: str | None = None
-        self._since = self._begun = time.perf_counter()
-
-    def start(self, stage: str) -> None:
-        self._finish()
-        self._stage = stage
-        logger.info("%s", stage)
-        if self._progress:
-            self._progress(stage)
-
-    def stop(self) -> dict[str, float]:
-        self._finish()
-        return {**self._seconds, "total": time.perf_counter() - self._begun}
-
-    def _finish(self) -> None:
-        now = time.perf_counter()
-        if self._stage:
-            self._seconds[self._stage] = now - self._since
-        self._since = now

@@ -43,7 +43,7 @@ def quality_of(
     pull_back : (n_s, n_t) sparse array
         The precise map, as the matrix that interpolates at the images.
     fits : list of JointFit
-        Refined winner, then its rivals, best first.
+        Refined winner, then its rivals, best first; none for a map found otherwise.
     landmarks : (m, 2) array of int, optional
         Given pairs, in the users' indices.
     """
@@ -63,8 +63,8 @@ def quality_of(
         on_body = source.body_vertex[landmarks[:, 0]]
         landmark_error = landmark_errors(pair, np.where(on_body >= 0, image[on_body], -1), landmarks)
     return Quality(
-        misfit=fits[0].misfit,
-        rival=_rival(pair, fits),
+        misfit=fits[0].misfit if fits else np.nan,
+        rival=_rival(pair, fits) if fits else np.nan,
         residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
         stretch=_stretch(source.body, target.body, pull_back),
         orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH)

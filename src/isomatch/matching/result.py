@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any
 
 from isomatch.maps import Correspondence
-from isomatch.matching.config import Config
+from isomatch.matching.config import Settings
 
 
 class Outcome(Enum):
@@ -50,11 +50,11 @@ class Quality:
     misfit : float
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
         normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
-        refinement it still tells which hypothesis is right, not how precise the map returned is.
+        refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline.
     rival : float
         What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
         over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
-        those given); ``inf`` if no other came near.
+        those given); ``inf`` if no other came near, nan for a baseline, which has no rivals.
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
@@ -110,7 +110,7 @@ class Alternative:
 
 @dataclass(frozen=True, eq=False)
 class MatchResult:
-    """Result of `match`.
+    """Result of `match`, or of a baseline.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class MatchResult:
         Geodesic engine that ran.
     origin : str
         Where the winning hypothesis came from.
-    config : Config
+    config : Config or the settings of a baseline
         Settings used.
     seed : int
         Seed used.
@@ -144,7 +144,7 @@ class MatchResult:
     notes: tuple[str, ...]
     engine: str
     origin: str
-    config: Config
+    config: Settings
     seed: int
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,0 +1,166 @@
+"""Functional maps: the map as a small matrix that preserves descriptors and commutes with operators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray
+from isomatch._threads import serial_blas
+from isomatch.baselines import spectral
+from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
+from isomatch.baselines.task import Task, require_weights
+from isomatch.descriptors import wave_kernel_map, wave_kernel_signature
+from isomatch.errors import SettingError
+from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching.body import Shape
+from isomatch.matching.config import Orientation
+from isomatch.matching.features import standardised
+
+KERNEL_FUNCTIONS = 100  # eigenfunctions in wave kernels
+KERNEL_STEP = 5  # every fifth of a hundred energies: neighbours overlap
+ICP_STEPS = 10
+
+FunctionalRefinement = Literal["icp", "none"]
+
+
+@dataclass(frozen=True)
+class FunctionalMapsConfig:
+    """Settings of `functional_maps`.
+
+    Parameters
+    ----------
+    n_functions : int
+        Laplace–Beltrami functions of each shape in the functional map; its solution is O(n_functions⁶).
+    descriptor_weight, product_weight, orientation_weight, laplacian_weight : float
+        Of the four terms of the energy; 0 leaves one out.
+    orientation : {"preserve", "reverse", "any"}
+        Sign of the orientation term; "any" leaves it out.
+    refinement : {"icp", "none"}
+        Whether the map is made orthogonal by iterative closest points in the spectral domain.
+    """
+
+    n_functions: int = 50
+    descriptor_weight: float = 1.0
+    product_weight: float = 1.0
+    orientation_weight: float = 1.0
+    laplacian_weight: float = 0.1
+    orientation: Orientation = "preserve"
+    refinement: FunctionalRefinement = "icp"
+
+    def __post_init__(self) -> None:
+        if self.n_functions < 2:
+            raise SettingError(f"n_functions = {self.n_functions} is not at least 2")
+        for name, known in (("orientation", ("preserve", "reverse", "any")), ("refinement", ("icp", "none"))):
+            if getattr(self, name) not in known:
+                raise SettingError(f"{name} = {getattr(self, name)!r} is not one of {', '.join(known)}")
+        require_weights(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
+        return asdict(self)
+
+
+def functional_maps(
+    source: Shape | PreparedShape,
+    target: Shape | PreparedShape,
+    landmarks: ArrayLike | None = None,
+    initial_map: ArrayLike | None = None,
+    initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
+    config: FunctionalMapsConfig | None = None,
+    seed: int = 0,
+) -> MatchResult:
+    """Match by a functional map, found in closed form, and iterative closest points in the spectral domain.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, seed
+        As for `match`. Whatever is given adds functions that should be preserved: wave kernel maps of the landmarks,
+        descriptors, and the target's eigenfunctions pulled back by the initial map.
+    config : FunctionalMapsConfig, optional
+        Settings.
+
+    Returns
+    -------
+    MatchResult
+        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+
+    Raises
+    ------
+    MeshError, LandmarkError, SettingError
+        As `match` does.
+
+    Notes
+    -----
+    Ovsjanikov, Ben-Chen, Solomon, Butscher & Guibas, *Functional Maps*, SIGGRAPH 2012: descriptors are preserved, the
+    Laplacians commute, the map is refined to be orthogonal. Multiplication by each descriptor commutes too (Nogneng &
+    Ovsjanikov 2017), and so do the orientation operators (Ren et al. 2018); points and graphs have none.
+    Reconstructed from these papers; ours are the scale of the terms, each brought to the order of one; their weights,
+    by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s for 5 000
+    vertices and 50 functions.
+    """
+    config = config or FunctionalMapsConfig()
+    with serial_blas():
+        task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
+        functional_map = solved(task, config)
+        if config.refinement == "icp":
+            task.clock.start("refinement")
+            functional_map = spectral.icp(task.pair, functional_map, len(functional_map), ICP_STEPS)
+        return task.result(spectral.coordinates(task.pair, functional_map), config, "functional map")
+
+
+def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
+    """Minimise the energy; (k, k), functions of the target to the source."""
+    task.clock.start("functional map")
+    pair, k = task.pair, task.functions_at_most(config.n_functions)
+    shapes = source, target = pair.source.shape, pair.target.shape
+    given = [_coefficients(shape, task, side, k) for side, shape in enumerate(shapes)]
+    constant = np.eye(k)[:, :1]
+    energy = FunctionalEnergy(k, k)
+    for of_source, of_target in (*zip(*given), (constant, constant)):
+        energy.preserve(of_source, of_target, config.descriptor_weight)
+    if len(task.known):
+        energy.preserve(spectral.from_points(pair, task.known, k), np.eye(k), k * config.descriptor_weight)
+    a, b = (np.hstack(groups) for groups in given)
+    energy.commute(
+        *_comparable(products(source.laplace, a), products(target.laplace, b)), config.product_weight
+    )
+    if config.orientation != "any" and source.triangles and target.triangles:
+        side = 1.0 if config.orientation == "preserve" else -1.0
+        turns = (
+            orientations(source.laplace, source.triangles, a),
+            orientations(target.laplace, target.triangles, b),
+        )
+        energy.commute(*_comparable(side * turns[0], turns[1]), config.orientation_weight)
+    gap = np.subtract.outer(source.laplace.values[:k], target.laplace.values[:k])
+    energy.penalise((gap / np.abs(gap).max()) ** 2, k * config.laplacian_weight)
+    return energy.minimiser()
+
+
+def _coefficients(shape: PreparedShape, task: Task, side: int, k: int) -> list[FloatArray]:
+    """Functions that should correspond, standardised, in k functions: groups of signatures, landmarks, descriptors."""
+
+    def kernel(of: Callable[..., FloatArray], *vertex: int) -> FloatArray:
+        return of(shape.laplace, *vertex, k=KERNEL_FUNCTIONS)[:, ::KERNEL_STEP]
+
+    groups = [
+        [kernel(wave_kernel_signature)],
+        [kernel(wave_kernel_map, vertex) for vertex in task.points[:, side]],
+        [task.functions[side]],
+    ]
+    return [
+        shape.laplace.coefficients(standardised(np.hstack(group), shape.laplace.weights), k)
+        for group in groups
+        if sum(functions.shape[1] for functions in group)
+    ]
+
+
+def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Divide operators (q, k, k) by their common size, so that every pair counts alike."""
+    size = np.sqrt(0.5 * sum((x**2).sum(axis=(1, 2)) for x in (of_source, of_target)))[:, None, None]
+    size = np.maximum(size, 1e-12 * size.max(initial=1e-12))
+    return of_source / size, of_target / size

@@ -1,0 +1,62 @@
+"""Functional maps and vertex maps, turned into one another.
+
+A functional map F (k, k) carries functions of the target to the source: Φ_source F ≈ Φ_target[image].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import polar
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.pair import Pair
+from isomatch.matching.refine import Coordinates
+
+
+def coordinates(pair: Pair, functional_map: FloatArray) -> Coordinates:
+    """Φ_t Fᵀ and Φ_s, in which the image of a source vertex is the nearest target vertex."""
+    k_source, k_target = functional_map.shape
+    source, target = (side.shape.laplace.vectors for side in (pair.source, pair.target))
+    return target[:, :k_target] @ functional_map.T, source[:, :k_source]
+
+
+def from_points(pair: Pair, points: IntArray, k: int) -> FloatArray:
+    """Least-squares functional map of the first k functions at corresponding points (q, 2), source and target."""
+    source, target = (side.shape.laplace.vectors[:, :k] for side in (pair.source, pair.target))
+    solution = np.linalg.lstsq(source[points[:, 0]], target[points[:, 1]])[0]
+    return np.asarray(solution, dtype=np.float64)
+
+
+def upsampled(pair: Pair, functional_map: FloatArray, sizes: range) -> FloatArray:
+    """ZoomOut: find images in the spectral domain, and from them a larger functional map, while the size grows.
+
+    Images are found for the refinement vertices of the source only, among all vertices of the target.
+    """
+    target = pair.target.shape.laplace.vectors
+    for k in sizes:
+        functional_map = pair.refinement.fit(target[_images(pair, functional_map), :k], k)
+    return functional_map
+
+
+def icp(pair: Pair, functional_map: FloatArray, k: int, steps: int) -> FloatArray:
+    """Alternate images in the spectral domain and the orthogonal map of k functions that fits them best.
+
+    On the refinement vertices of the source until nothing changes, or for a number of steps; then once on all.
+    """
+    source, target = pair.source.shape.laplace, pair.target.shape
+    functions = target.laplace.vectors[:, :k]
+    image = np.zeros(0, dtype=np.int64)
+    for _ in range(steps):
+        previous, image = image, _images(pair, functional_map)
+        if np.array_equal(image, previous):
+            break
+        functional_map = polar(pair.refinement.fit(functions[image], k))[0]
+    everywhere = nearest_in_cells(*coordinates(pair, functional_map), target.cells)
+    return np.asarray(polar(source.coefficients(functions[everywhere], k))[0], dtype=np.float64)
+
+
+def _images(pair: Pair, functional_map: FloatArray) -> IntArray:
+    """Target vertex of each refinement vertex of the source."""
+    of_target, of_source = coordinates(pair, functional_map)
+    return nearest_in_cells(of_target, of_source[pair.refinement.rows], pair.target.shape.cells)

@@ -1,0 +1,235 @@
+"""Other methods behind the door of `match`: laws on relabelled copies, bounds on the shipped pair, named errors."""
+
+import inspect
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import (
+    Config,
+    LandmarkError,
+    Mesh,
+    MeshError,
+    Outcome,
+    PointCloud,
+    SettingError,
+    geodesic_distances,
+    match,
+    prepare,
+)
+from isomatch.baselines import (
+    FunctionalMapsConfig,
+    LaplaceConfig,
+    ZoomOutConfig,
+    functional_maps,
+    gdd,
+    gdd_post,
+    laplace_nearest_neighbours,
+    zoomout,
+)
+from isomatch.datasets import creature
+from shapes import disguised
+
+SMALL = {
+    functional_maps: FunctionalMapsConfig(n_functions=30),
+    zoomout: ZoomOutConfig(n_functions=30, last=100),
+    laplace_nearest_neighbours: LaplaceConfig(),
+}
+ALL = [*SMALL, gdd, gdd_post]
+UNIFORM = Config(weights="uniform")
+
+
+def error(image, truth, target):
+    """Mean distance on the target between images and truths / √(target area), at some vertices."""
+    rows = np.arange(0, len(truth), 20)
+    columns = geodesic_distances(target, truth[rows])
+    return columns[np.arange(len(rows)), image[rows]].mean() / np.sqrt(target.area)
+
+
+@pytest.fixture(scope="module")
+def animal():
+    return creature(1500).mesh
+
+
+@pytest.fixture(scope="module")
+def copies(animal):
+    """The animal and its relabelled copy, prepared with area and with uniform weights; the truth."""
+    other = disguised(animal, seed=1)
+    by_weights = [tuple(prepare(m, config) for m in (animal, other.mesh)) for config in (Config(), UNIFORM)]
+    return *by_weights, other.new_vertex
+
+
+def landmarks_of(shape, truth):
+    vertices = shape.mesh_vertex[shape.samples[:5]]
+    return np.column_stack([vertices, truth[vertices]])
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_signature_is_that_of_match(method):
+    expected = [name for name in inspect.signature(match).parameters if name != "progress"]
+    assert list(inspect.signature(method).parameters) == expected
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_relabelled_copy_gives_the_relabelling(copies, method):
+    area, uniform, truth = copies
+    shapes = area if method in SMALL else uniform
+    landmarks = landmarks_of(shapes[0], truth)
+    found = method(*shapes, landmarks=landmarks, config=SMALL.get(method))
+    assert (found.map.vertices == truth).mean() > 0.95
+    assert error(found.map.vertices, truth, shapes[1].mesh) < 1e-3
+    assert found.quality.landmark_error < 1e-3
+    assert found.quality.residual < 0.01
+    assert found.outcome is Outcome.CONVERGED
+
+
+@pytest.mark.parametrize("method", [zoomout, laplace_nearest_neighbours, functional_maps])
+def test_true_initial_map_is_not_left(copies, method):
+    shapes, _, truth = copies
+    found = method(*shapes, initial_map=truth, config=SMALL[method])
+    assert (found.map.vertices == truth).mean() > 0.99
+    assert found.origin == ("functional map" if method is functional_maps else "initial map")
+
+
+def test_copy_without_hints(copies):
+    """The animal is asymmetric, and the orientation term sees its sides."""
+    shapes, _, truth = copies
+    for method in (functional_maps, zoomout):
+        image = method(*shapes, config=SMALL[method]).map.vertices
+        assert (image == truth).mean() > 0.95
+
+
+def test_mirror_image_needs_the_other_orientation(animal):
+    mirrored = Mesh(animal.vertices * [-1, 1, 1], animal.faces[:, ::-1])
+    shapes, truth = (prepare(animal), prepare(mirrored)), np.arange(animal.n_vertices)
+    found = {
+        side: zoomout(*shapes, config=replace(SMALL[zoomout], orientation=side))
+        for side in ("preserve", "reverse")
+    }
+    assert error(found["reverse"].map.vertices, truth, mirrored) < 1e-3
+    assert found["reverse"].quality.orientation < -0.9
+    assert error(found["preserve"].map.vertices, truth, mirrored) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("method", "bound"),
+    [
+        (functional_maps, 0.03),
+        (zoomout, 0.02),
+        (laplace_nearest_neighbours, 0.04),
+        (gdd, 0.04),
+        (gdd_post, 0.03),
+    ],
+)
+def test_example_pair_with_landmarks(example, example_truth, prepared_example, method, bound):
+    shapes = prepared_example if method in SMALL else [made.mesh for made in example]
+    landmarks = landmarks_of(prepared_example[0], example_truth)
+    found = method(*shapes, landmarks=landmarks)
+    assert error(found.map.vertices, example_truth, example[1].mesh) < bound
+    assert found.quality.landmark_error < 0.06
+
+
+def test_gdd_improves_another_map(example, example_truth, prepared_example):
+    start = functional_maps(*prepared_example, config=FunctionalMapsConfig(20, refinement="none"))
+    found = gdd(*(made.mesh for made in example), initial_map=start.map)
+    before, after = (error(x.map.vertices, example_truth, example[1].mesh) for x in (start, found))
+    assert after < before
+    assert found.origin == "initial map"
+
+
+def test_descriptors_are_used(example, example_truth, prepared_example):
+    values = np.sin(example[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
+    hint = values[example_truth], values
+    config = FunctionalMapsConfig(30, product_weight=0.0, orientation="any", refinement="none")
+    plain, hinted = (
+        functional_maps(*prepared_example, initial_descriptors=d, config=config).map.vertices
+        for d in (None, hint)
+    )
+    errors = [error(image, example_truth, example[1].mesh) for image in (hinted, plain)]
+    assert errors[0] < 0.03 < errors[1]
+
+
+def test_laplace_basis_from_descriptors(copies):
+    shapes, _, truth = copies
+    values = np.sin(3 * shapes[1].mesh.vertices @ np.random.default_rng(0).normal(size=(3, 30)))
+    found = laplace_nearest_neighbours(*shapes, initial_descriptors=(values[truth], values))
+    assert found.origin == "descriptors"
+    assert (found.map.vertices == truth).mean() > 0.95
+
+
+def test_what_a_result_tells(copies):
+    found = laplace_nearest_neighbours(*copies[0], initial_map=copies[2], seed=3)
+    record = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert record["quality"]["misfit"] is None
+    assert record["quality"]["rival"] is None
+    assert record["quality"]["stretch"] == pytest.approx(1, abs=0.01)
+    assert record["config"] == {"n_functions": 50, "steps": 15, "orientation": "any"}
+    assert record["seed"] == 3
+    assert {"prepare", "refinement", "points", "quality", "total"} <= set(record["timings"])
+    assert "a baseline tries no other map" in record["notes"][-1]
+
+
+def test_points_have_no_orientation(animal):
+    cloud = PointCloud(animal.vertices)
+    found = functional_maps(cloud, cloud, config=SMALL[functional_maps])
+    assert (found.map.vertices == np.arange(animal.n_vertices)).mean() > 0.95
+    assert np.isnan(found.quality.orientation)
+
+
+def test_vertices_off_the_body_are_unmatched(animal):
+    speck = animal.vertices.max(axis=0) + 0.01 * np.eye(3)
+    mesh = Mesh(
+        np.vstack([animal.vertices, speck]), np.vstack([animal.faces, animal.n_vertices + np.arange(3)])
+    )
+    truth = np.append(np.arange(animal.n_vertices), [-1, -1, -1])
+    found = zoomout(mesh, animal, initial_map=truth, config=SMALL[zoomout])
+    assert (found.map.vertices[-3:] == -1).all()
+    assert (found.map.vertices == truth).mean() > 0.95
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_hints_that_do_not_fit(copies, method):
+    shapes = copies[0] if method in SMALL else copies[1]
+    for hint, told in (
+        ({"landmarks": [[0, 1], [2, 3]]}, "2 landmarks do not fix"),
+        ({"landmarks": [[0, 1], [2, 3], [4, 10**6]]}, "target vertices 1000000, outside"),
+        ({"initial_map": [0, 1]}, "initial map has shape"),
+        ({"initial_descriptors": ([[1.0]], [[1.0]])}, "source descriptors have 1 rows"),
+    ):
+        with pytest.raises(LandmarkError, match=told):
+            method(*shapes, **hint)
+
+
+def test_surfaces_that_cannot_be_used(copies):
+    flat = Mesh(np.zeros((3, 3)), [[0, 1, 2]])
+    with pytest.raises(MeshError, match=r"^target: "):
+        functional_maps(copies[0][0], flat)
+    with pytest.raises(SettingError, match="target was prepared with weights = 'uniform'"):
+        zoomout(copies[0][0], copies[1][1])
+
+
+def test_methods_that_need_a_hint(copies):
+    with pytest.raises(SettingError, match="nothing to start from: give landmarks"):
+        laplace_nearest_neighbours(*copies[0])
+    with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
+        gdd(*copies[1])
+    with pytest.raises(LandmarkError, match="only 0 points of the main components"):
+        zoomout(*copies[0], initial_map=np.full(len(copies[2]), -1))
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (lambda: FunctionalMapsConfig(n_functions=1), "n_functions = 1 is not at least 2"),
+        (lambda: FunctionalMapsConfig(product_weight=-1.0), "product_weight = -1.0 is not a weight"),
+        (lambda: FunctionalMapsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
+        (lambda: ZoomOutConfig(last=30), "last = 30 is not at least 50"),
+        (lambda: ZoomOutConfig(step=0), "step = 0 is not at least 1"),
+        (lambda: LaplaceConfig(steps=0), "steps = 0 is not at least 1"),
+    ],
+)
+def test_settings_that_make_no_sense(settings, told):
+    with pytest.raises(SettingError, match=told):
+        settings()
