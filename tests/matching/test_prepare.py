@@ -5,6 +5,7 @@ import pytest
 
 from isomatch import Config, Mesh, MeshError, prepare
 from isomatch.datasets import creature
+from isomatch.matching.features import mean_curvature
 from shapes import disguised, icosphere, two_spheres
 from zoo import grid
 
@@ -67,8 +68,15 @@ def test_signatures_and_curvature_are_standardised(shape):
 
 def test_curvature_of_a_sphere_is_one_over_its_radius():
     """In units of √area: 1 / r = √(4π); and outward bumps are positive."""
-    curvature = prepare(icosphere(4), Config(n_functions=100)).curvature
+    sphere = prepare(icosphere(4), Config(n_functions=100))
+    curvature = mean_curvature(sphere.triangles, sphere.laplace, 100)
     np.testing.assert_allclose(curvature, (4 * np.pi) ** 0.5, rtol=0.02)
+
+
+def test_curvature_is_standardised_over_the_surface(shape):
+    areas = shape.body.vertex_areas
+    assert np.average(shape.curvature, weights=areas) == pytest.approx(0.0, abs=1e-9)
+    assert np.average(shape.curvature**2, weights=areas) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4])
