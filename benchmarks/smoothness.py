@@ -2,8 +2,8 @@
 
     python benchmarks/smoothness.py --data DIR -o OUT
 
-writes ``smoothness.csv``, one row for each map. Both directions are matched; the cycle error is the mean geodesic distance,
-× 100 / √area, between a vertex and where the two maps lead it.
+writes ``smoothness.csv``, one row for each map. Both directions are matched; the cycle error is the mean geodesic
+distance, × 100 / √area, between a vertex and where the two maps lead it.
 """
 
 from __future__ import annotations
