@@ -23,7 +23,7 @@ from isomatch.matching import choice, hypotheses, refine
 from studies import changed, in_parallel, mean_error
 
 SEED = 77
-PAIRS = {"faust_r": 16, "tosca_iso_r": 24, "scape": 8}
+PAIRS = {"faust_r": 8, "tosca_iso_r": 16, "scape": 4}
 VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "everything": (Config(), []),
     "smooth option": (Config(refinement="smooth"), []),
