@@ -33,7 +33,7 @@ KINDS = {  # how the maps of each kind are provoked
     "either side": "a symmetric creature with orientation = 'any': its mirror image fits as well",
 }
 
-EVIDENCE = ("misfit", "rival", "residual", "stretch", "orientation", "distortion_p95")
+EVIDENCE = ("misfit", "rival", "mirrored", "residual", "stretch", "orientation", "distortion_p95")
 Job = tuple[str, str, str, tuple[str, str]]  # folder of the sets, kind, set, pair
 
 

@@ -103,6 +103,25 @@ def test_landmarks_choose_the_mirror_image_against_the_orientation():
     found = match(shape, target.mesh, landmarks=pairs)
     assert errors(found.map.vertices, mirrored, target.mesh).mean() < 0.025
     assert found.quality.landmark_error < 0.05
+    assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS, (
+        "it is told that this is not the side that was asked for"
+    )
+
+
+def test_a_symmetric_shape_is_ambiguous_where_either_side_is_allowed():
+    """The poses alone may make one side fit better; that must not be taken for knowledge."""
+    shapes = [prepare(creature(1500, symmetric=True, triangulation=i, pose=i).mesh) for i in (1, 4)]
+    found = match(*shapes, config=Config(orientation="any"))
+    assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    assert found.quality.mirrored < 1.5
+    assert match(*shapes).outcome is Outcome.CONVERGED, "orientation decides"
+
+
+def test_an_asymmetric_shape_is_told_from_its_mirror_image():
+    shapes = [prepare(creature(1500, triangulation=i, pose=i).mesh) for i in (1, 4)]
+    found = match(*shapes, config=Config(orientation="any"))
+    assert found.outcome is Outcome.CONVERGED
+    assert found.quality.mirrored > 1.5
 
 
 def test_different_things_give_low_confidence(prepared_example):

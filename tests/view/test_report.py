@@ -73,7 +73,9 @@ def result(pair):
     _, target, truth = pair
     unmatched = truth.vertices.copy()
     unmatched[:7] = -1
-    quality = Quality(0.71, float("inf"), 0.16, 1.0, 0.98, 0.0186, 0.0478, 0.994, 0.9, float("nan"))
+    quality = Quality(
+        0.71, float("inf"), float("inf"), 0.16, 1.0, 0.98, 0.0186, 0.0478, 0.994, 0.9, float("nan")
+    )
     other = Correspondence(np.roll(truth.vertices, 1), target.n_vertices)
     return MatchResult(
         map=Correspondence(unmatched, target.n_vertices),

@@ -136,7 +136,7 @@ def match(
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, image, corners, barycentric),
-        outcome=outcome_of(quality, source, target, "any" if given else config.orientation),
+        outcome=outcome_of(quality, source, target, config.orientation, bool(given)),
         quality=quality,
         alternatives=tuple(alternatives),
         timings=clock.stop(),
@@ -225,9 +225,10 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, confi
 
 def _contest(pair: Pair, order: list[Judged], rivals: list[Judged], config: Config) -> list[refine.JointFit]:
     """Refine the contenders, and rivals that may not win: the best contender, then all others, best first."""
-    fits = refine.jointly(pair, contenders(order, config.orientation))
+    both_sides = config.orientation == "any"
+    fits = refine.jointly(pair, contenders(order, config.orientation), both_sides)
     if rivals:
-        others = fits[1:] + refine.jointly(pair, contenders(rivals, config.orientation))
+        others = fits[1:] + refine.jointly(pair, contenders(rivals, config.orientation), both_sides)
         fits[1:] = sorted(others, key=partial(refine.score_of, pair))
     return fits
 

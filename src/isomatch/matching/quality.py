@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -21,6 +23,9 @@ REACH = 0.05  # a target vertex this near to an image along edges, in √area, i
 SMOOTH = 60  # functions of the surfaces whose normals are compared
 RIVAL = 0.15  # mean distance between images, in √area, from which a map is another one, not a variant of it
 TIE = 1.05  # score of a different map, against that returned, below which nothing decides between them
+MIRROR_TIE = (
+    1.5  # the same for a map of the other side, where either is allowed: poses alone may differ as much
+)
 # Where the evidence speaks against a map on its own: right maps of noisy scans, and of limbs that stretch, stay below
 POOR_MISFIT, POOR_RESIDUAL, POOR_STRETCH, POOR_ORIENTATION = 0.66, 0.38, 1.3, 0.65
 
@@ -64,7 +69,8 @@ def quality_of(
         landmark_error = landmark_errors(pair, np.where(on_body >= 0, image[on_body], -1), landmarks)
     return Quality(
         misfit=fits[0].misfit if fits else np.nan,
-        rival=_rival(pair, fits) if fits else np.nan,
+        rival=_rival(pair, fits, lambda fit: differ(pair, fit, fits[0], RIVAL)),
+        mirrored=_rival(pair, fits, lambda fit: fit.side != fits[0].side),
         residual=residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
         stretch=_stretch(source.body, target.body, pull_back),
         orientation=orientation_of(Glimpse(source, rows), target, image[rows], SMOOTH)
@@ -88,9 +94,11 @@ def _stretch(source: Shape, target: Shape, pull_back: csr_array) -> float:
     return float(images / lengths)
 
 
-def _rival(pair: Pair, fits: list[JointFit]) -> float:
-    """Score of the best contender that ended elsewhere, over that of the winner; inf if there is none."""
-    rivals = [score_of(pair, fit) for fit in fits[1:] if differ(pair, fit, fits[0], RIVAL)]
+def _rival(pair: Pair, fits: list[JointFit], is_rival: Callable[[JointFit], bool]) -> float:
+    """Score of the best rival over that of the winner; inf if there is none, nan if there is no winner either."""
+    if not fits:
+        return np.nan
+    rivals = [score_of(pair, fit) for fit in fits[1:] if is_rival(fit)]
     return rivals[0] / max(score_of(pair, fits[0]), 1e-12) if rivals else np.inf
 
 
@@ -102,22 +110,23 @@ def landmark_errors(pair: Pair, image: IntArray, landmarks: IntArray) -> float:
 
 
 def outcome_of(
-    quality: Quality, source: PreparedShape, target: PreparedShape, wanted: Orientation
+    quality: Quality, source: PreparedShape, target: PreparedShape, wanted: Orientation, hinted: bool = False
 ) -> Outcome:
-    """Sum up the evidence."""
+    """Sum up the evidence; hints may have led to the side that was not wanted."""
     kept = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[
         wanted
     ] * quality.orientation
+    turned = hinted and kept < -POOR_ORIENTATION
     poor = (
         quality.misfit > POOR_MISFIT
         or quality.residual > POOR_RESIDUAL
         or quality.stretch > POOR_STRETCH
-        or kept < POOR_ORIENTATION
+        or (kept < POOR_ORIENTATION and not turned)
         or quality.rival < 1.0
     )
     if poor:
         return Outcome.LOW_CONFIDENCE
-    if quality.rival < TIE:
+    if quality.rival < TIE or quality.mirrored < MIRROR_TIE or turned:
         return Outcome.SYMMETRY_AMBIGUOUS
     if any(shape.left_out > LARGE_COMPONENT for shape in (source, target)):
         return Outcome.PARTIAL

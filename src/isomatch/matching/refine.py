@@ -137,7 +137,7 @@ def score_of(pair: Pair, fit: JointFit) -> float:
     return fit.misfit * float(energy**0.25)
 
 
-def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
+def jointly(pair: Pair, judged: list[Judged], both_sides: bool = False) -> list[JointFit]:
     """Upsample spectrally, joint with signatures, coordinates and normals.
 
     In each step the target's functions *and coordinates* are fitted on the source by least squares over the source's
@@ -156,6 +156,8 @@ def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
         The two shapes.
     judged : list of Judged
         Maps to refine. The sign of their orientation tells how normals are to be compared.
+    both_sides : bool
+        Whether to keep the best of each side to the end, however badly it fits.
 
     Returns
     -------
@@ -174,7 +176,8 @@ def jointly(pair: Pair, judged: list[Judged]) -> list[JointFit]:
         clear = [fit for fit in fits if with_positions or abs(fit.judged.orientation) > ORIENTED] or fits
         limit = HOPELESS * min(fit.misfit for fit in clear)
         order = sorted(fits, key=lambda fit: (fit not in clear, fit.misfit))
-        fits = _distinct(pair, [fit for fit in order if fit.misfit <= limit])
+        spared = list({fit.side: fit for fit in reversed(order)}.values()) if both_sides else []
+        fits = _distinct(pair, [fit for fit in order if fit.misfit <= limit or fit in spared])
     return sorted(fits, key=partial(score_of, pair))
 
 

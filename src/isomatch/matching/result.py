@@ -31,8 +31,9 @@ _ADVICE = {
         "those parts separately if they are needed."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
-        "A second, symmetric map fits as well. If sides matter, give landmarks: three to five pairs, at least one on "
-        "one side only (a left hand, a right ear)."
+        "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
+        "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
+        "is meant."
     ),
     Outcome.LOW_CONFIDENCE: (
         "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
@@ -55,6 +56,9 @@ class Quality:
         What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
         over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
         those given); ``inf`` if no other came near, nan for a baseline, which has no rivals.
+    mirrored : float
+        The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
+        difference of the poses.
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
@@ -78,6 +82,7 @@ class Quality:
 
     misfit: float
     rival: float
+    mirrored: float
     residual: float
     stretch: float
     orientation: float

@@ -7,7 +7,14 @@ from dataclasses import asdict, dataclass
 from math import isfinite, isnan
 
 from isomatch.matching import MatchResult, Outcome
-from isomatch.matching.quality import POOR_MISFIT, POOR_ORIENTATION, POOR_RESIDUAL, POOR_STRETCH, TIE
+from isomatch.matching.quality import (
+    MIRROR_TIE,
+    POOR_MISFIT,
+    POOR_ORIENTATION,
+    POOR_RESIDUAL,
+    POOR_STRETCH,
+    TIE,
+)
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,14 @@ MEASURES = {
         "How much more speaks against the best different map than against this one. 1 is a tie, as for left and right of "
         "a symmetric shape; below 1 the other fits better; none: no other came near.",
         least=TIE,
+    ),
+    "mirrored": Measure(
+        "mirror image",
+        "{:.2f} ×",
+        "1 is a tie, above 1.5 is clear",
+        "How much more speaks against the best map that turns the surface the other way, where either way was allowed. "
+        "Poses alone make a difference of up to 1.5; none: no such map came near, or only one way was allowed.",
+        least=MIRROR_TIE,
     ),
     "distortion_mean": Measure(
         "distortion, mean",
