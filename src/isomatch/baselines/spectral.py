@@ -23,9 +23,13 @@ def coordinates(pair: Pair, functional_map: FloatArray) -> Coordinates:
 
 def from_points(pair: Pair, points: IntArray, k: int) -> FloatArray:
     """Least-squares functional map of the first k functions at corresponding points (q, 2), source and target."""
-    source, target = (side.shape.laplace.vectors[:, :k] for side in (pair.source, pair.target))
-    solution = np.linalg.lstsq(source[points[:, 0]], target[points[:, 1]])[0]
-    return np.asarray(solution, dtype=np.float64)
+    return from_values(pair, points[:, 0], pair.target.shape.laplace.vectors[points[:, 1], :k])
+
+
+def from_values(pair: Pair, rows: IntArray, values: FloatArray) -> FloatArray:
+    """Least-squares functional map from the target's first k functions as seen at some source vertices, (q, k)."""
+    functions = pair.source.shape.laplace.vectors[rows, : values.shape[1]]
+    return np.asarray(np.linalg.lstsq(functions, values)[0], dtype=np.float64)
 
 
 def upsampled(pair: Pair, functional_map: FloatArray, sizes: range) -> FloatArray:

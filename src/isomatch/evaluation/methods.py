@@ -13,6 +13,8 @@ from isomatch.baselines import (
     functional_maps,
     gdd,
     gdd_post,
+    gmds,
+    gromov_wasserstein,
     laplace_nearest_neighbours,
     pyfm_zoomout,
     zoomout,
@@ -63,6 +65,10 @@ METHODS = {
     "functional_maps_5pt": Method(functional_maps, N_LANDMARKS),
     "zoomout": Method(zoomout),
     "zoomout_5pt": Method(zoomout, N_LANDMARKS),
+    "gmds": Method(gmds),
+    "gmds_5pt": Method(gmds, N_LANDMARKS),
+    "gw": Method(gromov_wasserstein),
+    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS),
     "pyfm": Method(pyfm_zoomout),
 }
 

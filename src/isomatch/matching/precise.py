@@ -40,9 +40,7 @@ def nearest_points(
     Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around
     the nearest vertex. About 6 n_s faces, 5 d operations each.
     """
-    order = np.argsort(faces.ravel(), kind="stable")
-    start = np.zeros(len(of_target) + 1, dtype=np.int64)
-    np.cumsum(np.bincount(faces.ravel(), minlength=len(of_target)), out=start[1:])
+    start, order = fans(faces, len(of_target))
     corners = np.repeat(image[:, None], 3, axis=1)
     barycentric = np.tile([1.0, 0.0, 0.0], (len(image), 1))
 
@@ -52,6 +50,13 @@ def nearest_points(
 
     parallel_map(chunk, range(0, len(image), CHUNK))
     return corners, barycentric
+
+
+def fans(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
+    """Faces around each vertex a: ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each."""
+    start = np.zeros(n_vertices + 1, dtype=np.int64)
+    np.cumsum(np.bincount(faces.ravel(), minlength=n_vertices), out=start[1:])
+    return start, np.argsort(faces.ravel(), kind="stable")
 
 
 def interpolation(corners: IntArray, barycentric: FloatArray, n_target: int) -> csr_array:
@@ -76,7 +81,7 @@ def _nearest(
         for at in range(start[a], start[a + 1]):
             face, corner = order[at] // 3, order[at] % 3
             b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-            # with u = b − a, v = c − a, p = point − a: minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1
+            # with u = b − a, v = c − a, p = point − a
             uu = uv = vv = up = vp = 0.0
             for d in range(x.shape[1]):
                 u, v, p = x[b, d] - x[a, d], x[c, d] - x[a, d], points[i, d] - x[a, d]
@@ -85,27 +90,39 @@ def _nearest(
                 vv += v * v
                 up += u * p
                 vp += v * p
-            # the edges (a, b), (a, c), (b, c), then the inside
-            for case in range(4):
-                s = t = 0.0
-                if case == 0 and uu > 0.0:
-                    s = min(max(up / uu, 0.0), 1.0)
-                elif case == 1 and vv > 0.0:
-                    t = min(max(vp / vv, 0.0), 1.0)
-                elif case == 2:
-                    across = uu - 2.0 * uv + vv
-                    if across > 0.0:
-                        t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
-                        s = 1.0 - t
-                elif case == 3:
-                    determinant = uu * vv - uv * uv
-                    if determinant <= 1e-12 * uu * vv:
-                        continue
-                    s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
-                    if s < 0.0 or t < 0.0 or s + t > 1.0:
-                        continue
-                gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)
-                if gain < best:
-                    best = gain
-                    corners[i, 1], corners[i, 2] = b, c
-                    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
+            s, t, gain = nearest_in_triangle(uu, uv, vv, up, vp)
+            if gain < best:
+                best = gain
+                corners[i, 1], corners[i, 2] = b, c
+                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def nearest_in_triangle(
+    uu: float, uv: float, vv: float, up: float, vp: float
+) -> tuple[float, float, float]:  # pragma: no cover - compiled
+    """Minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, from inner products: s, t and the minimum less |p|²."""
+    best_s = best_t = best = 0.0
+    # the edges (a, b), (a, c), (b, c), then the inside
+    for case in range(4):
+        s = t = 0.0
+        if case == 0 and uu > 0.0:
+            s = min(max(up / uu, 0.0), 1.0)
+        elif case == 1 and vv > 0.0:
+            t = min(max(vp / vv, 0.0), 1.0)
+        elif case == 2:
+            across = uu - 2.0 * uv + vv
+            if across > 0.0:
+                t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
+                s = 1.0 - t
+        elif case == 3:
+            determinant = uu * vv - uv * uv
+            if determinant <= 1e-12 * uu * vv:
+                continue
+            s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
+            if s < 0.0 or t < 0.0 or s + t > 1.0:
+                continue
+        gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)
+        if gain < best:
+            best_s, best_t, best = s, t, gain
+    return best_s, best_t, best

@@ -1,0 +1,173 @@
+"""Generalised stress: how far points placed on the target's triangles are from keeping their distances on the source.
+
+Distances are those of the distance bases, d(x, y) = Σ_c sign_c x_c y_c in the descriptors, divided by their average on
+either shape. Between vertices of the target the descriptors are interpolated, so that d is linear in the barycentric
+coordinates of either end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.pair import Pair
+from isomatch.matching.precise import fans, interpolation, nearest_in_triangle, nearest_points
+from isomatch.matching.refine import Coordinates
+
+SETTLED = 1e-4  # share of the stress below which a sweep's gain ends the descent
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Vertices of the source and their places on the target.
+
+    Parameters
+    ----------
+    vertices : (m,) array of int
+        Source body vertices.
+    corners : (m, 3) array of int
+        Target body vertices of the triangle that holds each place.
+    barycentric : (m, 3) array of float
+        Their weights: not negative, sum 1.
+    """
+
+    vertices: IntArray
+    corners: IntArray
+    barycentric: FloatArray
+
+    @classmethod
+    def at_vertices(cls, pairs: IntArray) -> Placement:
+        """Place source vertices on target vertices, (m, 2)."""
+        weights = np.tile([1.0, 0.0, 0.0], (len(pairs), 1))
+        return cls(pairs[:, 0], np.repeat(pairs[:, 1:], 3, axis=1), weights)
+
+    def joined(self, other: Placement) -> Placement:
+        """Append other points."""
+        mine, others = vars(self), vars(other)
+        return Placement(**{name: np.concatenate([mine[name], others[name]]) for name in mine})
+
+    def interpolated(self, values: FloatArray) -> FloatArray:
+        """(m, q) values at the places, from those of the target's vertices, (n_t, q)."""
+        places: FloatArray = interpolation(self.corners, self.barycentric, len(values)) @ values
+        return places
+
+
+def distances_to(pair: Pair, points: Placement) -> Coordinates:
+    """Distances of all target vertices to the places, (n_t, m), and of all source vertices to the points, (n_s, m).
+
+    Where distances are kept, the image of a source vertex is the nearest point of the target in these coordinates.
+    """
+    target, source = pair.target.shape.cloud, pair.source.shape.cloud
+    return (
+        target.coordinates @ points.interpolated(target.inner()).T,
+        source.coordinates @ source.inner()[points.vertices].T,
+    )
+
+
+def placed(pair: Pair, vertices: IntArray, anchors: Placement) -> Placement:
+    """Place source vertices where their distances to known places are kept best, anywhere on the target."""
+    target = pair.target.shape
+    of_target, of_source = distances_to(pair, anchors)
+    wanted = of_source[vertices]
+    nearest = nearest_in_cells(of_target, wanted, target.cells)
+    return Placement(vertices, *nearest_points(of_target, wanted, target.faces, nearest))
+
+
+def relative_stress(pair: Pair, points: Placement) -> float:
+    """√(Σ (d_target − d_source)² / Σ d_source²) over all pairs of points."""
+    of_target, of_source = distances_to(pair, points)
+    wanted = of_source[points.vertices]
+    off = ~np.eye(len(wanted), dtype=bool)
+    misfit = (points.interpolated(of_target) - wanted)[off]
+    return float(np.linalg.norm(misfit) / np.linalg.norm(wanted[off]))
+
+
+def descended(
+    pair: Pair, points: Placement, n_held: int, n_sweeps: int
+) -> tuple[Placement, tuple[float, ...]]:
+    """Move one point at a time to where it fits the others best, in its triangle and across edges from there.
+
+    Parameters
+    ----------
+    pair : Pair
+        The two shapes.
+    points : Placement
+        Where the points start, m of them.
+    n_held : int
+        Leading points that stay where they are.
+    n_sweeps : int
+        Most sweeps over all points.
+
+    Returns
+    -------
+    points : Placement
+        Where they end.
+    stresses : tuple of float
+        Relative stress at the start and after each sweep, never rising.
+
+    Notes
+    -----
+    Bronstein, Bronstein & Kimmel 2006: with all other points fixed the stress is a convex quadratic function of the
+    barycentric coordinates in each triangle, so it is minimised exactly there. Here that is a nearest point, in the m − 1
+    distances to the others. The triangles around the nearest corner are tried, and so on until none is better:
+    O(m² k) for a sweep.
+    """
+    target = pair.target.shape
+    start, order = fans(target.faces, target.body.n_vertices)
+    corners, barycentric = points.corners.copy(), points.barycentric.copy()
+    cloud, signs = np.ascontiguousarray(target.cloud.coordinates), target.cloud.signature
+    wanted = distances_to(pair, points)[1][points.vertices]
+    np.fill_diagonal(wanted, 0.0)
+    found = replace(points, corners=corners, barycentric=barycentric)
+    stresses = [relative_stress(pair, found)]
+    for _ in range(n_sweeps):
+        inner = found.interpolated(cloud * signs)
+        _sweep(cloud, signs, inner, wanted, n_held, target.faces, start, order, corners, barycentric)
+        stresses.append(relative_stress(pair, found))
+        if stresses[-1] >= (1 - SETTLED) * stresses[-2]:
+            break
+    return found, tuple(stresses)
+
+
+@numba.njit(cache=True, nogil=True)
+def _sweep(
+    cloud: FloatArray,
+    signs: FloatArray,
+    inner: FloatArray,
+    wanted: FloatArray,
+    n_held: int,
+    faces: IntArray,
+    start: IntArray,
+    order: IntArray,
+    corners: IntArray,
+    barycentric: FloatArray,
+) -> None:  # pragma: no cover - compiled
+    for i in range(n_held, len(corners)):
+        inner[i] = 0.0  # its distance to itself does not count
+        least = np.inf
+        at = barycentric[i]
+        gap = inner @ (
+            at[0] * cloud[corners[i, 0]] + at[1] * cloud[corners[i, 1]] + at[2] * cloud[corners[i, 2]]
+        )
+        gap -= wanted[i]
+        stress = gap @ gap
+        while stress < least:
+            least = stress
+            a = corners[i, np.argmax(at)]
+            origin = inner @ cloud[a]
+            p = wanted[i] - origin
+            for incident in order[start[a] : start[a + 1]]:
+                face, corner = incident // 3, incident % 3
+                b, c = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
+                u, v = inner @ cloud[b] - origin, inner @ cloud[c] - origin
+                s, t, gain = nearest_in_triangle(u @ u, u @ v, v @ v, u @ p, v @ p)
+                if p @ p + gain < stress * (1.0 - 1e-9):
+                    stress = p @ p + gain
+                    corners[i] = a, b, c
+                    barycentric[i] = 1.0 - s - t, s, t
+        place = at[0] * cloud[corners[i, 0]] + at[1] * cloud[corners[i, 1]] + at[2] * cloud[corners[i, 2]]
+        inner[i] = signs * place

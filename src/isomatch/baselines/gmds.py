@@ -1,0 +1,155 @@
+"""Generalised multidimensional scaling: the source embedded into the target with the least distortion."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import IntArray
+from isomatch._threads import serial_blas
+from isomatch.baselines import spectral
+from isomatch.baselines.generalised_stress import Placement, descended, placed
+from isomatch.baselines.task import FEWEST_POINTS, Task
+from isomatch.errors import NotConvergedError, SettingError
+from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching.body import Shape
+from isomatch.matching.choice import judge, ranked
+from isomatch.matching.config import Orientation
+from isomatch.matching.hypotheses import Hypothesis, converged, search
+from isomatch.matching.initial import images_from_rotation, rotation_from_functions
+from isomatch.matching.refine import extended
+
+
+@dataclass(frozen=True)
+class GmdsConfig:
+    """Settings of `gmds`.
+
+    Parameters
+    ----------
+    levels : tuple of int
+        Farthest point samples of the source placed at each resolution, increasing; no more than those of `prepare`.
+    n_sweeps : int
+        Most sweeps over the points at each resolution.
+    orientation : {"preserve", "reverse", "any"}
+        Of the automatic start; the stress itself cannot tell.
+    """
+
+    levels: tuple[int, ...] = (10, 25, 50, 100)
+    n_sweeps: int = 100
+    orientation: Orientation = "preserve"
+
+    def __post_init__(self) -> None:
+        if not self.levels or self.levels[0] < FEWEST_POINTS or sorted(set(self.levels)) != list(self.levels):
+            raise SettingError(
+                f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
+            )
+        if self.n_sweeps < 1:
+            raise SettingError(f"n_sweeps = {self.n_sweeps} is not at least 1")
+        if self.orientation not in ("preserve", "reverse", "any"):
+            raise SettingError(f"orientation = {self.orientation!r} is not one of preserve, reverse, any")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
+        return asdict(self)
+
+
+def gmds(
+    source: Shape | PreparedShape,
+    target: Shape | PreparedShape,
+    landmarks: ArrayLike | None = None,
+    initial_map: ArrayLike | None = None,
+    initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
+    config: GmdsConfig | None = None,
+    seed: int = 0,
+) -> MatchResult:
+    """Match by generalised multidimensional scaling: samples of the source placed on the target with least stress.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, seed
+        As for `match`; the target is a mesh. Landmarks are points that take part and do not move. The samples start
+        from the initial map, else the landmarks, else the descriptors, else the best automatic start of `match`.
+    config : GmdsConfig, optional
+        Settings.
+
+    Returns
+    -------
+    MatchResult
+        ``.map`` is the `Correspondence` source → target, and the last note tells the stress of the samples; the outcome
+        rests on residual, stretch and orientation.
+
+    Raises
+    ------
+    MeshError, LandmarkError, SettingError
+        As `match` does; also if the target has no triangles.
+    NotConvergedError
+        If nothing is given and no automatic start could be formed.
+
+    Notes
+    -----
+    Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least squares stress over positions
+    in triangles, one point at a time, from few points to many. Reconstructed: distances are those of the distance bases,
+    in units of their average, where the paper interpolates a full matrix of marched ones; the automatic start and the
+    placement of new points by their distances to those before; and the extension to all vertices, by the least-squares
+    functional map of half as many Laplace–Beltrami functions as there are points. About
+    0.2 s for 5 000 vertices after preparation, and 1 s for an automatic start.
+    """
+    config = config or GmdsConfig()
+    with serial_blas():
+        task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
+        points, stresses, origin = placement(task, config)
+        k = task.functions_at_most(len(points.vertices) // 2)
+        values = points.interpolated(task.pair.target.shape.laplace.vectors[:, :k])
+        functional_map = spectral.from_values(task.pair, points.vertices, values)
+        result = task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+    told = f"relative stress of {len(points.vertices)} points: {stresses[-1]:.4f}"
+    return replace(result, notes=(*result.notes, told))
+
+
+def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, ...], str]:
+    """Landmarks and samples with least stress, the stresses of the last descent, and where the start came from."""
+    pair = task.pair
+    if pair.target.shape.triangles is None:
+        raise SettingError("points are placed on triangles, and the target has none; give a mesh")
+    task.clock.start("start")
+    known, origin = _start(task, config)
+    task.clock.start("stress")
+    held = Placement.at_vertices(task.points)
+    samples = pair.source.shape.samples[~np.isin(pair.source.shape.samples, held.vertices)]
+    points, anchors = held, Placement.at_vertices(known)
+    stresses: tuple[float, ...] = ()
+    for first, last in pairwise((0, *config.levels)):
+        points = points.joined(placed(pair, samples[first:last], anchors))
+        points, stresses = descended(pair, points, len(held.vertices), config.n_sweeps)
+        anchors = points
+    return points, stresses, origin
+
+
+def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
+    """Source vertices and their first images, and where they come from."""
+    pair, samples = task.pair, task.pair.source.shape.samples
+    if len(task.known):
+        at_samples = task.known[np.isin(task.known[:, 0], samples)]
+        return at_samples if len(at_samples) >= FEWEST_POINTS else task.known, "initial map"
+    if len(task.points):
+        return task.points, "landmarks"
+    if task.functions[0].shape[1]:
+        source, target = pair.source.shape, pair.target.shape
+        weights = target.body.vertex_areas, source.body.vertex_areas
+        rotation = rotation_from_functions(target.cloud, source.cloud, *task.functions[::-1], *weights)
+        first = images_from_rotation(pair.target.cloud, pair.source.cloud, rotation)
+        found = [Hypothesis(converged(pair, first), "descriptors")]
+    else:
+        found = search(pair, [])
+    order = ranked(judge(pair, found), config.orientation)
+    if not order:
+        raise NotConvergedError(
+            "no first map could be formed: a shape has fewer than four extremities; give landmarks, an initial map or "
+            "descriptors"
+        )
+    image = extended(pair, order[0].image, samples)
+    return np.column_stack([samples, image]), order[0].hypothesis.origin

@@ -1,0 +1,179 @@
+"""Fused Gromov–Wasserstein matching: area transported so that distances and features are kept."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import serial_blas
+from isomatch.baselines import spectral
+from isomatch.baselines.generalised_stress import Placement, distances_to
+from isomatch.baselines.task import Task
+from isomatch.errors import MissingDependencyError, SettingError
+from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching.body import Shape
+from isomatch.matching.config import Orientation
+from isomatch.matching.features import standardised, surface_cells
+from isomatch.matching.refine import Coordinates
+
+
+@dataclass(frozen=True)
+class GromovWassersteinConfig:
+    """Settings of `gromov_wasserstein`.
+
+    Parameters
+    ----------
+    n_samples : int
+        Evenly spread vertices of each shape between which area is transported; no more than ``n_search`` of `prepare`.
+    n_functions : int
+        Laplace–Beltrami functions by which the plan is extended to all vertices; at most half the samples.
+    distance_weight : float
+        Share of the distances in the cost, above 0 to 1; the rest is that of the features, which need little: they are
+        scaled to a mean square of 1, while distances fit far better than that.
+    n_steps : int
+        Most steps of the solver.
+    orientation : {"preserve", "reverse", "any"}
+        What the outcome expects; the method itself cannot tell.
+    """
+
+    n_samples: int = 300
+    n_functions: int = 50
+    distance_weight: float = 0.99
+    n_steps: int = 200
+    orientation: Orientation = "any"
+
+    def __post_init__(self) -> None:
+        least = {"n_functions": 2, "n_samples": 2 * self.n_functions, "n_steps": 1}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise SettingError(f"{name} = {getattr(self, name)} is not at least {bound}")
+        if not 0 < self.distance_weight <= 1:
+            raise SettingError(f"distance_weight = {self.distance_weight!r} is not above 0 and at most 1")
+        if self.orientation not in ("preserve", "reverse", "any"):
+            raise SettingError(f"orientation = {self.orientation!r} is not one of preserve, reverse, any")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Transport:
+    """A transport plan between samples of two shapes.
+
+    Parameters
+    ----------
+    plan : (m_s, m_t) array of float
+        Area carried from each source sample to each target sample; the sum is 1.
+    rows : two arrays of int
+        The samples: body vertices of source and target, (m_s,) and (m_t,).
+    areas : two arrays of float
+        Share of the area each of them stands for: the sums of the plan's rows and columns.
+    """
+
+    plan: FloatArray
+    rows: tuple[IntArray, IntArray]
+    areas: tuple[FloatArray, FloatArray]
+
+
+def gromov_wasserstein(
+    source: Shape | PreparedShape,
+    target: Shape | PreparedShape,
+    landmarks: ArrayLike | None = None,
+    initial_map: ArrayLike | None = None,
+    initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
+    config: GromovWassersteinConfig | None = None,
+    seed: int = 0,
+) -> MatchResult:
+    """Match by the fused Gromov–Wasserstein plan between samples, with the solver of the package POT.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, seed
+        As for `match`. Features are the distances to the points of the initial map, else to the landmarks, else the
+        descriptors, else the point signatures of `match`.
+    config : GromovWassersteinConfig, optional
+        Settings.
+
+    Returns
+    -------
+    MatchResult
+        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+
+    Raises
+    ------
+    MeshError, LandmarkError, SettingError
+        As `match` does.
+    MissingDependencyError
+        Without the package POT.
+
+    Notes
+    -----
+    Mémoli, *Gromov–Wasserstein Distances and the Metric Approach to Object Matching*, 2011; fused with features by Vayer,
+    Chapel, Flamary, Tavenard & Courty, 2019, solved by conditional gradients: their method, their code. Ours are the
+    features, scaled together to a mean square difference of 1, and their share, by trial on six pairs; distances from the
+    distance bases in units of their average; and the extension to all vertices, by the least-squares functional map of
+    the row averages of the plan. O(m³) a step; about 0.2 s for 5 000 vertices after preparation.
+    """
+    config = config or GromovWassersteinConfig()
+    with serial_blas():
+        task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
+        (of_target, of_source), origin = _features(task)
+        found = transport(task, (of_target, of_source), config)
+        k = task.functions_at_most(min(config.n_functions, min(map(len, found.rows)) // 2))
+        functions = task.pair.target.shape.laplace.vectors[found.rows[1], :k]
+        averages = found.plan @ functions / found.plan.sum(axis=1, keepdims=True)
+        functional_map = spectral.from_values(task.pair, found.rows[0], averages)
+        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+
+
+def transport(task: Task, features: Coordinates, config: GromovWassersteinConfig) -> Transport:
+    """Solve for the plan between samples, given features of all target and all source vertices."""
+    try:
+        from ot.gromov import fused_gromov_wasserstein
+    except ImportError as error:
+        raise MissingDependencyError(
+            "the method 'gw' needs the package POT: pip install 'isomatch[transport]'"
+        ) from error
+    task.clock.start("transport")
+    shapes = [task.pair.source.shape, task.pair.target.shape]
+    rows = [shape.spread[: min(config.n_samples, shape.config.n_search)] for shape in shapes]
+    clouds = [shape.cloud.at(chosen) for shape, chosen in zip(shapes, rows)]
+    distances = [cloud.coordinates @ cloud.inner().T for cloud in clouds]
+    areas = [_areas(shape, chosen) for shape, chosen in zip(shapes, rows)]
+    costs = cdist(features[1][rows[0]], features[0][rows[1]], "sqeuclidean")
+    costs /= max(costs.mean(), 1e-12)
+    plan = fused_gromov_wasserstein(
+        costs,
+        *distances,
+        *areas,
+        symmetric=True,
+        alpha=config.distance_weight,
+        max_iter=config.n_steps,
+    )
+    return Transport(np.asarray(plan), (rows[0], rows[1]), (areas[0], areas[1]))
+
+
+def _features(task: Task) -> tuple[Coordinates, str]:
+    """Features of all target and all source vertices, and where they come from."""
+    for pairs, origin in ((task.known, "initial map"), (task.points, "landmarks")):
+        if len(pairs):
+            return distances_to(task.pair, Placement.at_vertices(pairs)), origin
+    of_source, of_target = task.functions
+    if of_source.shape[1]:
+        weights = (side.shape.body.vertex_areas for side in (task.pair.target, task.pair.source))
+        of_target, of_source = map(standardised, (of_target, of_source), weights)
+        return (of_target, of_source), "descriptors"
+    return task.pair.signatures, "signatures"
+
+
+def _areas(shape: PreparedShape, rows: IntArray) -> FloatArray:
+    """Share of the area nearest to each of some vertices."""
+    cells = surface_cells(shape.body, rows)
+    owned = np.add.reduceat(shape.body.vertex_areas[cells.members], cells.start[:-1])
+    return np.asarray(owned / owned.sum(), dtype=np.float64)
