@@ -22,7 +22,7 @@ from isomatch.matching import refine
 from studies import changed, in_parallel, mean_error
 
 SEED = 8
-PAIRS = {"faust_r": 8, "tosca_iso_r": 12, "scape": 4}
+PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}
 VARIANTS: dict[str, tuple[Config, dict[str, Any]]] = {
     "without settling": (Config(), {"SETTLING_STEPS": 0}),
     "default": (Config(), {}),
