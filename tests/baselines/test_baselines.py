@@ -23,8 +23,10 @@ from isomatch import (
 from isomatch.baselines import (
     FunctionalMapsConfig,
     GmdsConfig,
+    GradientFieldsConfig,
     GromovWassersteinConfig,
     LaplaceConfig,
+    SpectralGmdsConfig,
     ZoomOutConfig,
     functional_maps,
     gdd,
@@ -32,6 +34,8 @@ from isomatch.baselines import (
     gmds,
     gromov_wasserstein,
     laplace_nearest_neighbours,
+    spectral_gmds,
+    spectral_gradient_fields,
     zoomout,
 )
 from isomatch.datasets import creature
@@ -43,6 +47,8 @@ SMALL = {
     laplace_nearest_neighbours: LaplaceConfig(),
     gmds: GmdsConfig(),
     gromov_wasserstein: GromovWassersteinConfig(),
+    spectral_gmds: SpectralGmdsConfig(sizes=(15, 30)),
+    spectral_gradient_fields: GradientFieldsConfig(n_functions=30),
 }
 ALL = [*SMALL, gdd, gdd_post]
 UNIFORM = Config(weights="uniform")
@@ -92,9 +98,7 @@ def test_relabelled_copy_gives_the_relabelling(copies, method):
     assert found.outcome is Outcome.CONVERGED
 
 
-@pytest.mark.parametrize(
-    "method", [zoomout, laplace_nearest_neighbours, functional_maps, gmds, gromov_wasserstein]
-)
+@pytest.mark.parametrize("method", SMALL)
 def test_true_initial_map_is_not_left(copies, method):
     shapes, _, truth = copies
     found = method(*shapes, initial_map=truth, config=SMALL[method])
@@ -103,18 +107,19 @@ def test_true_initial_map_is_not_left(copies, method):
 
 
 def test_copy_without_hints(copies):
-    """The animal is asymmetric, and the orientation term sees its sides."""
+    """The animal is asymmetric."""
     shapes, _, truth = copies
-    for method in (functional_maps, zoomout):
+    for method in (functional_maps, zoomout, spectral_gmds, spectral_gradient_fields):
         image = method(*shapes, config=SMALL[method]).map.vertices
         assert (image == truth).mean() > 0.95
 
 
-def test_mirror_image_needs_the_other_orientation(animal):
+@pytest.mark.parametrize("method", [zoomout, spectral_gradient_fields])
+def test_mirror_image_needs_the_other_orientation(animal, method):
     mirrored = Mesh(animal.vertices * [-1, 1, 1], animal.faces[:, ::-1])
     shapes, truth = (prepare(animal), prepare(mirrored)), np.arange(animal.n_vertices)
     found = {
-        side: zoomout(*shapes, config=replace(SMALL[zoomout], orientation=side))
+        side: method(*shapes, config=replace(SMALL[method], orientation=side))
         for side in ("preserve", "reverse")
     }
     assert error(found["reverse"].map.vertices, truth, mirrored) < 1e-3
@@ -130,6 +135,8 @@ def test_mirror_image_needs_the_other_orientation(animal):
         (laplace_nearest_neighbours, 0.04),
         (gmds, 0.03),
         (gromov_wasserstein, 0.03),
+        (spectral_gmds, 0.02),
+        (spectral_gradient_fields, 0.02),
         (gdd, 0.04),
         (gdd_post, 0.03),
     ],
@@ -182,9 +189,10 @@ def test_what_a_result_tells(copies):
     assert "a baseline tries no other map" in record["notes"][-1]
 
 
-def test_points_have_no_orientation(animal):
+@pytest.mark.parametrize("method", [functional_maps, spectral_gmds, spectral_gradient_fields])
+def test_points_have_no_orientation(animal, method):
     cloud = PointCloud(animal.vertices)
-    found = functional_maps(cloud, cloud, config=SMALL[functional_maps])
+    found = method(cloud, cloud, config=SMALL[method])
     assert (found.map.vertices == np.arange(animal.n_vertices)).mean() > 0.95
     assert np.isnan(found.quality.orientation)
 
@@ -245,6 +253,12 @@ def test_methods_that_need_a_hint(copies):
         (lambda: GromovWassersteinConfig(distance_weight=0.0), "distance_weight = 0.0 is not above 0"),
         (lambda: GromovWassersteinConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
         (lambda: LaplaceConfig(steps=0), "steps = 0 is not at least 1"),
+        (lambda: SpectralGmdsConfig(sizes=(20, 20)), "do not grow from at least 3"),
+        (lambda: SpectralGmdsConfig(icp_steps=0), "icp_steps = 0 is not at least 1"),
+        (lambda: SpectralGmdsConfig(data_weight=-1.0), "data_weight = -1.0 is not a weight"),
+        (lambda: GradientFieldsConfig(n_matched=20), "n_matched = 20 is above 14"),
+        (lambda: GradientFieldsConfig(n_functions=10), "n_functions = 10 is not at least 13"),
+        (lambda: GradientFieldsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
     ],
 )
 def test_settings_that_make_no_sense(settings, told):

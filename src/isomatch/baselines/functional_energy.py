@@ -56,13 +56,17 @@ class FunctionalEnergy:
         """Add Σ p_ij F_ij², with penalties (k_s, k_t)."""
         self._hessian[np.diag_indices_from(self._hessian)] += weight * entries.ravel()
 
-    def minimiser(self) -> FloatArray:
-        """Give the F of least energy; O((k_s k_t)³)."""
-        diagonal = np.diag_indices_from(self._hessian)
-        hessian = self._hessian.copy()
+    def minimiser(self, known: FloatArray | None = None) -> FloatArray:
+        """Give the F of least energy; O((k_s k_t)³). Entries of ``known`` (k_s, k_t) other than nan are prescribed."""
+        entries = np.full(self._shape, np.nan) if known is None else known.copy()
+        free = np.isnan(entries).ravel()
+        rows = self._hessian[free]
+        right = self._gradient.ravel()[free] - rows[:, ~free] @ entries.ravel()[~free]
+        hessian = rows[:, free]
+        diagonal = np.diag_indices_from(hessian)
         hessian[diagonal] += RIDGE * hessian[diagonal].mean()
-        solution = solve(hessian, self._gradient.ravel(), assume_a="pos", check_finite=False)
-        return np.asarray(solution, dtype=np.float64).reshape(self._shape)
+        entries[np.isnan(entries)] = solve(hessian, right, assume_a="pos", check_finite=False)
+        return entries
 
 
 def products(basis: LaplaceBasis, coefficients: FloatArray) -> FloatArray:

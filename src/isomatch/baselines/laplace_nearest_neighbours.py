@@ -86,13 +86,13 @@ def laplace_nearest_neighbours(
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         k = task.functions_at_most(config.n_functions)
-        start, origin = _start(task, k)
+        start, origin = first_map(task, k)
         task.clock.start("refinement")
         functional_map = spectral.icp(task.pair, start, k, config.steps)
         return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
 
 
-def _start(task: Task, k: int) -> tuple[FloatArray, str]:
+def first_map(task: Task, k: int) -> tuple[FloatArray, str]:
     """First functional map, by the rules of `match` for distance descriptors, and where it comes from."""
     if len(task.known):
         return spectral.from_points(task.pair, task.known, k), "initial map"

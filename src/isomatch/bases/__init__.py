@@ -3,7 +3,7 @@
 from isomatch.bases.build import BasisMethod, distance_basis
 from isomatch.bases.canonical_form import CanonicalForm, canonical_form
 from isomatch.bases.distance_basis import DistanceBasis, Weighting
-from isomatch.bases.interpolation import fmds_basis, smds_basis
+from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
 from isomatch.bases.prediction import ColumnPredictor, predicted_basis
@@ -23,4 +23,5 @@ __all__ = [
     "nystrom_basis",
     "predicted_basis",
     "smds_basis",
+    "spectral_interpolant",
 ]

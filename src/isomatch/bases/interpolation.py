@@ -8,7 +8,7 @@ from scipy.sparse import csc_array, diags_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
-from isomatch.bases.laplace_basis import laplace_basis
+from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.bases.laplacian import Surface, factorised, laplacian
 from isomatch.geodesics import Sampling
 
@@ -56,13 +56,8 @@ def smds_basis(
     -----
     After Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs.
     """
-    samples = sampling.vertices
-    basis = laplace_basis(surface, len(samples))
-    area = basis.weights.sum()
-    functions = basis.vectors * np.sqrt(area)
-    at_samples = functions[samples]
-    normal = np.diag((area * basis.values) ** 2) + fidelity * at_samples.T @ at_samples
-    interpolant = functions @ cho_solve(cho_factor(normal), fidelity * at_samples.T)
+    basis = laplace_basis(surface, len(sampling.vertices))
+    interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
     return _symmetrised(interpolant, sampling, weights, k, "smds", engine)
 
 
@@ -76,6 +71,19 @@ def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float 
     sources = np.zeros((len(masses), len(samples)))
     sources[samples, np.arange(len(samples))] = fidelity
     return solve(sources)
+
+
+def spectral_interpolant(
+    basis: LaplaceBasis, samples: IntArray, fidelity: float = SPECTRAL_FIDELITY
+) -> FloatArray:
+    """Give the same in the span of p functions Φ, as coefficients (p, p): μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ at unit area.
+
+    A basis of fewer than p functions is used as it is, of more to p.
+    """
+    k, area = len(samples), basis.weights.sum()
+    pull = fidelity * area * basis.vectors[samples, :k].T
+    normal = np.diag((area * basis.values[:k]) ** 2) + pull @ basis.vectors[samples, :k]
+    return np.asarray(cho_solve(cho_factor(normal), pull), dtype=np.float64)
 
 
 def swapped(p: int) -> FloatArray:

@@ -36,8 +36,8 @@ def bench(
         Folder of the sets, each in a folder of its name, as archives or as it was published; creatures need none.
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
-        gw_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are given five true landmarks, far
-        from one another.
+        gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
+        given five true landmarks, far from one another.
     pairs : int
         Pairs to draw from each set; all by default.
     points : int

@@ -17,6 +17,8 @@ from isomatch.baselines import (
     gromov_wasserstein,
     laplace_nearest_neighbours,
     pyfm_zoomout,
+    spectral_gmds,
+    spectral_gradient_fields,
     zoomout,
 )
 from isomatch.datasets import BenchmarkPair
@@ -69,6 +71,10 @@ METHODS = {
     "gmds_5pt": Method(gmds, N_LANDMARKS),
     "gw": Method(gromov_wasserstein),
     "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS),
+    "sgmds": Method(spectral_gmds),
+    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS),
+    "sgf": Method(spectral_gradient_fields),
+    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS),
     "pyfm": Method(pyfm_zoomout),
 }
 

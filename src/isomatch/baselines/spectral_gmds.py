@@ -1,0 +1,173 @@
+"""Spectral generalized multidimensional scaling: the functional map that carries distances to distances."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import polar
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import serial_blas
+from isomatch.baselines import spectral
+from isomatch.baselines.functional_energy import FunctionalEnergy
+from isomatch.baselines.task import Task, require_weights
+from isomatch.bases import LaplaceBasis, spectral_interpolant
+from isomatch.errors import SettingError
+from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching.body import Shape
+from isomatch.matching.config import Orientation
+from isomatch.matching.features import standardised
+
+HEAT_TIMES = 6  # heat from a landmark is compared after so many times, from local to global
+WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
+
+
+@dataclass(frozen=True)
+class SpectralGmdsConfig:
+    """Settings of `spectral_gmds`.
+
+    Parameters
+    ----------
+    sizes : tuple of int
+        Laplace–Beltrami functions at each stage, growing; a stage is solved in O(size⁶).
+    distance_weight, data_weight, previous_weight : float
+        Of the distances, of what is known of the map, and of the map of the stage before.
+    icp_steps : int
+        Most iterations in the spectral domain that turn the functional map into one of points.
+    orientation : {"any", "preserve", "reverse"}
+        What the outcome expects; distances cannot tell.
+    """
+
+    sizes: tuple[int, ...] = (15, 25, 35, 50)
+    distance_weight: float = 1.0
+    data_weight: float = 1.0
+    previous_weight: float = 1.0
+    icp_steps: int = 15
+    orientation: Orientation = "any"
+
+    def __post_init__(self) -> None:
+        if not self.sizes or self.sizes[0] < 3 or any(np.diff(self.sizes) <= 0):
+            raise SettingError(f"sizes = {self.sizes} do not grow from at least 3")
+        if self.icp_steps < 1:
+            raise SettingError(f"icp_steps = {self.icp_steps} is not at least 1")
+        require_weights(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
+        return asdict(self)
+
+
+def spectral_gmds(
+    source: Shape | PreparedShape,
+    target: Shape | PreparedShape,
+    landmarks: ArrayLike | None = None,
+    initial_map: ArrayLike | None = None,
+    initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
+    config: SpectralGmdsConfig | None = None,
+    seed: int = 0,
+) -> MatchResult:
+    """Match by spectral GMDS: a map in the Laplace–Beltrami domain that keeps areas and geodesic distances.
+
+    Parameters
+    ----------
+    source, target, landmarks, initial_map, initial_descriptors, seed
+        As for `match`. Whatever is given is data the map should respect: heat spreading from landmarks, descriptors, the
+        target's eigenfunctions pulled back by the initial map. With nothing given, wave kernel signatures are; they do
+        not tell left from right on a symmetric shape.
+    config : SpectralGmdsConfig, optional
+        Settings.
+
+    Returns
+    -------
+    MatchResult
+        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+
+    Raises
+    ------
+    MeshError, LandmarkError, SettingError
+        As `match` does.
+
+    Notes
+    -----
+    Aflalo, Dubrovina & Kimmel, *Spectral Generalized Multi-dimensional Scaling*, IJCV 2016: with D ≈ Φ D̂ Φᵀ on both
+    shapes and the map P ≈ Φ_s α Φ_tᵀA_t, minimise ‖α D̂_t − D̂_s α‖² and a data term, subject to P 1 = 1 and its
+    counterpart for areas: α m_t = m_s and αᵀ m_s = m_t with m = ΦᵀA 1.
+    Reconstructed: the data term (heat in place of the authors' features), the weights, all one, the
+    stages, each of which remembers the one before, and the orthogonal projection after each. As the
+    first function is constant the constraints fix the first row and column of α, and the rest has a closed form. About
+    2 s for 5 000 vertices and 50 functions.
+    """
+    config = config or SpectralGmdsConfig()
+    with serial_blas():
+        task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
+        task.clock.start("functional map")
+        alpha, origin = coefficient_map(task, config)
+        task.clock.start("refinement")
+        functional_map = spectral.icp(task.pair, alpha, len(alpha), config.icp_steps)
+        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+
+
+def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray, str]:
+    """Minimise the energy from coarse to fine: α (k, k), functions of the target to the source; and its data's origin."""
+    shapes = task.pair.source.shape, task.pair.target.shape
+    sizes = sorted({task.functions_at_most(k) for k in config.sizes})
+    distances = [spectral_distances(shape, sizes[-1]) for shape in shapes]
+    constants = [shape.laplace.vectors[:, 0] @ shape.laplace.weights for shape in shapes]
+    data, origin = _data(task, sizes[-1])
+    alpha = np.zeros((0, 0))
+    for k in sizes:
+        prescribed = np.full((k, k), np.nan)
+        prescribed[0], prescribed[:, 0] = 0.0, 0.0
+        prescribed[0, 0] = constants[0] / constants[1]
+        grown = np.pad(alpha, ((0, k - len(alpha)), (0, 0)))
+        of_source, of_target = (d[None, :k, :k] for d in distances)
+        known = [coefficients[:k] for coefficients in data]
+        energy = FunctionalEnergy(k, k)
+        energy.commute(of_source, of_target, k * config.distance_weight)
+        energy.preserve(known[0], known[1], config.data_weight)
+        energy.preserve(grown, np.eye(k, len(alpha)), config.previous_weight)
+        alpha = polar(energy.minimiser(prescribed))[0]
+    return alpha, origin
+
+
+def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
+    """D̂ (k, k) with D ≈ Φ D̂ Φᵀ, by spectral MDS from the sampled columns, in units of the average distance.
+
+    The columns F ≈ Φ C are interpolated, D ≈ ½ (Φ M Cᵀ Φᵀ + Φ C Mᵀ Φᵀ), as in `smds_basis`.
+    """
+    columns = shape.laplace.coefficients(shape.columns.T.astype(np.float64), k)  # (k, p)
+    interpolated: FloatArray = spectral_interpolant(shape.laplace, shape.samples)[:k] @ columns.T
+    return (interpolated + interpolated.T) / (2 * shape.intrinsic_scale)
+
+
+def _data(task: Task, k: int) -> tuple[tuple[FloatArray, FloatArray], str]:
+    """Coefficients (k, q) of functions that should correspond, source and target, of norm about 1; and their origin."""
+    shapes = task.pair.source.shape, task.pair.target.shape
+    given: dict[str, tuple[FloatArray, ...]] = {}
+    if len(task.known):
+        given["initial map"] = spectral.from_points(task.pair, task.known, k), np.eye(k)
+    if len(task.points):
+        given["landmarks"] = tuple(_heat(shape.laplace, x, k) for shape, x in zip(shapes, task.points.T))
+    if task.functions[0].shape[1]:
+        given["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.functions))
+    if not given:
+        given["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
+    of_source, of_target = (np.hstack(side) for side in zip(*given.values()))
+    return (of_source, of_target), next(iter(given))
+
+
+def _smooth(shape: PreparedShape, functions: FloatArray, k: int) -> FloatArray:
+    """Coefficients of standardised functions."""
+    return shape.laplace.coefficients(standardised(functions, shape.laplace.weights), k)
+
+
+def _heat(basis: LaplaceBasis, vertices: IntArray, k: int) -> FloatArray:
+    """Heat from each vertex after some times, without its mean, each of norm 1: (k, q · times)."""
+    values = basis.values[1:k]
+    times = np.geomspace(0.5 / values[-1], 2 / values[0], HEAT_TIMES)
+    heat = basis.vectors[vertices, None, 1:k] * np.exp(-times[:, None] * values)  # (q, times, k - 1)
+    heat /= np.maximum(np.linalg.norm(heat, axis=-1, keepdims=True), 1e-300)
+    return np.pad(heat.reshape(-1, k - 1).T, ((1, 0), (0, 0)))
