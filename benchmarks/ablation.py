@@ -23,7 +23,7 @@ from isomatch.matching import choice, hypotheses, refine
 from studies import changed, in_parallel, mean_error
 
 SEED = 77
-PAIRS = {"faust_r": 6, "tosca_iso_r": 12, "scape": 2}
+PAIRS = {"faust_r": 4, "tosca_iso_r": 8, "scape": 2}
 VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "everything": (Config(), []),
     "smooth option": (Config(refinement="smooth"), []),

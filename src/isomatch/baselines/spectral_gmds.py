@@ -97,8 +97,7 @@ def spectral_gmds(
     counterpart for areas: α m_t = m_s and αᵀ m_s = m_t with m = ΦᵀA 1.
     Reconstructed: the data term (heat in place of the authors' features), the weights, all one, the
     stages, each of which remembers the one before, and the orthogonal projection after each. As the
-    first function is constant the constraints fix the first row and column of α, and the rest has a closed form. About
-    2 s for 5 000 vertices and 50 functions.
+    first function is constant the constraints fix the first row and column of α, and the rest has a closed form.
     """
     config = config or SpectralGmdsConfig()
     with serial_blas():

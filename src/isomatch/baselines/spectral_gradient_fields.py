@@ -113,7 +113,8 @@ def spectral_gradient_fields(
     h = 1 / λ of commute times; orthogonal alignment; growth by a few functions at a time; the gradients of successive
     functions, as the scalars and pseudo-scalars of `gradient_fields`; their number and weight, by trial on nine pairs of
     creatures; that a map carries gradients by its block of those functions alone. Points and graphs have no gradients.
-    About 1 s for 5 000 vertices.
+    Without hints the signs of the leading eigenfunctions decide everything: on four pairs of FAUST two maps were wrong
+    altogether (errors of 0.46 and 0.50 √area); give landmarks where that matters.
     """
     config = config or GradientFieldsConfig()
     with serial_blas():
