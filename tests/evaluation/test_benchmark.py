@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -84,6 +85,27 @@ def test_rows_tables_and_resuming(small, tmp_path):
     assert "<map>" not in page
     assert "data:image/svg+xml;base64," in page
     assert "http" not in page.replace("http-equiv", ""), "nothing is loaded from elsewhere"
+
+
+def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path):
+    def turned(source, target, start):
+        return SimpleNamespace(
+            map=Correspondence(np.roll(start.vertices, 7), target.n_vertices),
+            to_dict=lambda: {"outcome": "x"},
+        )
+
+    monkeypatch.setattr(benchmark, "CONTINUATIONS", {"turned": turned, "gdd": None})
+    run = BenchmarkRun("small", ("right", "right+turned", "right+gdd"), n_points=50, jobs=1)
+    rows = list(run_benchmark(run, tmp_path))
+    assert [row["method"] for row in rows] == [*run.methods, *run.methods]
+    assert len(small) == 2, "once for each pair"
+    right, further, failed = rows[:3]
+    assert right["error"] == 0 < further["error"]
+    assert further["seconds"] > right["seconds"]
+    assert further["outcome"] == "x"
+    assert "NoneType" in failed["problem"], "the others are kept"
+    with pytest.raises(SettingError, match=r"unknown method right\+magic; .* followed by \+turned or"):
+        BenchmarkRun("small", ("right+magic", "right+gdd"))
 
 
 def test_mirrored_truth_is_told_but_does_not_excuse_shapes_that_are_not_symmetric(

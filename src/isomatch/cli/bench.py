@@ -37,7 +37,8 @@ def bench(
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
         gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
-        given five true landmarks, far from one another.
+        given five true landmarks, far from one another. NAME+gdd is isomatch started from the map of NAME, and NAME+post
+        the paper's own refinement of it.
     pairs : int
         Pairs to draw from each set; all by default.
     points : int

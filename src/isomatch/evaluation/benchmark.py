@@ -21,7 +21,7 @@ from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
-from isomatch.evaluation.methods import METHODS
+from isomatch.evaluation.methods import CONTINUATIONS, METHODS
 from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.maps import Correspondence
@@ -38,7 +38,7 @@ class BenchmarkRun:
     set_name : str
         Name of the set, see `benchmark_set`.
     methods : tuple of str
-        Keys of ``METHODS``.
+        Keys of ``METHODS``; with "+" and a key of ``CONTINUATIONS``, what starts from their map: "sgmds_5pt+gdd".
     folder : str, optional
         Where the sets lie.
     n_pairs : int, optional
@@ -60,9 +60,12 @@ class BenchmarkRun:
     jobs: int | None = None
 
     def __post_init__(self) -> None:
-        unknown = sorted(set(self.methods) - set(METHODS))
+        unknown = [name for name in self.methods if not _known(*_parts(name))]
         if unknown:
-            raise SettingError(f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}")
+            raise SettingError(
+                f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}, and any of them followed by "
+                + " or ".join(f"+{ending}" for ending in CONTINUATIONS)
+            )
         for name, least in (("n_pairs", 1), ("n_points", 1), ("seed", 0), ("jobs", 1)):
             value = getattr(self, name)
             if value is not None and value < least:
@@ -84,27 +87,40 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]
         if "problem" not in row and (row["points"], row["seed"]) == (run.n_points, run.seed)
     }
     pairs = benchmark_set(run.set_name, run.folder).chosen(run.n_pairs, run.seed).pairs
-    todo = [
-        (method, pair)
-        for method in run.methods
-        for pair in pairs
-        if (run.set_name, "-".join(pair), method) not in done
-    ]
-    jobs = run.jobs or n_threads()
+    todo: dict[tuple[tuple[str, str], str], list[str]] = {}  # what starts from one map is one job
+    for method in run.methods:
+        base, ending = _parts(method)
+        for pair in pairs:
+            if (run.set_name, "-".join(pair), method) not in done:
+                todo.setdefault((pair, base), []).append(ending)
     with ledger.open("a", encoding="utf-8") as file:
-        for row in _rows(run, todo, jobs):
+        for row in _rows(run, todo, run.jobs or n_threads()):
             file.write(json.dumps(row, allow_nan=False) + "\n")
             file.flush()
             yield row
 
 
-def _rows(run: BenchmarkRun, todo: list[tuple[str, tuple[str, str]]], jobs: int) -> Iterator[dict[str, Any]]:
+def _parts(method: str) -> tuple[str, str]:
+    """Split a name into a method and what continues its map; nothing does if that is empty."""
+    base, _, ending = method.partition("+")
+    return base, ending
+
+
+def _known(base: str, ending: str) -> bool:
+    return base in METHODS and ending in ("", *CONTINUATIONS)
+
+
+def _rows(
+    run: BenchmarkRun, todo: dict[tuple[tuple[str, str], str], list[str]], jobs: int
+) -> Iterator[dict[str, Any]]:
     if jobs == 1:
-        yield from (_row(run, method, pair) for method, pair in todo)
+        for (pair, base), endings in todo.items():
+            yield from _rows_of(run, pair, base, endings)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_one_thread) as pool:
-        for future in as_completed([pool.submit(_row, run, method, pair) for method, pair in todo]):
-            yield future.result()
+        futures = [pool.submit(_rows_of, run, *job, endings) for job, endings in todo.items()]
+        for future in as_completed(futures):
+            yield from future.result()
 
 
 def _one_thread() -> None:
@@ -113,21 +129,38 @@ def _one_thread() -> None:
     ThreadpoolController().limit(limits=1)
 
 
-def _row(run: BenchmarkRun, method: str, names: tuple[str, str]) -> dict[str, Any]:
-    """Match one pair with one method and judge the map; any problem becomes part of the row."""
-    row: dict[str, Any] = {"set": run.set_name, "pair": "-".join(names), "method": method}
-    row |= {"points": run.n_points, "seed": run.seed}
+def _rows_of(
+    run: BenchmarkRun, names: tuple[str, str], base: str, endings: list[str]
+) -> list[dict[str, Any]]:
+    """Match one pair with one method, and continue from its map; any problem becomes part of a row."""
+    told = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
+    rows = [told | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
     try:
         pair = benchmark_set(run.set_name, run.folder).load(*names)
-        hints = METHODS[method].hints(pair, run.seed)
+        hints = METHODS[base].hints(pair, run.seed)
         started = time.perf_counter()
-        found, details = METHODS[method](pair, hints)
-        row |= {"seconds": time.perf_counter() - started, "outcome": details.get("outcome", "")}
-        row |= {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices, "details": details}
-        row |= _judged(run, pair, found)
+        start, details = METHODS[base](pair, hints)
+        seconds = time.perf_counter() - started
     except Exception as problem:  # a benchmark reports what any method does; nothing is hidden
-        row["problem"] = f"{type(problem).__name__}: {problem}"
-    return row
+        return [row | {"problem": _problem(problem)} for row in rows]
+    sizes = {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices}
+    for row, ending in zip(rows, endings):
+        row |= sizes
+        try:
+            found, what, further = start, details, 0.0
+            if ending:
+                started = time.perf_counter()
+                result = CONTINUATIONS[ending](pair.source, pair.target, start)
+                found, what, further = result.map, result.to_dict(), time.perf_counter() - started
+            row |= {"seconds": seconds + further, "outcome": what.get("outcome", ""), "details": what}
+            row |= _judged(run, pair, found)
+        except Exception as problem:
+            row["problem"] = _problem(problem)
+    return rows
+
+
+def _problem(problem: Exception) -> str:
+    return f"{type(problem).__name__}: {problem}"
 
 
 def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> dict[str, Any]:
@@ -136,7 +169,8 @@ def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> di
     Where the shapes are truly symmetric, one decision is taken for the pair between direct and mirrored truth.
     """
     sides = sided_errors(pair.target, found, pair.truth, pair.mirrored, run.n_points, run.seed)
-    errors = counted(sides.better if pair.symmetric else sides.direct)
+    either = counted(sides.better)
+    errors = either if pair.symmetric else counted(sides.direct)
     distortion = metric_distortion(
         pair.source, pair.target, found, pair.truth, n_rows=DISTORTION_ROWS, seed=run.seed
     )
@@ -146,6 +180,7 @@ def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> di
         "p95": 100 * np.quantile(errors, 0.95),
         "direct": 100 * counted(sides.direct).mean(),
         "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
+        "either": 100 * either.mean(),
         "unmatched": np.isinf(sides.direct).mean(),
         "auc": area_under_curve(errors),
         **{f"within_{100 * t:02.0f}": share for t, share in zip(SHARES, cumulative_curve(errors, SHARES))},
@@ -155,7 +190,11 @@ def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> di
         "smoothness": dirichlet_energy(pair.source, pair.target, found),
     }
     told = {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
-    return told | {"curve": [round(float(value), 4) for value in cumulative_curve(errors)]}
+    curves = {"curve": errors} if sides.mirrored is None else {"curve": errors, "curve_either": either}
+    return told | {
+        name: [round(float(value), 4) for value in cumulative_curve(values)]
+        for name, values in curves.items()
+    }
 
 
 def read_rows(out: str | Path) -> list[dict[str, Any]]:

@@ -24,7 +24,8 @@ from isomatch.baselines import (
 from isomatch.datasets import BenchmarkPair
 from isomatch.geodesics import distance_engine
 from isomatch.maps import Correspondence
-from isomatch.matching import MatchResult, match
+from isomatch.matching import Config, MatchResult, match
+from isomatch.surfaces import Mesh
 
 N_LANDMARKS = 5  # as in the paper
 REFERENCES = 30  # true pairs by which others are checked
@@ -77,6 +78,23 @@ METHODS = {
     "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS),
     "pyfm": Method(pyfm_zoomout),
 }
+
+
+def _from_map(source: Mesh, target: Mesh, start: Correspondence) -> MatchResult:
+    """Align descriptors from a given map, and refine jointly."""
+    return match(source, target, initial_map=start.vertices, config=Config(hypotheses="given"))
+
+
+def _from_map_as_published(source: Mesh, target: Mesh, start: Correspondence) -> MatchResult:
+    """Align descriptors from a given map, then iterative closest points in the Laplace–Beltrami basis."""
+    return gdd_post(source, target, initial_map=start.vertices)
+
+
+CONTINUATIONS: dict[str, Callable[[Mesh, Mesh, Correspondence], MatchResult]] = {
+    "gdd": _from_map,
+    "post": _from_map_as_published,
+}
+"""What starts from the map of another method."""
 
 
 def true_landmarks(pair: BenchmarkPair, count: int = N_LANDMARKS, seed: int = 0) -> IntArray:

@@ -20,6 +20,7 @@ MEANINGS = {
     "within_05, within_10, within_25": "share of correspondences with an error up to 0.05, 0.10, 0.25 √(target area)",
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
     "error is the smaller one for shapes that are truly symmetric, else the direct",
+    "either": "the smaller of direct and mirrored, one decision for each pair",
     "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape in its own √area, by "
     "the map and by the truth",
     "coverage": "share of the target's area whose vertices are images",
@@ -27,7 +28,7 @@ MEANINGS = {
     "seconds": "of the match, preparation included",
 }
 SUMMARY = (
-    "set", "method", "pairs", "mean", "median", "max", "failures", "problems", "auc", "within_05", "within_10",
+    "set", "method", "pairs", "mean", "median", "max", "either", "failures", "problems", "auc", "within_05", "within_10",
     "within_25", "distortion_l2", "distortion_l2_truth", "coverage", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (

@@ -17,10 +17,10 @@ from isomatch.evaluation.published_curves import PublishedCurve
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (
     "set", "pair", "method", "n_source", "n_target", "error", "median", "p95", "direct", "mirrored",
-    "unmatched", "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "coverage",
-    "smoothness", "seconds", "outcome", "problem",
+    "either", "unmatched", "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth",
+    "coverage", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
-AVERAGED = COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")]
+AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
 
 
 def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> list[dict[str, Any]]:
