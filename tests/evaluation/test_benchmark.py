@@ -104,6 +104,14 @@ def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path)
     assert further["seconds"] > right["seconds"]
     assert further["outcome"] == "x"
     assert "NoneType" in failed["problem"], "the others are kept"
+    table = write_tables(tmp_path)
+    assert [line["method"] for line in table] == sorted(run.methods)
+    with (tmp_path / "improvements.csv").open() as file:
+        gain = next(csv.DictReader(file))
+    assert (gain["method"], gain["pairs"], float(gain["error_before"])) == ("right+turned", "2", 0)
+    assert float(gain["error_after"]) == pytest.approx(further["error"], rel=1e-4)
+    assert float(gain["error_smaller"]) == 0 == float(gain["distortion_l2_smaller"])
+    assert "right+turned" in (tmp_path / "index.html").read_text(encoding="utf-8")
     with pytest.raises(SettingError, match=r"unknown method right\+magic; .* followed by \+turned or"):
         BenchmarkRun("small", ("right+magic", "right+gdd"))
 
@@ -128,8 +136,8 @@ def test_published_curves_of_the_sets_are_drawn_beside(small, tmp_path):
     list(run_benchmark(BenchmarkRun("small", ("right",), n_points=20, jobs=1), tmp_path / "out"))
     write_tables(tmp_path / "out", curves)
     drawn = (tmp_path / "out" / "curves.svg").read_text(encoding="utf-8")
-    assert "small, theirs (published)" in drawn
-    assert "other" not in drawn
+    assert "theirs (published)" in drawn
+    assert drawn.count("theirs (published)") == 1
 
 
 def test_published_curves_that_cannot_be_read_are_told(tmp_path):

@@ -25,7 +25,9 @@ MEANINGS = {
     "the map and by the truth",
     "coverage": "share of the target's area whose vertices are images",
     "smoothness": "Dirichlet energy of the map / target area: 1 for an isometry, more where it stretches or jumps",
-    "seconds": "of the match, preparation included",
+    "name+gdd, name+post": "isomatch, or the paper's own refinement, started from the map of that method; the table "
+    "compares both on the same pairs: before, after, and the share of pairs in which it became smaller",
+    "seconds": "of the match, preparation included; of both methods, where one starts from the other",
 }
 SUMMARY = (
     "set", "method", "pairs", "mean", "median", "max", "either", "failures", "problems", "auc", "within_05", "within_10",
@@ -37,15 +39,21 @@ WORST = (
 )  # fmt: skip
 
 
-def write_page(path: Path, summary: list[dict[str, Any]], rows: list[dict[str, Any]], curves: bytes) -> None:
+def write_page(
+    path: Path,
+    summary: list[dict[str, Any]],
+    gains: list[dict[str, Any]],
+    rows: list[dict[str, Any]],
+    curves: bytes,
+) -> None:
     """Write the page of a run.
 
     Parameters
     ----------
     path : Path
         HTML file to write; an existing one is replaced.
-    summary, rows : list of dict
-        One for each set and method, and one for each pair.
+    summary, gains, rows : list of dict
+        One for each set and method, one for each set and method that starts from another's map, and one for each pair.
     curves : bytes
         Picture of the curves, SVG.
     """
@@ -54,6 +62,7 @@ def write_page(path: Path, summary: list[dict[str, Any]], rows: list[dict[str, A
     page = Template((files("isomatch.evaluation") / "page.html").read_text(encoding="utf-8")).substitute(
         title=escape(f"isomatch bench: {sets}"),
         summary=_table(SUMMARY, summary),
+        gains=_table(tuple(gains[0]), gains) if gains else "",
         curves="data:image/svg+xml;base64," + b64encode(curves).decode("ascii"),
         told=f"{len(worst)} of {len(rows)}; those without a map first.",
         worst=_table(WORST, worst),

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from isomatch.evaluation.benchmark import read_rows
+from isomatch.evaluation.curves import draw_curves
 from isomatch.evaluation.page import write_page
-from isomatch.evaluation.princeton import LIMIT, THRESHOLDS
 from isomatch.evaluation.published_curves import PublishedCurve
 
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
@@ -29,8 +29,8 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     Parameters
     ----------
     out : path_like
-        Folder of the run. ``pairs.csv``, ``summary.csv``, ``curves.png``, ``curves.svg`` and ``index.html``, one page
-        that needs no other file, are written into it.
+        Folder of the run. ``pairs.csv``, ``summary.csv``, ``improvements.csv`` (see `improvements`), ``curves.png``,
+        ``curves.svg`` and ``index.html``, one page that needs no other file, are written into it.
     published : sequence of PublishedCurve
         Curves to draw beside, those of the sets that were run.
 
@@ -45,8 +45,11 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     _write_csv(out / "pairs.csv", rows, COLUMNS)
     if table:
         _write_csv(out / "summary.csv", table, tuple(table[0]))
-        _draw_curves(rows, published, out)
-        write_page(out / "index.html", table, rows, (out / "curves.svg").read_bytes())
+        gains = improvements(rows)
+        if gains:
+            _write_csv(out / "improvements.csv", gains, tuple(gains[0]))
+        draw_curves(rows, published, out)
+        write_page(out / "index.html", table, gains, rows, (out / "curves.svg").read_bytes())
     return table
 
 
@@ -75,6 +78,30 @@ def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return table
 
 
+def improvements(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Compare what starts from a method's map with the method itself, on the pairs that both mapped.
+
+    For each set and continued method: mean error and distortion before and after, and the share of pairs in which each
+    became smaller.
+    """
+    good = {(row["set"], row["method"], row["pair"]): row for row in rows if "problem" not in row}
+    groups: dict[tuple[str, str], list[tuple[dict[str, Any], dict[str, Any]]]] = {}
+    for (name, method, pair), row in good.items():
+        before = good.get((name, method.partition("+")[0], pair))
+        if "+" in method and before:
+            groups.setdefault((name, method), []).append((before, row))
+    table = []
+    for (name, method), members in groups.items():
+        line: dict[str, Any] = {"set": name, "method": method, "pairs": len(members)}
+        for key in ("error", "distortion_l2"):
+            before, after = np.array([[row[key] for row in both] for both in members], dtype=float).T
+            line |= {f"{key}_before": before.mean(), f"{key}_after": after.mean()}
+            line[f"{key}_smaller"] = (after < before).mean()
+        line["distortion_l2_truth"] = _mean([row["distortion_l2_truth"] for _, row in members])
+        table.append(line)
+    return table
+
+
 def _mean(values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
@@ -88,33 +115,3 @@ def _write_csv(path: Path, rows: list[dict[str, Any]], columns: tuple[str, ...])
             {key: float(f"{value:.5g}") if isinstance(value, float) else value for key, value in row.items()}
             for row in rows
         )
-
-
-def _draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve], out: Path) -> None:
-    from matplotlib.figure import Figure
-
-    curves: dict[str, list[list[float]]] = {}
-    for row in rows:
-        if "curve" in row:
-            curves.setdefault(f"{row['set']}, {row['method']}", []).append(row["curve"])
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
-    axes = figure.add_subplot(
-        xlabel="geodesic error / √(target area)", ylabel="correspondences, %", xlim=(0, LIMIT), ylim=(0, 101)
-    )
-    for (label, members), style in zip(curves.items(), ("-", "--", "-.", ":") * len(curves)):
-        axes.plot(
-            THRESHOLDS, 100 * np.mean(members, axis=0), style, lw=2, label=f"{label} ({len(members)} pairs)"
-        )
-    beside = [curve for curve in published if curve.set_name in {row["set"] for row in rows}]
-    for i, curve in enumerate(beside):
-        colour, dashes = f"C{i % 9 + 1}", ("-", "--", ":")[i // 9 % 3]
-        label = f"{curve.set_name}, {curve.method} (published)"
-        axes.plot(curve.errors, 100 * curve.shares, dashes, color=colour, lw=0.8, label=label)
-    axes.grid(alpha=0.3)
-    if beside:
-        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small")
-        figure.set_size_inches(9.5, 4.5)
-    elif curves:
-        axes.legend(loc="lower right")
-    for suffix in ("png", "svg"):
-        figure.savefig(out / f"curves.{suffix}", dpi=150)
