@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -28,7 +28,8 @@ SIGNATURE_SHARE = 2.0  # weight of point signatures against descriptors in the f
 FLIPPED_PARENTS = 3
 FLIPPED_COLUMNS = 10
 FLIPPED_FUNCTIONS = 20
-COMPOSED = 6
+COMPOSED = 6  # best maps of which triples are composed
+TURNED = 6  # the same among the flips of a winner
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +43,13 @@ class Hypothesis:
     origin : str
         Where it came from: "features", "landmarks", "initial map", "descriptors", "distance flip", "laplace flip",
         "composition".
+    flipped : bool
+        Whether it is a flip or composition of other maps, or its own flips were tried.
     """
 
     alignment: Alignment
     origin: str
+    flipped: bool = False
 
 
 def feature_assignments(source: PreparedShape, target: PreparedShape) -> list[tuple[IntArray, IntArray]]:
@@ -126,18 +130,23 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
     pool.add([alignment.image for alignment in guided], DISTANCE_STEPS, "features")
     if not pool.hypotheses:
         return []
-    parents = [h.alignment for h in pool.hypotheses[:FLIPPED_PARENTS]]
-    flips = [(parent, j) for parent in parents for j in range(FLIPPED_COLUMNS)]
-    pool.add(parallel_map(lambda flip: _distance_flip(pair, *flip), flips), DISTANCE_STEPS, "distance flip")
-    maps = [pair.functional_map(pair.upsampled(p.image, (20,) * 3), FLIPPED_FUNCTIONS) for p in parents]
-    turned = [(c, j) for c in maps for j in range(2, FLIPPED_FUNCTIONS)]
-    pool.add(parallel_map(lambda flip: _laplace_flip(pair, *flip), turned), SHORT_STEPS, "laplace flip")
-    best = [h.alignment.rotation for h in pool.hypotheses[:COMPOSED]]
-    n = range(len(best))
-    triples = [(a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2]
-    composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
-    pool.add(parallel_map(lambda c: images_of_rotation(pair, c), composed), SHORT_STEPS, "composition")
+    pool.flip(pool.hypotheses[:FLIPPED_PARENTS])
+    pool.compose(COMPOSED)
     return pool.hypotheses
+
+
+def twins(pair: Pair, winner: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
+    """Find the maps that flips of a basis function, and their compositions, make of the winner, other than those known.
+
+    They are the half-turned and mirrored maps most easily taken for it, or it for them.
+    """
+    if winner.flipped:
+        return []
+    pool = _Pool(pair)
+    pool.merge(known)
+    pool.flip([winner])  # gives mirror images
+    pool.compose(TURNED)  # and these half turns
+    return [h for h in pool.hypotheses if h.flipped and h.origin != "features" and h not in known]
 
 
 class _Pool:
@@ -149,7 +158,31 @@ class _Pool:
 
     def add(self, images: list[IntArray], steps: int, origin: str) -> None:
         """Settle first maps and merge what comes of them."""
-        self.merge([Hypothesis(alignment, origin) for alignment in self.settled(images, steps)])
+        flipped = origin != "features"
+        self.merge([Hypothesis(alignment, origin, flipped) for alignment in self.settled(images, steps)])
+
+    def flip(self, parents: list[Hypothesis]) -> None:
+        """Add what comes of turning the sign of a basis function, of either basis, in each of some maps."""
+        pair, maps = self._pair, [parent.alignment for parent in parents]
+        self.hypotheses = [replace(h, flipped=True) if h in parents else h for h in self.hypotheses]
+        flips = [(parent, j) for parent in maps for j in range(FLIPPED_COLUMNS)]
+        self.add(
+            parallel_map(lambda flip: _distance_flip(pair, *flip), flips), DISTANCE_STEPS, "distance flip"
+        )
+        spectral = [pair.functional_map(pair.upsampled(p.image, (20,) * 3), FLIPPED_FUNCTIONS) for p in maps]
+        turned = [(c, j) for c in spectral for j in range(2, FLIPPED_FUNCTIONS)]
+        self.add(parallel_map(lambda flip: _laplace_flip(pair, *flip), turned), SHORT_STEPS, "laplace flip")
+
+    def compose(self, count: int) -> None:
+        """Add what comes of a ∘ b⁻¹ ∘ c for triples of the best maps."""
+        best = [h.alignment.rotation for h in self.hypotheses[:count]]
+        n = range(len(best))
+        triples = [
+            (a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2
+        ]
+        composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
+        images = parallel_map(lambda rotation: images_of_rotation(self._pair, rotation), composed)
+        self.add(images, SHORT_STEPS, "composition")
 
     def settled(
         self, images: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None

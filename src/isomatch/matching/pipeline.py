@@ -16,7 +16,7 @@ from isomatch.matching.body import Shape
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.clock import Clock, Progress
 from isomatch.matching.config import Config
-from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search
+from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search, twins
 from isomatch.matching.initial import (
     checked_descriptors,
     checked_initial_map,
@@ -110,7 +110,7 @@ def match(
             )
         found = search(pair, given)
         clock.start("choice")
-        order = ranked(judge(pair, found), config.orientation)
+        order = _with_twins(pair, judge(pair, found), config)
         rivals: list[Judged] = []
         if (
             given and config.hypotheses == "given"
@@ -146,6 +146,15 @@ def match(
         config=config,
         seed=seed,
     )
+
+
+def _with_twins(pair: Pair, judged: list[Judged], config: Config) -> list[Judged]:
+    """Rank, with the twins of the best: a half-turned body can look best where the right map was not found."""
+    order = ranked(judged, config.orientation)
+    if not order:
+        return order
+    new = twins(pair, order[0].hypothesis, [each.hypothesis for each in judged])
+    return ranked([*judged, *judge(pair, new)], config.orientation)
 
 
 def _sizes(source: PreparedShape, target: PreparedShape) -> tuple[int, int]:
