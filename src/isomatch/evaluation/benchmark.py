@@ -8,9 +8,10 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -24,7 +25,10 @@ from isomatch.evaluation.distortion import metric_distortion
 from isomatch.evaluation.methods import CONTINUATIONS, METHODS
 from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
 from isomatch.evaluation.smoothness import dirichlet_energy
+from isomatch.geodesics import Remembered, distance_engine
 from isomatch.maps import Correspondence
+
+Job: TypeAlias = tuple[tuple[str, str], str]  # names of the pair, method to start with
 
 DISTORTION_ROWS = 100  # points whose distances to 1000 others tell the distortion of a pair
 
@@ -87,10 +91,10 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]
         if "problem" not in row and (row["points"], row["seed"]) == (run.n_points, run.seed)
     }
     pairs = benchmark_set(run.set_name, run.folder).chosen(run.n_pairs, run.seed).pairs
-    todo: dict[tuple[tuple[str, str], str], list[str]] = {}  # what starts from one map is one job
-    for method in run.methods:
-        base, ending = _parts(method)
-        for pair in pairs:
+    todo: dict[Job, list[str]] = {}  # what starts from one map is one job
+    for pair in pairs:
+        for method in run.methods:
+            base, ending = _parts(method)
             if (run.set_name, "-".join(pair), method) not in done:
                 todo.setdefault((pair, base), []).append(ending)
     with ledger.open("a", encoding="utf-8") as file:
@@ -110,69 +114,90 @@ def _known(base: str, ending: str) -> bool:
     return base in METHODS and ending in ("", *CONTINUATIONS)
 
 
-def _rows(
-    run: BenchmarkRun, todo: dict[tuple[tuple[str, str], str], list[str]], jobs: int
-) -> Iterator[dict[str, Any]]:
+def _rows(run: BenchmarkRun, todo: dict[Job, list[str]], jobs: int) -> Iterator[dict[str, Any]]:
     if jobs == 1:
-        for (pair, base), endings in todo.items():
-            yield from _rows_of(run, pair, base, endings)
+        worker = _Worker(run)
+        for job, endings in todo.items():
+            yield from worker.rows(*job, endings)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_one_thread) as pool:
-        futures = [pool.submit(_rows_of, run, *job, endings) for job, endings in todo.items()]
-        for future in as_completed(futures):
+    with ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=(run,)
+    ) as pool:
+        for future in as_completed([pool.submit(_work, *job, endings) for job, endings in todo.items()]):
             yield from future.result()
 
 
-def _one_thread() -> None:
-    """Give a worker one thread, in our loops and in every linear algebra library."""
+_worker: _Worker  # of this process, see `_begin`
+
+
+def _begin(run: BenchmarkRun) -> None:
+    """Start a worker process: one thread, in our loops and in every linear algebra library."""
+    global _worker
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
     ThreadpoolController().limit(limits=1)
+    _worker = _Worker(run)
 
 
-def _rows_of(
-    run: BenchmarkRun, names: tuple[str, str], base: str, endings: list[str]
-) -> list[dict[str, Any]]:
-    """Match one pair with one method, and continue from its map; any problem becomes part of a row."""
-    told = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
-    rows = [told | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
-    try:
-        pair = benchmark_set(run.set_name, run.folder).load(*names)
-        hints = METHODS[base].hints(pair, run.seed)
-        started = time.perf_counter()
-        start, details = METHODS[base](pair, hints)
-        seconds = time.perf_counter() - started
-    except Exception as problem:  # a benchmark reports what any method does; nothing is hidden
-        return [row | {"problem": _problem(problem)} for row in rows]
-    sizes = {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices}
-    for row, ending in zip(rows, endings):
-        row |= sizes
+def _work(names: tuple[str, str], base: str, endings: list[str]) -> list[dict[str, Any]]:
+    return _worker.rows(names, base, endings)
+
+
+class _Worker:
+    """Runs jobs; keeps the last pair and its distances, because the next job is likely the same pair's."""
+
+    def __init__(self, run: BenchmarkRun) -> None:
+        self._run = run
+        self._loaded = lru_cache(maxsize=1)(self._load)
+
+    def _load(self, names: tuple[str, str]) -> tuple[BenchmarkPair, tuple[Remembered, Remembered]]:
+        pair = benchmark_set(self._run.set_name, self._run.folder).load(*names)
+        return pair, (Remembered(distance_engine(pair.source)), Remembered(distance_engine(pair.target)))
+
+    def rows(self, names: tuple[str, str], base: str, endings: list[str]) -> list[dict[str, Any]]:
+        """Match one pair with one method, and continue from its map; any problem becomes part of a row."""
+        run = self._run
+        told = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
+        rows = [told | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
         try:
-            found, what, further = start, details, 0.0
-            if ending:
-                started = time.perf_counter()
-                result = CONTINUATIONS[ending](pair.source, pair.target, start)
-                found, what, further = result.map, result.to_dict(), time.perf_counter() - started
-            row |= {"seconds": seconds + further, "outcome": what.get("outcome", ""), "details": what}
-            row |= _judged(run, pair, found)
-        except Exception as problem:
-            row["problem"] = _problem(problem)
-    return rows
+            pair, engines = self._loaded(names)
+            hints = METHODS[base].hints(pair, run.seed)
+            started = time.perf_counter()
+            start, details = METHODS[base](pair, hints)
+            seconds = time.perf_counter() - started
+        except Exception as problem:  # a benchmark reports what any method does; nothing is hidden
+            return [row | {"problem": _problem(problem)} for row in rows]
+        sizes = {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices}
+        for row, ending in zip(rows, endings):
+            row |= sizes
+            try:
+                found, what, further = start, details, 0.0
+                if ending:
+                    started = time.perf_counter()
+                    result = CONTINUATIONS[ending](pair.source, pair.target, start)
+                    found, what, further = result.map, result.to_dict(), time.perf_counter() - started
+                row |= {"seconds": seconds + further, "outcome": what.get("outcome", ""), "details": what}
+                row |= _judged(run, pair, engines, found)
+            except Exception as problem:
+                row["problem"] = _problem(problem)
+        return rows
 
 
 def _problem(problem: Exception) -> str:
     return f"{type(problem).__name__}: {problem}"
 
 
-def _judged(run: BenchmarkRun, pair: BenchmarkPair, found: Correspondence) -> dict[str, Any]:
+def _judged(
+    run: BenchmarkRun, pair: BenchmarkPair, engines: tuple[Remembered, Remembered], found: Correspondence
+) -> dict[str, Any]:
     """Errors × 100, an unmatched vertex counting as √area, and the cheap ones of the other measures.
 
     Where the shapes are truly symmetric, one decision is taken for the pair between direct and mirrored truth.
     """
-    sides = sided_errors(pair.target, found, pair.truth, pair.mirrored, run.n_points, run.seed)
+    sides = sided_errors(pair.target, found, pair.truth, pair.mirrored, run.n_points, run.seed, engines[1])
     either = counted(sides.better)
     errors = either if pair.symmetric else counted(sides.direct)
     distortion = metric_distortion(
-        pair.source, pair.target, found, pair.truth, n_rows=DISTORTION_ROWS, seed=run.seed
+        pair.source, pair.target, found, pair.truth, n_rows=DISTORTION_ROWS, seed=run.seed, engines=engines
     )
     numbers = {
         "error": 100 * errors.mean(),

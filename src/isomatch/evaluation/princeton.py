@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.errors import SettingError
-from isomatch.geodesics import distance_engine, pair_distances
+from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
 from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 
@@ -44,7 +44,12 @@ class SidedErrors:
 
 
 def geodesic_errors(
-    target: Mesh, correspondence: Correspondence, truth: IntArray, n_points: int | None = None, seed: int = 0
+    target: Mesh,
+    correspondence: Correspondence,
+    truth: IntArray,
+    n_points: int | None = None,
+    seed: int = 0,
+    engine: DistanceEngine | None = None,
 ) -> FloatArray:
     """Geodesic distance on the target between image and truth, divided by √(target area).
 
@@ -60,6 +65,8 @@ def geodesic_errors(
         Judge this many rows, drawn without replacement; all by default.
     seed : int
         Seeds the draw.
+    engine : DistanceEngine, optional
+        Distances on the target; by default by fast marching.
 
     Returns
     -------
@@ -77,7 +84,7 @@ def geodesic_errors(
     held = image >= 0
     errors = np.full(len(truth), np.inf)
     pairs = np.column_stack([truth[held, 1], image[held]])
-    errors[held] = pair_distances(distance_engine(target), pairs) / np.sqrt(target.area)
+    errors[held] = pair_distances(engine or distance_engine(target), pairs) / np.sqrt(target.area)
     return errors
 
 
@@ -88,12 +95,13 @@ def sided_errors(
     mirrored: IntArray | None = None,
     n_points: int | None = None,
     seed: int = 0,
+    engine: DistanceEngine | None = None,
 ) -> SidedErrors:
     """Geodesic errors against the direct and the mirrored truth of a pair of symmetric shapes.
 
     Parameters
     ----------
-    target, correspondence, truth, n_points, seed
+    target, correspondence, truth, n_points, seed, engine
         As for `geodesic_errors`.
     mirrored : (q, 2) array of int, optional
         The truth after a left–right flip of one shape, with the same source vertices row by row.
@@ -120,8 +128,10 @@ def sided_errors(
     if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
         raise SettingError("direct and mirrored truth differ in their source vertices; give the same rows")
     return SidedErrors(
-        geodesic_errors(target, correspondence, truth, n_points, seed),
-        None if mirrored is None else geodesic_errors(target, correspondence, mirrored, n_points, seed),
+        geodesic_errors(target, correspondence, truth, n_points, seed, engine),
+        None
+        if mirrored is None
+        else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine),
     )
 
 
