@@ -149,6 +149,16 @@ def test_example_pair_with_landmarks(example, example_truth, prepared_example, m
     assert found.quality.landmark_error < 0.06
 
 
+@pytest.mark.parametrize("signatures", ["heat", "both"])
+def test_heat_kernel_signatures_serve_as_well(example, example_truth, prepared_example, signatures):
+    landmarks = landmarks_of(prepared_example[0], example_truth)
+    config = FunctionalMapsConfig(30, signatures=signatures)
+    found = functional_maps(*prepared_example, landmarks=landmarks, config=config)
+    wave = functional_maps(*prepared_example, landmarks=landmarks, config=replace(config, signatures="wave"))
+    assert error(found.map.vertices, example_truth, example[1].mesh) < 0.03
+    assert (found.map.vertices != wave.map.vertices).any()
+
+
 def test_gdd_improves_another_map(example, example_truth, prepared_example):
     start = functional_maps(*prepared_example, config=FunctionalMapsConfig(20, refinement="none"))
     found = gdd(*(made.mesh for made in example), initial_map=start.map)
@@ -243,6 +253,7 @@ def test_methods_that_need_a_hint(copies):
     [
         (lambda: FunctionalMapsConfig(n_functions=1), "n_functions = 1 is not at least 2"),
         (lambda: FunctionalMapsConfig(product_weight=-1.0), "product_weight = -1.0 is not a weight"),
+        (lambda: FunctionalMapsConfig(signatures="sound"), "signatures = 'sound' is not one of wave"),
         (lambda: FunctionalMapsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
         (lambda: ZoomOutConfig(last=30), "last = 30 is not at least 50"),
         (lambda: ZoomOutConfig(step=0), "step = 0 is not at least 1"),

@@ -14,16 +14,20 @@ from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
 from isomatch.baselines.task import Task, require_weights
-from isomatch.descriptors import wave_kernel_map, wave_kernel_signature
+from isomatch.descriptors import heat_kernel_signature, wave_kernel_map, wave_kernel_signature
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.features import standardised
 
-KERNEL_FUNCTIONS = 100  # eigenfunctions in wave kernels
-KERNEL_STEP = 5  # every fifth of a hundred energies: neighbours overlap
+KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels
+KERNEL_STEP = 5  # every fifth of a hundred energies or times: neighbours overlap
 ICP_STEPS = 10
+SIGNATURES: dict[str, Callable[..., FloatArray]] = {
+    "wave": wave_kernel_signature,
+    "heat": heat_kernel_signature,
+}
 
 FunctionalRefinement = Literal["icp", "none"]
 
@@ -38,6 +42,8 @@ class FunctionalMapsConfig:
         Laplace–Beltrami functions of each shape in the functional map; its solution is O(n_functions⁶).
     descriptor_weight, product_weight, orientation_weight, laplacian_weight : float
         Of the four terms of the energy; 0 leaves one out.
+    signatures : {"wave", "heat", "both"}
+        Kernel signatures that are preserved.
     orientation : {"preserve", "reverse", "any"}
         Sign of the orientation term; "any" leaves it out.
     refinement : {"icp", "none"}
@@ -49,13 +55,18 @@ class FunctionalMapsConfig:
     product_weight: float = 1.0
     orientation_weight: float = 1.0
     laplacian_weight: float = 0.1
+    signatures: Literal["wave", "heat", "both"] = "wave"
     orientation: Orientation = "preserve"
     refinement: FunctionalRefinement = "icp"
 
     def __post_init__(self) -> None:
         if self.n_functions < 2:
             raise SettingError(f"n_functions = {self.n_functions} is not at least 2")
-        for name, known in (("orientation", ("preserve", "reverse", "any")), ("refinement", ("icp", "none"))):
+        for name, known in (
+            ("signatures", ("wave", "heat", "both")),
+            ("orientation", ("preserve", "reverse", "any")),
+            ("refinement", ("icp", "none")),
+        ):
             if getattr(self, name) not in known:
                 raise SettingError(f"{name} = {getattr(self, name)!r} is not one of {', '.join(known)}")
         require_weights(self)
@@ -118,7 +129,7 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     task.clock.start("functional map")
     pair, k = task.pair, task.functions_at_most(config.n_functions)
     shapes = source, target = pair.source.shape, pair.target.shape
-    given = [_coefficients(shape, task, side, k) for side, shape in enumerate(shapes)]
+    given = [_coefficients(shape, task, side, k, config.signatures) for side, shape in enumerate(shapes)]
     constant = np.eye(k)[:, :1]
     energy = FunctionalEnergy(k, k)
     for of_source, of_target in (*zip(*given), (constant, constant)):
@@ -141,14 +152,14 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     return energy.minimiser()
 
 
-def _coefficients(shape: PreparedShape, task: Task, side: int, k: int) -> list[FloatArray]:
+def _coefficients(shape: PreparedShape, task: Task, side: int, k: int, signatures: str) -> list[FloatArray]:
     """Functions that should correspond, standardised, in k functions: groups of signatures, landmarks, descriptors."""
 
     def kernel(of: Callable[..., FloatArray], *vertex: int) -> FloatArray:
         return of(shape.laplace, *vertex, k=KERNEL_FUNCTIONS)[:, ::KERNEL_STEP]
 
     groups = [
-        [kernel(wave_kernel_signature)],
+        [kernel(of) for name, of in SIGNATURES.items() if signatures in (name, "both")],
         [kernel(wave_kernel_map, vertex) for vertex in task.points[:, side]],
         [task.functions[side]],
     ]
