@@ -16,17 +16,19 @@ from typing import Any, TypeAlias
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from isomatch._arrays import IntArray
 from isomatch._threads import n_threads
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
-from isomatch.evaluation.methods import CONTINUATIONS, METHODS
+from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, Surface
 from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.geodesics import Remembered, distance_engine
 from isomatch.maps import Correspondence
+from isomatch.matching import Config, PreparedShape, prepare
 
 Job: TypeAlias = tuple[tuple[str, str], str]  # names of the pair, method to start with
 
@@ -148,6 +150,7 @@ class _Worker:
     def __init__(self, run: BenchmarkRun) -> None:
         self._run = run
         self._loaded = lru_cache(maxsize=1)(self._load)
+        self._prepared = lru_cache(maxsize=2)(self._prepare)
 
     def _load(self, names: tuple[str, str]) -> tuple[BenchmarkPair, tuple[Remembered, Remembered]]:
         pair = benchmark_set(self._run.set_name, self._run.folder).load(*names)
@@ -156,30 +159,49 @@ class _Worker:
     def rows(self, names: tuple[str, str], base: str, endings: list[str]) -> list[dict[str, Any]]:
         """Match one pair with one method, and continue from its map; any problem becomes part of a row."""
         run = self._run
-        told = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
-        rows = [told | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
+        known = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
+        rows = [known | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
         try:
             pair, engines = self._loaded(names)
             hints = METHODS[base].hints(pair, run.seed)
-            started = time.perf_counter()
-            start, details = METHODS[base](pair, hints)
-            seconds = time.perf_counter() - started
+            start, details, seconds = self._run_method(METHODS[base], names, hints)
         except Exception as problem:  # a benchmark reports what any method does; nothing is hidden
             return [row | {"problem": _problem(problem)} for row in rows]
         sizes = {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices}
         for row, ending in zip(rows, endings):
             row |= sizes
             try:
-                found, what, further = start, details, 0.0
+                found, told, further = start, details, 0.0
                 if ending:
-                    started = time.perf_counter()
-                    result = CONTINUATIONS[ending](pair.source, pair.target, start)
-                    found, what, further = result.map, result.to_dict(), time.perf_counter() - started
-                row |= {"seconds": seconds + further, "outcome": what.get("outcome", ""), "details": what}
+                    method = CONTINUATIONS[ending]
+                    found, told, further = self._run_method(method, names, {"start": start.vertices})
+                row |= {"seconds": seconds + further, "outcome": told.get("outcome", ""), "details": told}
                 row |= _judged(run, pair, engines, found)
             except Exception as problem:
                 row["problem"] = _problem(problem)
         return rows
+
+    def _run_method(
+        self, method: Method, names: tuple[str, str], given: dict[str, IntArray]
+    ) -> tuple[Correspondence, dict[str, Any], float]:
+        """Map, what the method tells, and seconds, with those of the preparation, though it served others too."""
+        pair, _ = self._loaded(names)
+        source: Surface = pair.source
+        target: Surface = pair.target
+        seconds = 0.0
+        if method.preparation is not None:
+            source, target, seconds = self._prepared(names, method.preparation)
+        started = time.perf_counter()
+        found, told = method.on(source, target, given)
+        return found, told, seconds + time.perf_counter() - started
+
+    def _prepare(self, names: tuple[str, str], config: Config) -> tuple[PreparedShape, PreparedShape, float]:
+        pair, _ = self._loaded(names)
+        started = time.perf_counter()
+        shapes = prepare(pair.source, config), prepare(pair.target, config)
+        for shape in shapes:
+            shape.cloud, shape.signatures, shape.curvature, shape.cells  # noqa: B018 - computed when first asked for
+        return *shapes, time.perf_counter() - started
 
 
 def _problem(problem: Exception) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,8 +24,10 @@ from isomatch.baselines import (
 from isomatch.datasets import BenchmarkPair
 from isomatch.geodesics import distance_engine
 from isomatch.maps import Correspondence
-from isomatch.matching import Config, MatchResult, match
+from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Mesh
+
+Surface: TypeAlias = Mesh | PreparedShape
 
 N_LANDMARKS = 5  # as in the paper
 REFERENCES = 30  # true pairs by which others are checked
@@ -42,10 +44,13 @@ class Method:
         Of source and target, and of ``landmarks`` if it takes them.
     n_landmarks : int
         True landmarks it is given.
+    preparation : Config, optional
+        Settings of the prepared shapes it is given; by default it is given meshes.
     """
 
     function: Callable[..., MatchResult | Correspondence]
     n_landmarks: int = 0
+    preparation: Config | None = None
 
     def hints(self, pair: BenchmarkPair, seed: int) -> dict[str, IntArray]:
         """Arguments that tell the method part of the truth."""
@@ -55,46 +60,52 @@ class Method:
         self, pair: BenchmarkPair, hints: dict[str, IntArray]
     ) -> tuple[Correspondence, dict[str, Any]]:
         """Map source to target; also give what the method tells of itself."""
-        found = self.function(pair.source, pair.target, **hints)
+        return self.on(pair.source, pair.target, hints)
+
+    def on(
+        self, source: Surface, target: Surface, given: dict[str, IntArray]
+    ) -> tuple[Correspondence, dict[str, Any]]:
+        """Do the same with meshes or shapes prepared with the settings of ``preparation``."""
+        found = self.function(source, target, **given)
         return (found.map, found.to_dict()) if isinstance(found, MatchResult) else (found, {})
 
 
+def _from_map(source: Surface, target: Surface, start: IntArray) -> MatchResult:
+    """Align descriptors from a given map, and refine jointly."""
+    return match(source, target, initial_map=start, config=Config(hypotheses="given"))
+
+
+def _from_map_as_published(source: Surface, target: Surface, start: IntArray) -> MatchResult:
+    """Align descriptors from a given map, then iterative closest points in the Laplace–Beltrami basis."""
+    return gdd_post(source, target, initial_map=start)
+
+
+USUAL, PUBLISHED = Config(), Config(weights="uniform")
 METHODS = {
-    "isomatch": Method(match),
-    "gdd": Method(gdd, N_LANDMARKS),
-    "gdd_post": Method(gdd_post, N_LANDMARKS),
-    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS),
-    "functional_maps": Method(functional_maps),
-    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS),
-    "zoomout": Method(zoomout),
-    "zoomout_5pt": Method(zoomout, N_LANDMARKS),
-    "gmds": Method(gmds),
-    "gmds_5pt": Method(gmds, N_LANDMARKS),
-    "gw": Method(gromov_wasserstein),
-    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS),
-    "sgmds": Method(spectral_gmds),
-    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS),
-    "sgf": Method(spectral_gradient_fields),
-    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS),
+    "isomatch": Method(match, 0, USUAL),
+    "gdd": Method(gdd, N_LANDMARKS, PUBLISHED),
+    "gdd_post": Method(gdd_post, N_LANDMARKS, PUBLISHED),
+    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS, USUAL),
+    "functional_maps": Method(functional_maps, 0, USUAL),
+    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS, USUAL),
+    "zoomout": Method(zoomout, 0, USUAL),
+    "zoomout_5pt": Method(zoomout, N_LANDMARKS, USUAL),
+    "gmds": Method(gmds, 0, USUAL),
+    "gmds_5pt": Method(gmds, N_LANDMARKS, USUAL),
+    "gw": Method(gromov_wasserstein, 0, USUAL),
+    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS, USUAL),
+    "sgmds": Method(spectral_gmds, 0, USUAL),
+    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS, USUAL),
+    "sgf": Method(spectral_gradient_fields, 0, USUAL),
+    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS, USUAL),
     "pyfm": Method(pyfm_zoomout),
 }
 
-
-def _from_map(source: Mesh, target: Mesh, start: Correspondence) -> MatchResult:
-    """Align descriptors from a given map, and refine jointly."""
-    return match(source, target, initial_map=start.vertices, config=Config(hypotheses="given"))
-
-
-def _from_map_as_published(source: Mesh, target: Mesh, start: Correspondence) -> MatchResult:
-    """Align descriptors from a given map, then iterative closest points in the Laplace–Beltrami basis."""
-    return gdd_post(source, target, initial_map=start.vertices)
-
-
-CONTINUATIONS: dict[str, Callable[[Mesh, Mesh, Correspondence], MatchResult]] = {
-    "gdd": _from_map,
-    "post": _from_map_as_published,
+CONTINUATIONS = {
+    "gdd": Method(_from_map, 0, USUAL),
+    "post": Method(_from_map_as_published, 0, PUBLISHED),
 }
-"""What starts from the map of another method."""
+"""What starts from the map of another method, its third argument."""
 
 
 def true_landmarks(pair: BenchmarkPair, count: int = N_LANDMARKS, seed: int = 0) -> IntArray:
