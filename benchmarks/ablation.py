@@ -19,11 +19,12 @@ import numpy as np
 
 from isomatch import Config, match, prepare
 from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.matching import choice, hypotheses, refine
+from isomatch.matching import choice, hypotheses, pipeline, refine
 from studies import changed, in_parallel, mean_error
 
 SEED = 77
 PAIRS = {"faust_r": 4, "tosca_iso_r": 8, "scape": 2}
+NO_TWINS: tuple[Any, dict[str, Any]] = (pipeline, {"twins": lambda *_: []})
 VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "everything": (Config(), []),
     "smooth option": (Config(refinement="smooth"), []),
@@ -36,8 +37,13 @@ VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "refinement: none (plain descriptors)": (Config(refinement="none"), []),
     "no contest: energy alone decides": (Config(), [(choice, {"MOST_CONTENDERS": 1})]),
     "contest decided by misfit alone": (Config(), [(refine, {"score_of": lambda pair, fit: fit.misfit})]),
-    "no compositions": (Config(), [(hypotheses, {"COMPOSED": 0})]),
+    "no twins": (Config(), [NO_TWINS]),
+    "no compositions, no twins": (Config(), [(hypotheses, {"COMPOSED": 0}), NO_TWINS]),
     "no flips, no compositions": (Config(), [(hypotheses, {"FLIPPED_PARENTS": 0, "COMPOSED": 0})]),
+    "no flips, no compositions, no twins": (
+        Config(),
+        [(hypotheses, {"FLIPPED_PARENTS": 0, "COMPOSED": 0}), NO_TWINS],
+    ),
     "starts without point signatures": (Config(), [(hypotheses, {"SIGNATURE_SHARE": 0.0})]),
     "one set of extremal points": (Config(), [(hypotheses, {"FEATURE_COUNTS": (5,)})]),
     "either orientation": (Config(orientation="any"), []),

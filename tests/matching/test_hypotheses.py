@@ -29,7 +29,19 @@ def test_twins_of_the_mirror_image_contain_the_true_map(known):
     found = twins(pair, mirrored, [mirrored])
     assert min(pair.difference(h.alignment.image, true.alignment.image) for h in found) < 0.03
     assert all(pair.difference(h.alignment.image, mirrored.alignment.image) > 0.05 for h in found)
-    assert all(h.flipped for h in found)
+    assert all(h.alignment is not mirrored.alignment for h in found)
+
+
+@pytest.mark.parametrize("origin", ["features", "initial map"])
+def test_twins_are_new_whatever_is_known(known, origin):
+    pair, true, mirrored = known
+    winner = Hypothesis(mirrored.alignment, origin)
+    everything = [winner, true, *twins(pair, winner, [winner, true])]
+    assert len(everything) > 3
+    assert twins(pair, winner, everything) == []
+    for i, one in enumerate(everything):
+        for other in everything[:i]:
+            assert pair.difference(one.alignment.image, other.alignment.image) > 0.05
 
 
 def test_what_was_flipped_is_not_flipped_again(known):

@@ -29,7 +29,7 @@ FLIPPED_PARENTS = 3
 FLIPPED_COLUMNS = 10
 FLIPPED_FUNCTIONS = 20
 COMPOSED = 6  # best maps of which triples are composed
-TURNED = 6  # the same among the flips of a winner
+TURNED = 6  # the same among a winner and its flips
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Hypothesis:
         Where it came from: "features", "landmarks", "initial map", "descriptors", "distance flip", "laplace flip",
         "composition".
     flipped : bool
-        Whether it is a flip or composition of other maps, or its own flips were tried.
+        Whether it came of flips, or its own flips were tried.
     """
 
     alignment: Alignment
@@ -136,17 +136,18 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def twins(pair: Pair, winner: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
-    """Find the maps that flips of a basis function, and their compositions, make of the winner, other than those known.
+    """Find maps that flips of one basis function, and their compositions, make of the winner, other than those known.
 
-    They are the half-turned and mirrored maps most easily taken for it, or it for them.
+    They are the half-turned and mirrored maps most easily taken for it, or it for them. None if it was flipped before.
     """
     if winner.flipped:
         return []
     pool = _Pool(pair)
-    pool.merge(known)
+    pool.merge([winner])
     pool.flip([winner])  # gives mirror images
-    pool.compose(TURNED)  # and these half turns
-    return [h for h in pool.hypotheses if h.flipped and h.origin != "features" and h not in known]
+    pool.compose(TURNED)  # and of these half turns
+    images = [h.alignment.image for h in known]
+    return [h for h in pool.hypotheses if pair.differs(h.alignment.image, images, SAME_MAP)]
 
 
 class _Pool:

@@ -110,13 +110,14 @@ def match(
             )
         found = search(pair, given)
         clock.start("choice")
-        order = _with_twins(pair, judge(pair, found), config)
+        order = _candidates(pair, found, pairs, config)
         rivals: list[Judged] = []
-        if (
-            given and config.hypotheses == "given"
-        ):  # what was not given is tried as well, to know whether it fits better
-            order, rivals = ranked(judge(pair, given), config.orientation), order
-        order, rivals = (_agreeing(pair, judged, pairs, config) for judged in (order, rivals))
+        if given and config.hypotheses == "given":
+            # what was not given is tried as well, to know whether it fits better
+            order, rivals = (
+                _agreeing(pair, ranked(judge(pair, given), config.orientation), pairs, config),
+                order,
+            )
         if not order:
             raise NotConvergedError(
                 "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); "
@@ -146,15 +147,6 @@ def match(
         config=config,
         seed=seed,
     )
-
-
-def _with_twins(pair: Pair, judged: list[Judged], config: Config) -> list[Judged]:
-    """Rank, with the twins of the best: a half-turned body can look best where the right map was not found."""
-    order = ranked(judged, config.orientation)
-    if not order:
-        return order
-    new = twins(pair, order[0].hypothesis, [each.hypothesis for each in judged])
-    return ranked([*judged, *judge(pair, new)], config.orientation)
 
 
 def _sizes(source: PreparedShape, target: PreparedShape) -> tuple[int, int]:
@@ -218,6 +210,18 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
         ],
         dtype=np.int64,
     )
+
+
+def _candidates(
+    pair: Pair, found: list[Hypothesis], landmarks: IntArray | None, config: Config
+) -> list[Judged]:
+    """Rank those that agree with the landmarks, and the twins of the best: it may be the half-turned one of the two."""
+    judged = judge(pair, found)
+    order = _agreeing(pair, ranked(judged, config.orientation), landmarks, config)
+    new = twins(pair, order[0].hypothesis, found) if order else []
+    if not new:
+        return order
+    return _agreeing(pair, ranked([*judged, *judge(pair, new)], config.orientation), landmarks, config)
 
 
 def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, config: Config) -> list[Judged]:
