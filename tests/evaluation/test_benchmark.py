@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, FormatError, SettingError, geodesic_distances
+from isomatch import Correspondence, FormatError, PreparedShape, SettingError, geodesic_distances
 from isomatch.cli.bench import bench
 from isomatch.datasets import BenchmarkPair, example_pair, ground_truth
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
 from isomatch.evaluation import (
+    CONTINUATIONS,
     METHODS,
     BenchmarkRun,
     Method,
@@ -41,18 +42,20 @@ def small(monkeypatch):
             calls.append(one)
             return Correspondence(image, other.n_vertices)
 
-        return Method(method)
+        return Method(method, preparation=None)
 
     def broken(one, other):
         raise RuntimeError("no <map> today")
 
     chosen = BenchmarkSet("small", (("a", "b"), ("b", "c")), load)
     monkeypatch.setattr(benchmark, "benchmark_set", lambda name, folder: chosen)
-    monkeypatch.setattr(
-        benchmark,
-        "METHODS",
-        {"right": answer(truth), "flipped": answer(wrong[:, 1]), "broken": Method(broken)},
-    )
+    fakes = {
+        "right": answer(truth),
+        "flipped": answer(wrong[:, 1]),
+        "broken": Method(broken, preparation=None),
+    }
+    for name, method in fakes.items():
+        monkeypatch.setitem(METHODS, name, method)
     return calls
 
 
@@ -87,28 +90,31 @@ def test_rows_tables_and_resuming(small, tmp_path):
 
 
 def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path):
-    def turned(source, target, start):
-        return Correspondence(np.roll(start, 7), target.n_vertices)
+    def turned(source, target, initial_map):
+        return Correspondence(np.roll(initial_map, 7), target.n_vertices)
 
-    monkeypatch.setattr(benchmark, "CONTINUATIONS", {"turned": Method(turned), "gdd": None})
-    run = BenchmarkRun("small", ("right", "right+turned", "right+gdd"), n_points=50, jobs=1)
+    monkeypatch.setitem(CONTINUATIONS, "turned", Method(turned, preparation=None))
+    monkeypatch.setitem(CONTINUATIONS, "failing", None)
+    run = BenchmarkRun("small", ("right+turned", "right+failing"), n_points=50, jobs=1)
     rows = list(run_benchmark(run, tmp_path))
-    assert [row["method"] for row in rows] == [*run.methods, *run.methods]
+    assert [row["method"] for row in rows] == ["right", *run.methods] * 2, "the start itself is told as well"
     assert len(small) == 2, "once for each pair"
     right, further, failed = rows[:3]
     assert right["error"] == 0 < further["error"]
     assert further["seconds"] > right["seconds"]
     assert "NoneType" in failed["problem"], "the others are kept"
     table = write_tables(tmp_path)
-    assert [line["method"] for line in table] == sorted(run.methods)
+    assert [line["method"] for line in table] == ["right", "right+failing", "right+turned"]
     with (tmp_path / "improvements.csv").open() as file:
         gain = next(csv.DictReader(file))
     assert (gain["method"], gain["pairs"], float(gain["error_before"])) == ("right+turned", "2", 0)
     assert float(gain["error_after"]) == pytest.approx(further["error"], rel=1e-4)
     assert float(gain["error_smaller"]) == 0 == float(gain["distortion_l2_smaller"])
     assert "right+turned" in (tmp_path / "index.html").read_text(encoding="utf-8")
-    with pytest.raises(SettingError, match=r"unknown method right\+magic; .* followed by \+turned or"):
-        BenchmarkRun("small", ("right+magic", "right+gdd"))
+    with pytest.raises(SettingError, match=r"unknown method right\+magic; .* followed by \+isomatch or"):
+        BenchmarkRun("small", ("right+gdd", "right+magic"))
+    with pytest.raises(SettingError, match=r"unknown method right\+;"):
+        BenchmarkRun("small", ("right+",))
 
 
 def test_mirrored_truth_is_told_but_does_not_excuse_shapes_that_are_not_symmetric(
@@ -212,20 +218,28 @@ def test_wrong_rows_of_the_truth_are_no_landmarks(relabelled_pair):
     assert not set(drawn[:, 0]) & set(at)
 
 
-def test_methods_are_called_by_name(relabelled_pair):
+def test_methods_share_landmarks_and_prepared_shapes(small, monkeypatch, tmp_path):
     given = []
 
     def method(source, target, **hints):
-        given.append(hints)
-        return Correspondence(relabelled_pair.truth[:, 1], target.n_vertices)
+        given.append((source, hints))
+        return Correspondence(np.zeros(source.mesh.n_vertices, dtype=int), target.mesh.n_vertices)
 
-    for count in (0, 5):
-        one = Method(method, count)
-        found, told = one(relabelled_pair, one.hints(relabelled_pair, seed=0))
-        assert (found.vertices == relabelled_pair.truth[:, 1]).all()
-        assert told == {}
-    assert given[0] == {}
-    np.testing.assert_array_equal(given[1]["landmarks"], true_landmarks(relabelled_pair))
+    for name, count in (("blind", 0), ("led", 5)):
+        monkeypatch.setitem(METHODS, name, Method(method, count))
+    monkeypatch.setitem(CONTINUATIONS, "again", Method(method))
+    run = BenchmarkRun("small", ("blind", "led", "led+again"), n_pairs=1, n_points=20, jobs=1)
+    blind, led, again = run_benchmark(run, tmp_path)
+    (shape, nothing), (same, landmarks), (still, start) = given
+    assert isinstance(shape, PreparedShape)
+    assert shape is same is still
+    assert nothing == {}
+    pair = benchmark.benchmark_set("small", None).load("a", "b")
+    np.testing.assert_array_equal(landmarks["landmarks"], true_landmarks(pair))
+    assert (start["initial_map"] == 0).all()
+    prepared = 2 * min(shape.seconds, 0.01)
+    assert min(blind["seconds"], led["seconds"]) > prepared
+    assert again["seconds"] < 1.5 * led["seconds"], "one preparation is counted once"
 
 
 def test_command_line_names_every_method():
@@ -233,6 +247,8 @@ def test_command_line_names_every_method():
 
 
 def test_phi_runs_as_a_method(relabelled_pair):
-    found, told = METHODS["phi"](relabelled_pair, METHODS["phi"].hints(relabelled_pair, 0))
+    found, told = METHODS["phi"](
+        relabelled_pair.source, relabelled_pair.target, {"landmarks": true_landmarks(relabelled_pair)}
+    )
     assert (found.vertices == relabelled_pair.truth[:, 1]).mean() > 0.95
     assert told["outcome"] == "CONVERGED"

@@ -31,14 +31,15 @@ def bench(
     sets : str
         faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures; several with commas.
     output : Path
-        Folder for rows.jsonl, index.html, pairs.csv, summary.csv and curves; rows already there are not run again.
+        Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves; rows already there are
+        not run again.
     data : Path
         Folder of the sets, each in a folder of its name, as archives or as it was published; creatures need none.
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
         gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
-        given five true landmarks, far from one another. NAME+gdd is isomatch started from the map of NAME, and NAME+post
-        the paper's own refinement of it.
+        given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of NAME;
+        NAME+gdd and NAME+gdd_post are the paper's.
     pairs : int
         Pairs to draw from each set; all by default.
     points : int
@@ -65,11 +66,11 @@ def bench(
         return
     say("mean geodesic error × 100 / √(target area)", "bold")
     say(
-        f"{'set':12} {'method':19} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
+        f"{'set':12} {'method':28} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
     )
     for row in table:
         say(
-            f"{row['set']:12} {row['method']:19} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
+            f"{row['set']:12} {row['method']:28} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
             + (f"  {row['problems']} without a map" if row["problems"] else "")
         )

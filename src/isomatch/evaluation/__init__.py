@@ -3,7 +3,7 @@
 from isomatch.evaluation.benchmark import BenchmarkRun, read_rows, run_benchmark
 from isomatch.evaluation.bijectivity import coverage, cycle_errors
 from isomatch.evaluation.distortion import MetricDistortion, metric_distortion
-from isomatch.evaluation.methods import METHODS, Method, true_landmarks
+from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, true_landmarks
 from isomatch.evaluation.princeton import (
     SidedErrors,
     area_under_curve,
@@ -14,9 +14,10 @@ from isomatch.evaluation.princeton import (
 )
 from isomatch.evaluation.published_curves import PublishedCurve, read_published_curves
 from isomatch.evaluation.smoothness import conformal_distortion, dirichlet_energy, torn_edges
-from isomatch.evaluation.tables import summaries, write_tables
+from isomatch.evaluation.tables import improvements, summaries, write_tables
 
 __all__ = [
+    "CONTINUATIONS",
     "METHODS",
     "BenchmarkRun",
     "Method",
@@ -31,6 +32,7 @@ __all__ = [
     "cycle_errors",
     "dirichlet_energy",
     "geodesic_errors",
+    "improvements",
     "metric_distortion",
     "read_published_curves",
     "read_rows",

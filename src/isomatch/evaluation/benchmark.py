@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,18 +17,21 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from isomatch._arrays import IntArray
-from isomatch._threads import n_threads
-from isomatch.datasets import BenchmarkPair
+from isomatch._memory import memory_budget
+from isomatch._threads import n_threads, serial_blas
+from isomatch.datasets import example_pair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.errors import SettingError
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
-from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, Surface
+from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, Surface, parts_of, true_landmarks
 from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
+from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.evaluation.smoothness import dirichlet_energy
-from isomatch.geodesics import Remembered, distance_engine
+from isomatch.geodesics import distance_engine
 from isomatch.maps import Correspondence
-from isomatch.matching import Config, PreparedShape, prepare
+from isomatch.matching import Config, match
+from isomatch.matching.pair import prepared_pair
 
 Job: TypeAlias = tuple[tuple[str, str], str]  # names of the pair, method to start with
 
@@ -66,12 +69,8 @@ class BenchmarkRun:
     jobs: int | None = None
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.methods if not _known(*_parts(name))]
-        if unknown:
-            raise SettingError(
-                f"unknown method {', '.join(unknown)}; known are {', '.join(METHODS)}, and any of them followed by "
-                + " or ".join(f"+{ending}" for ending in CONTINUATIONS)
-            )
+        for name in self.methods:
+            parts_of(name)
         for name, least in (("n_pairs", 1), ("n_points", 1), ("seed", 0), ("jobs", 1)):
             value = getattr(self, name)
             if value is not None and value < least:
@@ -90,30 +89,24 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]
     done = {
         (row["set"], row["pair"], row["method"])
         for row in read_rows(out)
-        if "problem" not in row and (row["points"], row["seed"]) == (run.n_points, run.seed)
+        if "either" in row and (row["points"], row["seed"]) == (run.n_points, run.seed)
     }
     pairs = benchmark_set(run.set_name, run.folder).chosen(run.n_pairs, run.seed).pairs
     todo: dict[Job, list[str]] = {}  # what starts from one map is one job
     for pair in pairs:
         for method in run.methods:
-            base, ending = _parts(method)
+            base, ending = parts_of(method)
             if (run.set_name, "-".join(pair), method) not in done:
-                todo.setdefault((pair, base), []).append(ending)
+                endings = todo.setdefault((pair, base), [])
+                if ending and not endings and (run.set_name, "-".join(pair), base) not in done:
+                    endings.append("")  # is computed anyway, and shows what was gained
+                if ending not in endings:
+                    endings.append(ending)
     with ledger.open("a", encoding="utf-8") as file:
         for row in _rows(run, todo, run.jobs or n_threads()):
             file.write(json.dumps(row, allow_nan=False) + "\n")
             file.flush()
             yield row
-
-
-def _parts(method: str) -> tuple[str, str]:
-    """Split a name into a method and what continues its map; nothing does if that is empty."""
-    base, _, ending = method.partition("+")
-    return base, ending
-
-
-def _known(base: str, ending: str) -> bool:
-    return base in METHODS and ending in ("", *CONTINUATIONS)
 
 
 def _rows(run: BenchmarkRun, todo: dict[Job, list[str]], jobs: int) -> Iterator[dict[str, Any]]:
@@ -133,10 +126,12 @@ _worker: _Worker  # of this process, see `_begin`
 
 
 def _begin(run: BenchmarkRun) -> None:
-    """Start a worker process: one thread, in our loops and in every linear algebra library."""
+    """Start a worker process: one thread, in our loops and in every linear algebra library; all loops loaded."""
     global _worker
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
     ThreadpoolController().limit(limits=1)
+    source, target = example_pair()
+    match(source.mesh, target.mesh)
     _worker = _Worker(run)
 
 
@@ -144,77 +139,86 @@ def _work(names: tuple[str, str], base: str, endings: list[str]) -> list[dict[st
     return _worker.rows(names, base, endings)
 
 
+class _Subject:
+    """A pair, and what the methods of a run need of it again and again."""
+
+    def __init__(self, run: BenchmarkRun, names: tuple[str, str]) -> None:
+        self.pair = benchmark_set(run.set_name, run.folder).load(*names)
+        limit = memory_budget() / (4 * (run.jobs or n_threads()))
+        source, target = (
+            RememberingEngine(distance_engine(mesh), limit) for mesh in (self.pair.source, self.pair.target)
+        )
+        self.engines = source, target
+        self.landmarks = lru_cache(lambda count: true_landmarks(self.pair, count, run.seed, self.engines))
+        self.prepared = lru_cache(self._prepared)
+
+    def _prepared(self, config: Config | None) -> tuple[Surface, Surface, float]:
+        """Give shapes prepared with settings, or the meshes themselves, and the seconds it took."""
+        if config is None:
+            return self.pair.source, self.pair.target, 0.0
+        started = time.perf_counter()
+        with serial_blas():
+            both, _ = prepared_pair(self.pair.source, self.pair.target, config, 0)
+        return both.source.shape, both.target.shape, time.perf_counter() - started
+
+
 class _Worker:
-    """Runs jobs; keeps the last pair and its distances, because the next job is likely the same pair's."""
+    """Runs jobs; keeps the last pair, because the jobs of a pair follow one another."""
 
     def __init__(self, run: BenchmarkRun) -> None:
         self._run = run
-        self._loaded = lru_cache(maxsize=1)(self._load)
-        self._prepared = lru_cache(maxsize=2)(self._prepare)
-
-    def _load(self, names: tuple[str, str]) -> tuple[BenchmarkPair, tuple[Remembered, Remembered]]:
-        pair = benchmark_set(self._run.set_name, self._run.folder).load(*names)
-        return pair, (Remembered(distance_engine(pair.source)), Remembered(distance_engine(pair.target)))
+        self._subject = lru_cache(maxsize=1)(partial(_Subject, run))
 
     def rows(self, names: tuple[str, str], base: str, endings: list[str]) -> list[dict[str, Any]]:
-        """Match one pair with one method, and continue from its map; any problem becomes part of a row."""
-        run = self._run
+        """Match one pair with one method, and continue from its map; any problem becomes part of a row.
+
+        Each row counts the seconds of every preparation it needs once, though the prepared shapes serve other rows too.
+        """
+        run, method = self._run, METHODS[base]
         known = {"set": run.set_name, "pair": "-".join(names), "points": run.n_points, "seed": run.seed}
         rows = [known | {"method": f"{base}+{ending}" if ending else base} for ending in endings]
         try:
-            pair, engines = self._loaded(names)
-            hints = METHODS[base].hints(pair, run.seed)
-            start, details, seconds = self._run_method(METHODS[base], names, hints)
+            subject = self._subject(names)
+            given = {"landmarks": subject.landmarks(method.n_landmarks)} if method.n_landmarks else {}
+            start, details, seconds = _timed(subject, method, given)
         except Exception as problem:  # a benchmark reports what any method does; nothing is hidden
             return [row | {"problem": _problem(problem)} for row in rows]
-        sizes = {"n_source": pair.source.n_vertices, "n_target": pair.target.n_vertices}
+        sizes = {"n_source": subject.pair.source.n_vertices, "n_target": subject.pair.target.n_vertices}
         for row, ending in zip(rows, endings):
             row |= sizes
             try:
-                found, told, further = start, details, 0.0
+                found, told, preparations, further = start, details, {method.preparation}, 0.0
                 if ending:
-                    method = CONTINUATIONS[ending]
-                    found, told, further = self._run_method(method, names, {"start": start.vertices})
-                row |= {"seconds": seconds + further, "outcome": told.get("outcome", ""), "details": told}
-                row |= _judged(run, pair, engines, found)
+                    following = CONTINUATIONS[ending]
+                    found, told, further = _timed(subject, following, {"initial_map": start.vertices})
+                    preparations.add(following.preparation)
+                row["seconds"] = seconds + further + sum(subject.prepared(c)[2] for c in preparations)
+                row |= {"outcome": told.get("outcome", ""), "details": told} | _judged(run, subject, found)
             except Exception as problem:
                 row["problem"] = _problem(problem)
         return rows
 
-    def _run_method(
-        self, method: Method, names: tuple[str, str], given: dict[str, IntArray]
-    ) -> tuple[Correspondence, dict[str, Any], float]:
-        """Map, what the method tells, and seconds, with those of the preparation, though it served others too."""
-        pair, _ = self._loaded(names)
-        source: Surface = pair.source
-        target: Surface = pair.target
-        seconds = 0.0
-        if method.preparation is not None:
-            source, target, seconds = self._prepared(names, method.preparation)
-        started = time.perf_counter()
-        found, told = method.on(source, target, given)
-        return found, told, seconds + time.perf_counter() - started
 
-    def _prepare(self, names: tuple[str, str], config: Config) -> tuple[PreparedShape, PreparedShape, float]:
-        pair, _ = self._loaded(names)
-        started = time.perf_counter()
-        shapes = prepare(pair.source, config), prepare(pair.target, config)
-        for shape in shapes:
-            shape.cloud, shape.signatures, shape.curvature, shape.cells  # noqa: B018 - computed when first asked for
-        return *shapes, time.perf_counter() - started
+def _timed(
+    subject: _Subject, method: Method, given: dict[str, IntArray]
+) -> tuple[Correspondence, dict[str, Any], float]:
+    """Map, what the method tells, and its seconds without preparation."""
+    source, target, _ = subject.prepared(method.preparation)
+    started = time.perf_counter()
+    found, told = method(source, target, given)
+    return found, told, time.perf_counter() - started
 
 
 def _problem(problem: Exception) -> str:
     return f"{type(problem).__name__}: {problem}"
 
 
-def _judged(
-    run: BenchmarkRun, pair: BenchmarkPair, engines: tuple[Remembered, Remembered], found: Correspondence
-) -> dict[str, Any]:
+def _judged(run: BenchmarkRun, subject: _Subject, found: Correspondence) -> dict[str, Any]:
     """Errors × 100, an unmatched vertex counting as √area, and the cheap ones of the other measures.
 
     Where the shapes are truly symmetric, one decision is taken for the pair between direct and mirrored truth.
     """
+    pair, engines = subject.pair, subject.engines
     sides = sided_errors(pair.target, found, pair.truth, pair.mirrored, run.n_points, run.seed, engines[1])
     either = counted(sides.better)
     errors = either if pair.symmetric else counted(sides.direct)
@@ -237,7 +241,7 @@ def _judged(
         "smoothness": dirichlet_energy(pair.source, pair.target, found),
     }
     told = {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
-    curves = {"curve": errors} if sides.mirrored is None else {"curve": errors, "curve_either": either}
+    curves = {"curve": counted(sides.direct), "curve_either": either}
     return told | {
         name: [round(float(value), 4) for value in cumulative_curve(values)]
         for name, values in curves.items()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch.evaluation.methods import METHODS
 from isomatch.evaluation.princeton import LIMIT, THRESHOLDS
 from isomatch.evaluation.published_curves import PublishedCurve
 
@@ -18,90 +20,90 @@ if TYPE_CHECKING:
 COLOURS = (  # Petroff 2021: ten that the colour-blind tell apart
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
 )  # fmt: skip
-PUBLISHED = ((0, (1, 1)), (0, (4, 1)), (0, (4, 1, 1, 1)), (0, (8, 2)), (0, (8, 2, 1, 2)), (0, (2, 2)))
+BROKEN = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # dashes of published curves: the ten colours in each
 DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another's map"
 OWN = "isomatch"
+Panel = dict[str, tuple[FloatArray, int]]
+"""Mean curve and number of pairs of each method."""
 
 
 def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve], out: Path) -> None:
     """Write ``curves.png`` and ``curves.svg``.
 
     Each set has a panel of its methods against the direct truth; one against the better side of each pair, where that
-    is known and matters; and one of what starts from the maps of others, if anything does.
+    differs; and one of what starts from the maps of others, with these as thin lines, if anything does.
     """
     from matplotlib.figure import Figure
 
-    sets = list(dict.fromkeys(row["set"] for row in rows if "curve" in row))
-    curves = {name: _curves([row for row in rows if row["set"] == name and "curve" in row]) for name in sets}
-    columns = [
-        kind for kind in (DIRECT, EITHER, CONTINUED) if any(kind in panels for panels in curves.values())
-    ]
-    families = dict.fromkeys(
-        label.split("_5pt")[0].split("+")[0]
-        for panels in curves.values()
-        for panel in panels.values()
-        for label in panel
-    )
-    colours = {
-        name: COLOURS[i % len(COLOURS)] for i, name in enumerate(name for name in families if name != OWN)
-    }
-    figure = Figure(figsize=(1 + 6.5 * max(len(columns), 1), 4.8 * max(len(sets), 1)), layout="constrained")
-    panels = figure.subplots(max(len(sets), 1), max(len(columns), 1), squeeze=False)
-    for name, line in zip(sets, panels):
-        for kind, axes in zip(columns, line):
-            if kind not in curves[name]:
-                axes.set_axis_off()
-                continue
-            suffix = {DIRECT: "", EITHER: "_AllowingFlips", CONTINUED: None}[kind]
-            beside = [curve for curve in published if suffix is not None and curve.set_name == name + suffix]
-            _panel(axes, curves[name][kind], beside, colours)
-            axes.set_title(f"{name}: {kind}" if len(columns) > 1 else name, fontsize="medium")
+    good = [row for row in rows if "curve" in row]
+    sets = {name: _panels([row for row in good if row["set"] == name]) for name in _distinct(good, "set")}
+    if not sets:
+        return
+    kinds = [kind for kind in (DIRECT, EITHER, CONTINUED) if any(kind in panels for panels in sets.values())]
+    families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OWN)
+    colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
+    figure = Figure((1 + 6.5 * len(kinds), 4.8 * len(sets)), layout="constrained")
+    grid = figure.subplots(len(sets), len(kinds), squeeze=False)
+    for ((name, panels), kind), axes in zip(product(sets.items(), kinds), grid.ravel()):
+        axes.set_axis_off()
+        if kind in panels:
+            theirs = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
+            beside = [curve for curve in published if curve.set_name == theirs]
+            _draw(axes, panels[kind], beside, colours, kind == CONTINUED)
+            axes.set_title(f"{name}: {kind}", fontsize="medium")
     for suffix in ("png", "svg"):
         figure.savefig(out / f"curves.{suffix}", dpi=110)
 
 
-def _curves(rows: list[dict[str, Any]]) -> dict[str, dict[str, tuple[FloatArray, int]]]:
-    """Mean curve and number of pairs for each method of one set, by kind of panel."""
-    panels: dict[str, dict[str, tuple[FloatArray, int]]] = {}
-    for method in dict.fromkeys(row["method"] for row in rows):
+def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
+    return list(dict.fromkeys(row[key] for row in rows))
+
+
+def _family(method: str) -> str:
+    """Name of a method, whatever it is given and whatever follows."""
+    return method.partition("+")[0].removesuffix("_5pt")
+
+
+def _panels(rows: list[dict[str, Any]]) -> dict[str, Panel]:
+    """Curves of one set, by kind of panel."""
+    panels: dict[str, Panel] = {DIRECT: {}, EITHER: {}, CONTINUED: {}}
+    for method in _distinct(rows, "method"):
         members = [row for row in rows if row["method"] == method]
-        direct = np.mean([row["curve"] for row in members], axis=0)
-        either = np.mean([row.get("curve_either", row["curve"]) for row in members], axis=0)
-        for kind, curve in ((CONTINUED, direct),) if "+" in method else ((DIRECT, direct), (EITHER, either)):
-            panels.setdefault(kind, {})[method] = (curve, len(members))
-    if CONTINUED in panels and OWN in panels.get(DIRECT, {}):
-        panels[CONTINUED][OWN] = panels[DIRECT][OWN]
-    same = all(np.array_equal(panels[DIRECT][m][0], panels[EITHER][m][0]) for m in panels.get(DIRECT, {}))
-    return {kind: panel for kind, panel in panels.items() if not (kind == EITHER and same)}
+        direct, either = (np.mean([row[key] for row in members], axis=0) for key in ("curve", "curve_either"))
+        if "+" in method:
+            panels[CONTINUED][method] = (direct, len(members))
+        else:
+            panels[DIRECT][method], panels[EITHER][method] = (direct, len(members)), (either, len(members))
+    if panels[CONTINUED]:
+        bases = {method.partition("+")[0] for method in panels[CONTINUED]} | {OWN}
+        panels[CONTINUED] |= {method: panel for method, panel in panels[DIRECT].items() if method in bases}
+    if all(np.array_equal(panels[DIRECT][method][0], panels[EITHER][method][0]) for method in panels[DIRECT]):
+        panels[EITHER] = {}
+    return {kind: panel for kind, panel in panels.items() if panel}
 
 
-def _panel(
-    axes: Axes,
-    curves: dict[str, tuple[FloatArray, int]],
-    beside: Sequence[PublishedCurve],
-    colours: dict[str, str],
+def _draw(
+    axes: Axes, panel: Panel, beside: Sequence[PublishedCurve], colours: dict[str, str], continued: bool
 ) -> None:
-    """Best curve first in the legend; given landmarks solid, without dotted, continued dashed."""
-    for name, (curve, count) in sorted(curves.items(), key=lambda item: -float(item[1][0].mean())):
-        base, _, ending = name.partition("+")
-        dashes = {
-            "": "-" if base.endswith("_5pt") or base in (OWN, "gdd", "gdd_post", "phi") else ":",
-            "post": "-.",
-        }
+    """Best curve first in the legend; what is given landmarks is solid, what is not is dotted."""
+    for name, (curve, count) in sorted(panel.items(), key=lambda item: -float(item[1][0].mean())):
+        base, plus, _ = name.partition("+")
+        led = name == OWN or base not in METHODS or METHODS[base].n_landmarks
         axes.plot(
             THRESHOLDS,
             100 * curve,
-            linestyle=dashes.get(ending, "--"),
-            color=colours.get(base.split("_5pt")[0], "black"),
-            linewidth=2.6 if name == OWN else 1.6,
+            linestyle=("--" if led else "-.") if plus else "-" if led else ":",
+            color=colours.get(_family(name), "black"),
+            linewidth=2.6 if name == OWN else 0.7 if continued and not plus else 1.6,
             zorder=3 if name == OWN else 2,
             label=f"{name} ({count})",
         )
-    for theirs, broken in zip(beside, PUBLISHED * len(beside)):
+    for theirs, (dashes, colour) in zip(beside, product(BROKEN, COLOURS)):
         label = f"{theirs.method} (published)"
         axes.plot(
-            theirs.errors, 100 * theirs.shares, linestyle=broken, color="0.5", linewidth=0.9, label=label
+            theirs.errors, 100 * theirs.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
         )
+    axes.set_axis_on()
     axes.set(
         xlabel="geodesic error / √(target area)", xlim=(0, LIMIT), ylabel="correspondences, %", ylim=(0, 101)
     )

@@ -80,8 +80,8 @@ def metric_distortion(
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, whose table has the mean square over 1000 random rows and
-    columns. Both distances are by fast marching: n_rows columns on the source and up to as many on the target (twice
-    with truth), n_rows × n_columns numbers. Of drawn points, ``linf`` is a bound from below.
+    columns. n_rows distance columns on the source and up to as many on the target (twice with truth), n_rows × n_columns
+    numbers. Of drawn points, ``linf`` is a bound from below.
 
     Examples
     --------

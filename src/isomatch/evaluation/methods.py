@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,7 +23,8 @@ from isomatch.baselines import (
     zoomout,
 )
 from isomatch.datasets import BenchmarkPair
-from isomatch.geodesics import distance_engine
+from isomatch.errors import SettingError
+from isomatch.geodesics import DistanceEngine, distance_engine
 from isomatch.maps import Correspondence
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Mesh
@@ -45,70 +47,73 @@ class Method:
     n_landmarks : int
         True landmarks it is given.
     preparation : Config, optional
-        Settings of the prepared shapes it is given; by default it is given meshes.
+        Settings of the prepared shapes it is given; None where it takes meshes alone.
     """
 
     function: Callable[..., MatchResult | Correspondence]
     n_landmarks: int = 0
-    preparation: Config | None = None
-
-    def hints(self, pair: BenchmarkPair, seed: int) -> dict[str, IntArray]:
-        """Arguments that tell the method part of the truth."""
-        return {"landmarks": true_landmarks(pair, self.n_landmarks, seed)} if self.n_landmarks else {}
+    preparation: Config | None = field(default_factory=Config)
 
     def __call__(
-        self, pair: BenchmarkPair, hints: dict[str, IntArray]
+        self, source: Surface, target: Surface, given: Mapping[str, IntArray]
     ) -> tuple[Correspondence, dict[str, Any]]:
-        """Map source to target; also give what the method tells of itself."""
-        return self.on(pair.source, pair.target, hints)
-
-    def on(
-        self, source: Surface, target: Surface, given: dict[str, IntArray]
-    ) -> tuple[Correspondence, dict[str, Any]]:
-        """Do the same with meshes or shapes prepared with the settings of ``preparation``."""
+        """Map source to target from what is given, by names of arguments; also give what the method tells of itself."""
         found = self.function(source, target, **given)
         return (found.map, found.to_dict()) if isinstance(found, MatchResult) else (found, {})
 
 
-def _from_map(source: Surface, target: Surface, start: IntArray) -> MatchResult:
-    """Align descriptors from a given map, and refine jointly."""
-    return match(source, target, initial_map=start, config=Config(hypotheses="given"))
-
-
-def _from_map_as_published(source: Surface, target: Surface, start: IntArray) -> MatchResult:
-    """Align descriptors from a given map, then iterative closest points in the Laplace–Beltrami basis."""
-    return gdd_post(source, target, initial_map=start)
-
-
-USUAL, PUBLISHED = Config(), Config(weights="uniform")
+AS_PUBLISHED = Config(weights="uniform")
 METHODS = {
-    "isomatch": Method(match, 0, USUAL),
-    "gdd": Method(gdd, N_LANDMARKS, PUBLISHED),
-    "gdd_post": Method(gdd_post, N_LANDMARKS, PUBLISHED),
-    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS, USUAL),
-    "functional_maps": Method(functional_maps, 0, USUAL),
-    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS, USUAL),
-    "zoomout": Method(zoomout, 0, USUAL),
-    "zoomout_5pt": Method(zoomout, N_LANDMARKS, USUAL),
-    "gmds": Method(gmds, 0, USUAL),
-    "gmds_5pt": Method(gmds, N_LANDMARKS, USUAL),
-    "gw": Method(gromov_wasserstein, 0, USUAL),
-    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS, USUAL),
-    "sgmds": Method(spectral_gmds, 0, USUAL),
-    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS, USUAL),
-    "sgf": Method(spectral_gradient_fields, 0, USUAL),
-    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS, USUAL),
-    "pyfm": Method(pyfm_zoomout),
+    "isomatch": Method(match),
+    "gdd": Method(gdd, N_LANDMARKS, AS_PUBLISHED),
+    "gdd_post": Method(gdd_post, N_LANDMARKS, AS_PUBLISHED),
+    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS),
+    "functional_maps": Method(functional_maps),
+    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS),
+    "zoomout": Method(zoomout),
+    "zoomout_5pt": Method(zoomout, N_LANDMARKS),
+    "gmds": Method(gmds),
+    "gmds_5pt": Method(gmds, N_LANDMARKS),
+    "gw": Method(gromov_wasserstein),
+    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS),
+    "sgmds": Method(spectral_gmds),
+    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS),
+    "sgf": Method(spectral_gradient_fields),
+    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS),
+    "pyfm": Method(pyfm_zoomout, preparation=None),
 }
 
 CONTINUATIONS = {
-    "gdd": Method(_from_map, 0, USUAL),
-    "post": Method(_from_map_as_published, 0, PUBLISHED),
+    "isomatch": Method(partial(match, config=Config(hypotheses="given"))),
+    "gdd": Method(gdd, preparation=AS_PUBLISHED),
+    "gdd_post": Method(gdd_post, preparation=AS_PUBLISHED),
 }
-"""What starts from the map of another method, its third argument."""
+"""What can start from the map of another method: "sgmds_5pt+gdd" is GDD from the map of SGMDS."""
 
 
-def true_landmarks(pair: BenchmarkPair, count: int = N_LANDMARKS, seed: int = 0) -> IntArray:
+def parts_of(name: str) -> tuple[str, str]:
+    """Split the name of a method into a key of ``METHODS`` and one of ``CONTINUATIONS``, or "".
+
+    Raises
+    ------
+    SettingError
+        If there is no such method.
+    """
+    base, plus, ending = name.partition("+")
+    if base not in METHODS or (plus and ending not in CONTINUATIONS):
+        raise SettingError(
+            f"unknown method {name}; known are {', '.join(METHODS)}, and any of them followed by "
+            + " or ".join(f"+{known}" for known in CONTINUATIONS)
+        )
+    return base, ending
+
+
+def true_landmarks(
+    pair: BenchmarkPair,
+    count: int = N_LANDMARKS,
+    seed: int = 0,
+    engines: tuple[DistanceEngine, DistanceEngine] | None = None,
+) -> IntArray:
     """Draw true pairs far from one another: farthest points of the source among those whose image is known.
 
     Parameters
@@ -119,6 +124,8 @@ def true_landmarks(pair: BenchmarkPair, count: int = N_LANDMARKS, seed: int = 0)
         Landmarks to draw.
     seed : int
         Draws references; the first landmark is the point farthest from the first of them.
+    engines : two DistanceEngine, optional
+        Distances on the source and on the target; by default by fast marching.
 
     Returns
     -------
@@ -131,7 +138,7 @@ def true_landmarks(pair: BenchmarkPair, count: int = N_LANDMARKS, seed: int = 0)
     compared on both shapes, and the twentieth of the rows that fits worst is not drawn from.
     """
     references = pair.truth[np.random.default_rng(seed).integers(len(pair.truth), size=REFERENCES)]
-    source, target = (distance_engine(shape) for shape in (pair.source, pair.target))
+    source, target = engines or (distance_engine(pair.source), distance_engine(pair.target))
     here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
     there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
     joined = np.isfinite(here) & np.isfinite(there)  # where not, on another component, the mismatch is √area

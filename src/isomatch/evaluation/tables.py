@@ -1,4 +1,4 @@
-"""Tables and curves of benchmark runs."""
+"""Tables of benchmark runs."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def improvements(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Compare what starts from a method's map with the method itself, on the pairs that both mapped.
 
     For each set and continued method: mean error and distortion before and after, and the share of pairs in which each
-    became smaller.
+    became smaller. Distortion is infinite where a map tears; its means are those of the other pairs, which are counted.
     """
     good = {(row["set"], row["method"], row["pair"]): row for row in rows if "problem" not in row}
     groups: dict[tuple[str, str], list[tuple[dict[str, Any], dict[str, Any]]]] = {}
@@ -94,9 +94,12 @@ def improvements(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for (name, method), members in groups.items():
         line: dict[str, Any] = {"set": name, "method": method, "pairs": len(members)}
         for key in ("error", "distortion_l2"):
-            before, after = np.array([[row[key] for row in both] for both in members], dtype=float).T
-            line |= {f"{key}_before": before.mean(), f"{key}_after": after.mean()}
-            line[f"{key}_smaller"] = (after < before).mean()
+            values = [[np.inf if row[key] is None else row[key] for row in both] for both in members]
+            before, after = np.array(values).T
+            whole = np.isfinite(before) & np.isfinite(after)
+            line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[whole].tolist()) for x in (before, after))
+            line[f"{key}_smaller"] = float((after < before).mean())
+        line["distortion_pairs"] = int(whole.sum())
         line["distortion_l2_truth"] = _mean([row["distortion_l2_truth"] for _, row in members])
         table.append(line)
     return table

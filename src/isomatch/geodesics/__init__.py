@@ -4,7 +4,6 @@ from isomatch.geodesics.engines import EngineName, MetricSpace, distance_engine,
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.geodesics.remembered import Remembered
 from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
 
 __all__ = [
@@ -13,7 +12,6 @@ __all__ = [
     "GivenFunction",
     "GivenMatrix",
     "MetricSpace",
-    "Remembered",
     "Sampling",
     "distance_engine",
     "farthest_point_sampling",

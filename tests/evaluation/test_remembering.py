@@ -3,7 +3,7 @@
 import numpy as np
 
 from isomatch import Mesh, distance_engine
-from isomatch.geodesics import Remembered
+from isomatch.evaluation.remembering import RememberingEngine
 from shapes import planar_delaunay
 
 
@@ -24,7 +24,7 @@ class Counting:
 
 def test_the_same_columns_computed_once():
     inner = Counting(planar_delaunay(60))
-    engine = Remembered(inner)
+    engine = RememberingEngine(inner, limit=2**20)
     first, again = engine.distances_from([3, 5, 3]), engine.distances_from([5, 3, 7])
     assert inner.columns == 3
     assert np.array_equal(first, inner.engine.distances_from([3, 5, 3]))
@@ -38,7 +38,7 @@ def test_the_same_columns_computed_once():
 
 def test_no_more_is_kept_than_allowed():
     inner = Counting(planar_delaunay(60))
-    engine = Remembered(inner, limit=2 * 60 * 8)
+    engine = RememberingEngine(inner, limit=2 * 60 * 8)
     for _ in range(2):
         engine.distances_from([1, 2, 3, 4])
     assert inner.columns == 4 + 2
