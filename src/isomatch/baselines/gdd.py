@@ -44,7 +44,9 @@ def gdd(
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
-    and images are precise. `match` also tries automatic starts, to measure the rival: its seconds are not the paper's.
+    and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided; flips of the
+    first map that agree with the landmarks are tried as well, and judged as `match` judges. `match` also tries automatic
+    starts, to measure the rival: its seconds are not the paper's.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -187,7 +188,11 @@ def _given(
             source.body.vertex_areas,
         )
         starts.append((images_from_rotation(pair.target.cloud, pair.source.cloud, rotation), "descriptors"))
-    return [Hypothesis(converged(pair, image), origin) for image, origin in starts]
+    given = [Hypothesis(converged(pair, image), origin) for image, origin in starts]
+    if landmarks is None:
+        return given
+    # points at extremities leave the front and the back of a thin body undecided
+    return [*given, *(replace(twin, origin="landmarks") for twin in twins(pair, given[0], given))]
 
 
 def _seen(pair: Pair, image: IntArray) -> IntArray:
@@ -222,6 +227,15 @@ def _candidates(
     if not new:
         return order
     return _agreeing(pair, ranked([*judged, *judge(pair, new)], config.orientation), landmarks, config)
+
+
+def _different(pair: Pair, judged: list[Judged]) -> list[Judged]:
+    """Of maps that came to coincide when they were judged, keep the one of smallest residual before."""
+    kept: list[Judged] = []
+    for each in sorted(judged, key=lambda each: each.hypothesis.alignment.residual):
+        if pair.differs(each.image, [other.image for other in kept], SAME_MAP):
+            kept.append(each)
+    return kept
 
 
 def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, config: Config) -> list[Judged]:
