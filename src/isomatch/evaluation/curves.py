@@ -42,7 +42,7 @@ def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve],
     kinds = [kind for kind in (DIRECT, EITHER, CONTINUED) if any(kind in panels for panels in sets.values())]
     families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OWN)
     colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
-    figure = Figure((1 + 6.5 * len(kinds), 4.8 * len(sets)), layout="constrained")
+    figure = Figure((7.2 * len(kinds), 5.2 * len(sets)), layout="constrained")
     grid = figure.subplots(len(sets), len(kinds), squeeze=False)
     for ((name, panels), kind), axes in zip(product(sets.items(), kinds), grid.ravel()):
         axes.set_axis_off()
@@ -96,7 +96,7 @@ def _draw(
             color=colours.get(_family(name), "black"),
             linewidth=2.6 if name == OWN else 0.7 if continued and not plus else 1.6,
             zorder=3 if name == OWN else 2,
-            label=f"{name} ({count})",
+            label=f"{name} ({count})" if plus or not continued or name == OWN else None,
         )
     for theirs, (dashes, colour) in zip(beside, product(BROKEN, COLOURS)):
         label = f"{theirs.method} (published)"
