@@ -19,7 +19,7 @@ from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
-LAPLACE_STEPS = 10
+LAPLACE_STAGES, LAPLACE_STEPS = (50, 100), 4  # functions before all are used; steps with each
 DISTANCE_STEPS = 15
 STAGES = (  # functions in each step, and whether positions and normals take part
     ((20, 40, 70, 100, 140), False),
@@ -59,23 +59,24 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
 def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     """Post-process by iterative closest points in the Laplace–Beltrami basis, from a map given by coordinates.
 
-    Ten steps with all functions on ``n_refine`` source vertices, one on all; F is kept orthogonal.
+    Four steps with 50, with 100 and with all functions on ``n_refine`` source vertices, one on all; F is kept orthogonal.
+    With all of them at once limbs that are alike may be exchanged near their ends.
 
     Notes
     -----
     Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012.
     """
     glimpse, target = pair.refinement, pair.target.shape
-    k = min(glimpse.functions.shape[1], len(target.laplace.values))
-    phi_target = target.laplace.vectors[:, :k]
+    laplace, most = glimpse.shape.laplace, min(glimpse.functions.shape[1], len(target.laplace.values))
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
-    for _ in range(LAPLACE_STEPS):
-        turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-        previous, rows = rows, nearest_in_cells(turned, glimpse.functions[:, :k], target.cells)
-        if (previous == rows).all():
-            break
+    for k in (*(size for size in LAPLACE_STAGES if size < most), most):
+        phi_target = target.laplace.vectors[:, :k]
+        for _ in range(LAPLACE_STEPS):
+            turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
+            previous, rows = rows, nearest_in_cells(turned, glimpse.functions[:, :k], target.cells)
+            if (previous == rows).all():
+                break
     turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-    laplace = glimpse.shape.laplace
     full = nearest_in_cells(turned, laplace.vectors[:, :k], target.cells)
     return phi_target @ _orthogonal(laplace.coefficients(phi_target[full], k)).T, laplace.vectors[:, :k]
 
