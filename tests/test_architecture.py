@@ -28,7 +28,8 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
-    "cli": EVALUATION | {"view", "cli", "__init__"},
+    "paper": EVALUATION | {"view", "paper", "__init__"},
+    "cli": EVALUATION | {"view", "paper", "cli", "__init__"},
     "__init__": MATCHING,
     "__main__": {"cli"},
 }

@@ -16,6 +16,7 @@ from isomatch.cli.demo import demo
 from isomatch.cli.distance import distance
 from isomatch.cli.info import info
 from isomatch.cli.match import match
+from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
 from isomatch.errors import IsomatchError
 
@@ -29,7 +30,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for verb in (match, basis, distance, check, repair, demo, bench, info):
+for verb in (match, basis, distance, check, repair, demo, bench, paper, info):
     app.command(verb)
 
 

@@ -29,12 +29,12 @@ def bench(
     Parameters
     ----------
     sets : str
-        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures; several with commas.
+        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures, example; several with commas.
     output : Path
         Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves; rows already there are
         not run again.
     data : Path
-        Folder of the sets, each in a folder of its name, as archives or as it was published; creatures need none.
+        Folder of the sets, each in a folder of its name, as archives or as it was published; creatures, example: none.
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
         gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from isomatch._arrays import IntArray
 from isomatch.datasets.creatures import Creature, creature, ground_truth
+from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
 from isomatch.datasets.shape_set import BenchmarkPair, ShapeSet
 from isomatch.errors import FormatError
@@ -66,7 +67,7 @@ def benchmark_set(name: str, folder: str | Path | None = None) -> BenchmarkSet:
 
     Parameters
     ----------
-    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures"}
+    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures", "example"}
         Which set. Remeshed sets come with their published test pairs. The others hold every ordered pair of poses
         (within a class); draw some with `BenchmarkSet.chosen`. "creatures" needs no folder.
     folder : path, optional
@@ -80,8 +81,12 @@ def benchmark_set(name: str, folder: str | Path | None = None) -> BenchmarkSet:
     """
     if name == "creatures":
         return _creatures()
+    if name == "example":
+        return _example()
     if name not in OPENERS:
-        raise FormatError(f"unknown benchmark set {name!r}; known are {', '.join([*OPENERS, 'creatures'])}")
+        raise FormatError(
+            f"unknown benchmark set {name!r}; known are {', '.join([*OPENERS, 'creatures', 'example'])}"
+        )
     if folder is None or not (Path(folder) / name).is_dir():
         raise FormatError(f"benchmark set {name} not found in {folder}; {EXPECTED}")
     shapes = OPENERS[name](Path(folder) / name)
@@ -136,6 +141,17 @@ def _creatures() -> BenchmarkSet:
             tuple(f"{kind}_{sides}_{i // 4 % 5}_{2 * i + j + 1}_{size}" for j, size in enumerate(sizes))
         )
     return BenchmarkSet("creatures", tuple((a, b) for a, b in names), load)
+
+
+def _example() -> BenchmarkSet:
+    """Take the shipped pair, whose triangulations differ."""
+
+    def load(source: str, target: str) -> BenchmarkPair:
+        a, b = example_pair()
+        truth = np.column_stack([np.arange(a.mesh.n_vertices), ground_truth(a, b).vertices])
+        return BenchmarkPair(f"{source}-{target}", a.mesh, b.mesh, truth)
+
+    return BenchmarkSet("example", (("standing", "running"),), load)
 
 
 def _creature(name: str) -> Creature:

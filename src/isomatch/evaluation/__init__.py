@@ -2,7 +2,7 @@
 
 from isomatch.evaluation.benchmark import BenchmarkRun, read_rows, run_benchmark
 from isomatch.evaluation.bijectivity import coverage, cycle_errors
-from isomatch.evaluation.distortion import MetricDistortion, metric_distortion
+from isomatch.evaluation.distortion import MetricDistortion, distance_table, metric_distortion
 from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, true_landmarks
 from isomatch.evaluation.princeton import (
     SidedErrors,
@@ -31,6 +31,7 @@ __all__ = [
     "cumulative_curve",
     "cycle_errors",
     "dirichlet_energy",
+    "distance_table",
     "geodesic_errors",
     "improvements",
     "metric_distortion",

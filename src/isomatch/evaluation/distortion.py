@@ -104,10 +104,10 @@ def metric_distortion(
     rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
     units = [np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
     one, other = engines or (distance_engine(source), distance_engine(target))
-    here = _distances(one, rows[:, 0], columns[:, 0]) / units[0]
+    here = distance_table(one, rows[:, 0], columns[:, 0]) / units[0]
 
     def against(row_images: IntArray, column_images: IntArray) -> tuple[float, float]:
-        there = _distances(other, row_images, column_images) / units[1]
+        there = distance_table(other, row_images, column_images) / units[1]
         joined = np.isfinite(here) | np.isfinite(there)
         change = np.abs(here[joined] - there[joined])
         return float(change.max(initial=0.0) / 2), float((change**2).sum() / max(change.size, 1))
@@ -116,8 +116,11 @@ def metric_distortion(
     return MetricDistortion(*against(image[rows[:, 0]], image[columns[:, 0]]), true)
 
 
-def _distances(engine: DistanceEngine, rows: IntArray, columns: IntArray) -> FloatArray:
-    """(rows, columns) distances; a repeated row is computed once."""
+def distance_table(engine: DistanceEngine, rows: IntArray, columns: IntArray) -> FloatArray:
+    """Distances (r, c) from each of some points to each of others; a repeated row is computed once.
+
+    Costs a distance column for each distinct row, of which 64 are held at once.
+    """
     sources, again = np.unique(rows, return_inverse=True)
     blocks = [
         engine.distances_from(sources[first : first + BLOCK])[:, columns]

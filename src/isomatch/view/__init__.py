@@ -1,7 +1,17 @@
 """Pictures and reports of maps: both shapes side by side, one colour for what corresponds."""
 
+from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import position_colours
 from isomatch.view.report import write_report
 from isomatch.view.stills import ValuePanel, draw_map
+from isomatch.view.surface_image import surface_image
 
-__all__ = ["ValuePanel", "draw_map", "position_colours", "write_report"]
+__all__ = [
+    "ValuePanel",
+    "camera_of",
+    "draw_map",
+    "position_colours",
+    "surface_image",
+    "turn_to_target",
+    "write_report",
+]

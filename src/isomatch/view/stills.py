@@ -18,13 +18,12 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray
 from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, seen_from, turn_to_target
-from isomatch.view.colours import UNMATCHED_GREY, from_screen, position_colours, to_screen
-from isomatch.view.raster import light, rasterise
+from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.colours import from_screen, position_colours
+from isomatch.view.surface_image import SurfaceView
 
 WIDTH = 1800
 DPI = 200
-OVERSAMPLING = 2  # samples per pixel and axis
 TALLEST = 1.15  # height of a panel over its width, at most
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 110  # pixels
 
@@ -91,13 +90,14 @@ def draw_map(
     turned = camera @ turn_to_target(source, target, correspondence)
     colours = position_colours(target)
     panels = [
-        _Panel(source, turned, correspondence.pull_back(colours), titles[0]),
-        _Panel(target, camera, colours, titles[1]),
+        _Panel(SurfaceView(source, turned, correspondence.pull_back(colours), _as_is), titles[0]),
+        _Panel(SurfaceView(target, camera, colours, _as_is), titles[1]),
     ]
     if values is not None:
         shown = np.asarray(values.values, dtype=np.float64)
         scaled = from_screen(colormaps["cividis"](values.scale()(shown))[:, :3])
-        panels.append(_Panel(source, turned, np.where(np.isnan(shown)[:, None], np.nan, scaled), titles[0]))
+        scaled = np.where(np.isnan(shown)[:, None], np.nan, scaled)
+        panels.append(_Panel(SurfaceView(source, turned, scaled, _as_is), titles[0]))
     figure = _arranged(panels, width, 0 if values is None else COLOUR_BAR)
     if values is not None:
         _add_colour_bar(figure, values)
@@ -106,37 +106,13 @@ def draw_map(
 
 @dataclass(frozen=True, eq=False)
 class _Panel:
-    mesh: Mesh
-    camera: FloatArray
-    colours: FloatArray  # (n, 3) in linear light, nan is grey
+    view: SurfaceView
     title: str
-
-    def extent(self) -> FloatArray:
-        """Width and height at unit area."""
-        drawn = seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)]
-        return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
-
-    def image(self, width: int, height: int, scale: float) -> FloatArray:
-        """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""
-        width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
-        points = seen_from(self.camera, self.mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
-        faces = self.mesh.faces
-        raster = rasterise(points, faces, width, height)
-        colour = raster.interpolated(self.colours, faces)
-        colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
-        diffuse, gloss = light(raster, raster.interpolated(self.mesh.vertex_normals @ self.camera.T, faces))
-        samples = np.zeros((height, width, 4))
-        samples[raster.covered, :3] = colour * diffuse[:, None] + gloss[:, None]
-        samples[raster.covered, 3] = 1.0
-        pixels = samples.reshape(height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 4)
-        mean = pixels.mean(axis=(1, 3))
-        opacity = mean[..., 3:]
-        return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
 
 
 def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
     """Place the panels in a row, all at one scale, titles below."""
-    extents = np.array([panel.extent() for panel in panels])  # (panels, 2)
+    extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)
     room = width - right - MARGIN * (len(panels) + 1)
     tallest = TALLEST * room / len(panels)
     scale = min(room / extents[:, 0].sum(), tallest / extents[:, 1].max())
@@ -147,7 +123,7 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
     FigureCanvasAgg(figure)
     left = MARGIN
     for panel, panel_width in zip(panels, widths + spare):
-        image = panel.image(int(panel_width), height, scale)
+        image = panel.view.pixels(int(panel_width), height, scale)
         figure.figimage(image, left, TITLE + MARGIN, origin="upper")
         middle = (left + panel_width / 2) / width
         figure.text(
@@ -161,6 +137,10 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         )
         left += int(panel_width) + MARGIN
     return figure
+
+
+def _as_is(colours: FloatArray) -> FloatArray:
+    return colours
 
 
 def _add_colour_bar(figure: Figure, values: ValuePanel) -> None:

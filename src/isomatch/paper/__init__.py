@@ -1,0 +1,6 @@
+"""The figures and tables of Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, made anew."""
+
+from isomatch.paper.item import Item, Reproduction, Setting, Verdict
+from isomatch.paper.reproduce import ITEMS, reproduce
+
+__all__ = ["ITEMS", "Item", "Reproduction", "Setting", "Verdict", "reproduce"]

@@ -1,0 +1,118 @@
+"""Make any of the paper's figures and tables, and write picture, numbers and verdict."""
+
+from __future__ import annotations
+
+import csv
+import json
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+
+from isomatch import IsomatchError, SettingError, __version__
+from isomatch.paper import (
+    basis_error,
+    basis_vectors,
+    curves_5pt,
+    curves_initialised,
+    descriptor_distance,
+    descriptor_field,
+    distortion_table,
+    voronoi,
+)
+from isomatch.paper.item import Item, Reproduction, Setting
+
+ITEMS: dict[str, Item] = {
+    "basis-error": basis_error.ITEM,
+    "basis-vectors": basis_vectors.ITEM,
+    "descriptor-distance": descriptor_distance.ITEM,
+    "descriptor-field": descriptor_field.ITEM,
+    "curves-5pt": curves_5pt.ITEM,
+    "distortion-table": distortion_table.ITEM,
+    "voronoi": voronoi.ITEM,
+    "curves-initialised": curves_initialised.ITEM,
+}
+SUFFIXES = ("png", "svg", "csv", "json")
+DPI = 150
+STYLE: dict[Any, Any] = {"svg.hashsalt": "isomatch", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
+
+
+def reproduce(
+    names: Sequence[str], setting: Setting, out: str | Path, force: bool = False
+) -> Iterator[dict[str, Any]]:
+    """Make items and write each as ``NAME.png``, ``.svg``, ``.csv`` and ``.json``.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Keys of ``ITEMS``.
+    setting : Setting
+        Data and settings.
+    out : path_like
+        Folder to write to; made if it is not there.
+    force : bool
+        Replace earlier files.
+
+    Yields
+    ------
+    dict
+        What is in ``NAME.json``: origin, title, verdicts, facts, seconds, files.
+
+    Raises
+    ------
+    SettingError
+        If there is no such item.
+    IsomatchError
+        If a file is already there, before anything is computed; or what the item raises.
+    """
+    unknown = sorted(set(names) - set(ITEMS))
+    if unknown:
+        raise SettingError(f"unknown item {', '.join(unknown)}; known are {', '.join(ITEMS)}, all")
+    out = Path(out)
+    taken = [path for name in names for path in _files(out, name) if path.exists()]
+    if taken and not force:
+        raise IsomatchError(
+            f"{taken[0]}: already exists and would be lost; choose another folder with -o, or pass --force"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        started = time.perf_counter()
+        with rc_context(STYLE):
+            setting.progress(name)
+            made = ITEMS[name].make(setting)
+            yield _written(name, made, setting, out, time.perf_counter() - started)
+
+
+def _files(out: Path, name: str) -> list[Path]:
+    return [out / f"{name}.{suffix}" for suffix in SUFFIXES]
+
+
+def _written(name: str, made: Reproduction, setting: Setting, out: Path, seconds: float) -> dict[str, Any]:
+    """Write picture, numbers and verdict; return the record."""
+    png, svg, table, verdict = _files(out, name)
+    made.figure.savefig(png, dpi=DPI)
+    made.figure.savefig(svg, dpi=DPI, metadata={"Date": None})
+    with table.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, made.rows[0])
+        writer.writeheader()
+        writer.writerows(
+            {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in row.items()}
+            for row in made.rows
+        )
+    record = {
+        "item": name,
+        "origin": ITEMS[name].origin,
+        "title": ITEMS[name].title,
+        "verdicts": [vars(one) for one in made.verdicts],
+        "holds": all(one.holds for one in made.verdicts),
+        "quick": setting.quick,
+        "seed": setting.seed,
+        **made.facts,
+        "seconds": round(seconds, 1),
+        "isomatch": __version__,
+        "files": [path.name for path in (png, svg, table, verdict)],
+    }
+    verdict.write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return record

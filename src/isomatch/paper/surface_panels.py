@@ -1,0 +1,51 @@
+"""Surfaces in a figure: fields on one shape, in rows, all at one scale."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from isomatch._arrays import FloatArray
+
+Paint = Callable[[FloatArray], FloatArray]
+
+
+def colours(name: str, low: float, high: float, bands: int = 0) -> Paint:
+    """Screen colours of a colour map between two values; if asked, in bands, whose borders are level lines."""
+    colour_map = colormaps[name]
+
+    def paint(values: FloatArray) -> FloatArray:
+        share = np.clip((values[:, 0] - low) / (high - low), 0.0, 1.0)
+        if bands:
+            share = (np.minimum(np.floor(share * bands), bands - 1) + 0.5) / bands
+        return np.asarray(colour_map(share)[:, :3], dtype=np.float64)
+
+    return paint
+
+
+def arranged(
+    images: Sequence[FloatArray],
+    titles: Sequence[str],
+    per_row: int,
+    width: float = 8.5,
+    title_size: float = 8.0,
+) -> tuple[Figure, list[Axes]]:
+    """Place pictures (h, w, 4), which share a scale, in rows; a figure so wide, in inches, and their axes."""
+    cell = np.max([image.shape[:2] for image in images], axis=0)
+    n_rows = -(-len(images) // per_row)
+    height = width / per_row * cell[0] / cell[1] + 0.3
+    figure = Figure((width, n_rows * height), layout="constrained")
+    grid = figure.subplots(n_rows, per_row, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    for axes, image, title in zip(grid, images, titles):
+        padded = np.zeros((*cell, 4))
+        top, left = (cell - image.shape[:2]) // 2
+        padded[top : top + image.shape[0], left : left + image.shape[1]] = image
+        axes.imshow((255 * padded).round().astype(np.uint8), interpolation="antialiased")
+        axes.set_title(title, size=title_size, parse_math=False)
+    return figure, list(grid[: len(images)])

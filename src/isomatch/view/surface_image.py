@@ -1,0 +1,97 @@
+"""One surface as pixels: what every picture is put together from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray
+from isomatch.surfaces import Mesh
+from isomatch.view.camera import camera_of, seen_from
+from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
+from isomatch.view.raster import light, rasterise
+
+OVERSAMPLING = 2  # samples per pixel and axis
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceView:
+    """A coloured surface and where it is looked at from.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The surface.
+    camera : (3, 3) array
+        As `camera_of` gives it.
+    values : (n, q) array of float
+        What the vertices carry.
+    paint : callable
+        Colours in linear light (m, 3) of values interpolated in m pixels (m, q); nan is drawn grey.
+    """
+
+    mesh: Mesh
+    camera: FloatArray
+    values: FloatArray
+    paint: Callable[[FloatArray], FloatArray]
+
+    def extent(self) -> FloatArray:
+        """Width and height at unit area."""
+        drawn = seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)]
+        return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
+
+    def pixels(self, width: int, height: int, scale: float) -> FloatArray:
+        """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""
+        width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
+        points = seen_from(self.camera, self.mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
+        faces = self.mesh.faces
+        raster = rasterise(points, faces, width, height)
+        colour = self.paint(raster.interpolated(self.values, faces))
+        colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
+        diffuse, gloss = light(raster, raster.interpolated(self.mesh.vertex_normals @ self.camera.T, faces))
+        samples = np.zeros((height, width, 4))
+        samples[raster.covered, :3] = colour * diffuse[:, None] + gloss[:, None]
+        samples[raster.covered, 3] = 1.0
+        pixels = samples.reshape(height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 4)
+        mean = pixels.mean(axis=(1, 3))
+        opacity = mean[..., 3:]
+        return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
+
+
+def surface_image(
+    mesh: Mesh,
+    values: ArrayLike,
+    paint: Callable[[FloatArray], FloatArray],
+    camera: FloatArray | None = None,
+    resolution: float = 400.0,
+) -> FloatArray:
+    """Draw a surface, coloured in every pixel by what its vertices carry.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The surface.
+    values : (n,) or (n, q) array_like of float
+        Interpolated within triangles. A field that is constant in regions is best drawn by one column a region, of
+        which ``paint`` takes the largest: its borders are then sharp.
+    paint : callable
+        Screen colours (m, 3), 0 … 1, of interpolated values (m, q).
+    camera : (3, 3) array, optional
+        Rows to the right, up, towards the viewer; by default those of `camera_of`.
+    resolution : float
+        Pixels for √area: equal for shapes that are to be compared.
+
+    Returns
+    -------
+    (height, width, 4) array of float
+        Screen colours and opacity, cut to the surface.
+    """
+    columns = np.asarray(values, dtype=np.float64).reshape(mesh.n_vertices, -1)
+    view = SurfaceView(
+        mesh, camera_of(mesh) if camera is None else camera, columns, lambda seen: from_screen(paint(seen))
+    )
+    width, height = (int(side) + 2 for side in np.ceil(resolution * view.extent()))
+    return view.pixels(width, height, resolution)

@@ -1,0 +1,218 @@
+"""Every item of the paper, made end to end from the shipped pair; laws of its numbers; the command's errors."""
+
+import contextlib
+import csv
+import io
+import json
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from isomatch import distance_basis, geodesic_distances
+from isomatch.cli import main
+from isomatch.datasets import example_pair
+from isomatch.datasets.benchmarks import benchmark_set
+from isomatch.evaluation import METHODS, BenchmarkRun, Method, metric_distortion, read_rows
+from isomatch.paper import (
+    ITEMS,
+    Setting,
+    basis_error,
+    curves_5pt,
+    curves_initialised,
+    distortion_table,
+    princeton_curves,
+    region_colours,
+)
+from shapes import icosphere
+
+QUICK = ("--quick", "--points", "150", "--jobs", "1")
+FEWER = ("isomatch", "gdd_post", "functional_maps_5pt", "sgmds_5pt")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folder of all items, of fewer methods, and what the command said about them as JSON."""
+    out = tmp_path_factory.mktemp("paper")
+    said = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
+        patch.setattr(curves_5pt, "METHODS", {name: curves_5pt.METHODS[name] for name in FEWER})
+        patch.setattr(curves_initialised, "BASELINES", {"sgmds_5pt": ("SGMDS", "C0")})
+        styles = {name: style for name, style in curves_initialised.METHODS.items() if "sgmds" in name}
+        patch.setattr(curves_initialised, "METHODS", styles)
+        patch.setattr(basis_error, "RANKS", (5, 10, 15, 20))
+        patch.setattr(distortion_table, "LABELS", {"gdd": ("GDD", "C0"), "gdd_post": ("post", "C1")})
+        assert main(["paper", "all", *QUICK, "-o", str(out), "--json"]) == 0
+    return out, {record["item"]: record for record in json.loads(said.getvalue())["items"]}
+
+
+@pytest.mark.long
+def test_everything_with_all_methods(tmp_path, capsys):
+    assert main(["paper", "all", "--quick", "-o", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert all(f"{name} (" in said for name in ITEMS)
+    assert "does not hold" not in said
+
+
+@pytest.mark.parametrize("item", [curves_5pt, curves_initialised])
+def test_methods_are_known_to_the_benchmark(item):
+    assert BenchmarkRun("example", tuple(item.METHODS)).methods
+    assert set(distortion_table.LABELS) <= set(METHODS)
+
+
+def table(made, name):
+    """Rows of an item's CSV, numbers where they are numbers."""
+    with (made[0] / f"{name}.csv").open(encoding="utf-8") as file:
+        return [{key: number(value) for key, value in row.items()} for row in csv.DictReader(file)]
+
+
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_item_writes_picture_numbers_and_verdict(made, name):
+    out, records = made
+    picture = matplotlib.image.imread(out / f"{name}.png")
+    assert picture.shape[1] >= 700
+    assert picture[..., :3].std() > 0.05, "something is drawn"
+    assert "</svg>" in (out / f"{name}.svg").read_text(encoding="utf-8")
+    assert (out / f"{name}.svg").stat().st_size < 6e5
+    assert table(made, name)
+    record = json.loads((out / f"{name}.json").read_text(encoding="utf-8"))
+    assert record == records[name]
+    assert record["verdicts"]
+    assert record["holds"] == all(one["holds"] for one in record["verdicts"])
+    assert record["seed"] == 0
+
+
+def test_no_basis_beats_the_optimum(made):
+    rows = table(made, "basis-error")
+    for row in rows:
+        assert row["exact"] < row["predicted"] < row["nystrom"] < row["laplace"]
+    assert all(np.diff([row[basis] for row in rows]).max() < 0 for basis in basis_error.COLUMNS)
+
+
+def test_error_of_a_basis_by_another_route():
+    """With orthonormal vectors, ‖D − QΛQᵀ‖² = ‖D‖² − Σ λ² for the exact basis."""
+    mesh = icosphere(2)
+    n = mesh.n_vertices
+    rows = np.arange(n)
+    distances = geodesic_distances(mesh, rows)
+    distances = (distances + distances.T) / 2
+    basis = distance_basis(distances, 7, 7, "exact", "uniform")
+    direct = basis_error.relative_error(basis.row(rows), distances, np.ones(n))
+    assert direct**2 == pytest.approx(1 - (basis.values**2).sum() / (distances**2).sum(), rel=1e-9)
+    weights = np.random.default_rng(0).uniform(1, 2, n)
+    spanned = basis_error.projected(np.eye(n), distances, weights)
+    np.testing.assert_allclose(spanned, distances, atol=1e-9)
+
+
+def test_ten_vectors(made):
+    rows = table(made, "basis-vectors")
+    values = np.abs([row["eigenvalue_over_area_three_halves"] for row in rows])
+    assert (np.diff(values) <= 0).all()
+    assert (np.diff([row["relative_error_so_far"] for row in rows]) < 0).all()
+
+
+def test_descriptors_follow_geodesic_distances_and_laplace_functions_do_not(made):
+    rows = table(made, "descriptor-distance")
+    medians = {
+        kind: np.array([row["median"] for row in rows if row["descriptor"] == kind])
+        for kind in ("gdd", "lbo")
+    }
+    assert (np.diff(medians["gdd"]) > 0).all()
+    assert (np.diff(medians["lbo"]) < 0).any()
+    assert all(row["q05"] <= row["median"] <= row["q95"] for row in rows)
+    field = table(made, "descriptor-field")
+    geodesic = [row["geodesic"] for row in field]
+    assert np.corrcoef(geodesic, [row["gdd"] for row in field])[0, 1] > 0.9
+    assert np.corrcoef(geodesic, [row["lbo"] for row in field])[0, 1] < 0.5
+
+
+@pytest.mark.parametrize("name", ["curves-5pt", "curves-initialised"])
+def test_curves_rise_to_at_most_one(made, name):
+    rows = table(made, name)
+    methods = {row["method"] for row in rows}
+    for method in methods:
+        shares = [row["share"] for row in rows if row["method"] == method]
+        assert (np.diff(shares) >= 0).all()
+        assert 0 <= shares[0] <= shares[-1] <= 1
+    known = {(row["method"], row["pair"]): row for row in read_rows(made[0] / "runs")}
+    assert {method for method, _ in known} >= methods, "the rows of the run are kept"
+    told = [row["share"] for row in rows if row["method"] == "sgmds_5pt"]
+    np.testing.assert_allclose(told, known["sgmds_5pt", "standing-running"]["curve"][::4])
+
+
+def test_rows_of_an_earlier_run_are_used(made):
+    before = (made[0] / "runs" / "rows.jsonl").read_text()
+    setting = Setting(None, made[0] / "runs", quick=True, n_points=150, jobs=1)
+    curves, facts = princeton_curves.measured(setting, ("gdd_post", "sgmds_5pt"))
+    assert (made[0] / "runs" / "rows.jsonl").read_text() == before
+    assert set(curves) == {("example", "gdd_post"), ("example", "sgmds_5pt")}
+    assert facts["pairs"] == {"example": ["standing-running"]}
+
+
+def test_a_pair_without_a_map_counts_as_wrong(tmp_path, monkeypatch):
+    def broken(source, target):
+        raise RuntimeError("no map today")
+
+    monkeypatch.setitem(METHODS, "gdd", Method(broken))
+    setting = Setting(None, tmp_path, quick=True, n_points=150, jobs=1)
+    curves, facts = princeton_curves.measured(setting, ("gdd",))
+    assert (curves["example", "gdd"] == 0).all()
+    assert facts["without a map"] == {"example, gdd": 1}
+
+
+def test_distortion_of_the_table_is_that_of_metric_distortion(made):
+    (row,) = table(made, "distortion-table")
+    assert all(
+        row[f"{method}_over_truth"] == pytest.approx(row[method] / row["truth"], rel=1e-3)
+        for method in ("gdd", "gdd_post")
+    )
+    pair = next(iter(benchmark_set("example")))
+    drawn = pair.truth[np.random.default_rng(0).choice(len(pair.truth), 150, replace=False)]
+    found, _ = METHODS["gdd"](pair, METHODS["gdd"].hints(pair, 0))
+    distortion = metric_distortion(pair.source, pair.target, found, drawn)
+    assert distortion.l2 == pytest.approx(row["gdd"], rel=1e-3)
+    assert distortion.truth.l2 == pytest.approx(row["truth"], rel=1e-3)
+
+
+def test_regions_are_carried_and_neighbours_differ(made):
+    (row,) = table(made, "voronoi")
+    assert row["right_share"] > 0.9
+    mesh = example_pair()[0].mesh
+    columns = geodesic_distances(mesh, np.arange(0, 2900, 145)).T
+    colours = region_colours.region_colours(columns, mesh.faces)
+    assert len(np.unique(colours, axis=0)) == 20
+    owner = columns.argmin(axis=1)[mesh.faces]
+    border = owner[:, 0] != owner[:, 1]
+    apart = np.linalg.norm(colours[owner[border, 0]] - colours[owner[border, 1]], axis=1)
+    assert apart.min() > 0.2
+
+
+def one_line(capsys):
+    said = capsys.readouterr().err
+    assert said.startswith("isomatch: ")
+    assert said.count("\n") == 1
+    return said
+
+
+def test_bad_requests_are_told_in_one_line(made, tmp_path, capsys):
+    assert main(["paper", "figure-9", "--quick", "-o", str(tmp_path)]) == 1
+    assert "unknown item figure-9; known are basis-error" in one_line(capsys)
+    assert main(["paper", "voronoi", "-o", str(tmp_path)]) == 1
+    assert "pass --data DIR" in one_line(capsys)
+    assert main(["paper", "basis-error", "--data", str(tmp_path), "-o", str(tmp_path / "out")]) == 1
+    assert "tosca" in one_line(capsys)
+    assert main(["paper", "curves-5pt", "--data", str(tmp_path), "-o", str(tmp_path / "out")]) == 1
+    assert "benchmark set tosca not found" in one_line(capsys)
+    assert main(["paper", "voronoi", "--quick", "--pairs", "0", "-o", str(tmp_path)]) == 1
+    assert "n_pairs = 0 is not at least 1" in one_line(capsys)
+    earlier = (made[0] / "voronoi.json").read_text()
+    assert main(["paper", "all", "--quick", "-o", str(made[0])]) == 1
+    assert "already exists and would be lost" in one_line(capsys)
+    assert (made[0] / "voronoi.json").read_text() == earlier
