@@ -6,42 +6,53 @@ import json
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from isomatch import Config, prepare
+from isomatch.baselines import functional_maps, gdd, gdd_post, spectral_gmds, spectral_gradient_fields
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
-from isomatch.evaluation import METHODS, distance_table
+from isomatch.evaluation import distance_table, true_landmarks
 from isomatch.geodesics import distance_engine
+from isomatch.paper import distortion_bars
 from isomatch.paper.item import Item, Reproduction, Setting, Verdict
 
 PUBLISHED = {  # GDD / truth in the paper's table
     "horse": 0.845, "victoria": 0.879, "cat": 0.770, "wolf": 0.841, "centaur": 0.799, "david": 0.853,
 }  # fmt: skip
-LABELS = {
-    "sgf_5pt": ("Spectral-GF", "#CC79A7"),
-    "sgmds_5pt": ("SGMDS", "#009E73"),
-    "functional_maps_5pt": ("functional maps", "#0072B2"),
-    "gdd": ("GDD", "#E69F00"),
-    "gdd_post": ("GDD + post", "#D55E00"),
+AREA, UNIFORM = (
+    Config(),
+    Config(weights="uniform"),
+)  # settings of the preparation: of the others, of the paper's own
+METHODS = {
+    "sgf": (spectral_gradient_fields, AREA),
+    "sgmds": (spectral_gmds, AREA),
+    "functional_maps": (functional_maps, AREA),
+    "gdd": (gdd, UNIFORM),
+    "gdd_post": (gdd_post, UNIFORM),
 }
 POST_LIMIT = 1.05  # of the truth, which the paper's post-processing hardly exceeds
+FEWER = 4  # times fewer points at one end of the distances: columns are dear on large meshes
 LEDGER = "distortion.jsonl"  # in the folder of runs: a line for each pair that is done
 
 
 def measured(chosen: BenchmarkSet, names: tuple[str, str], n_points: int, seed: int) -> dict[str, float]:
-    """Mean of (d₁ − d₂)² over all pairs of drawn points, for the truth and for each method."""
+    """Mean of (d₁ − d₂)² between some of the drawn points and all of them, for the truth and for each method."""
     pair = chosen.load(*names)
     drawn = np.random.default_rng(seed).choice(len(pair.truth), min(n_points, len(pair.truth)), replace=False)
-    rows = pair.truth[drawn]
-    images = {"truth": rows[:, 1]}
-    for method in LABELS:
-        found, _ = METHODS[method](pair, METHODS[method].hints(pair, seed))
-        images[method] = found.vertices[rows[:, 0]]
-    here = distance_table(distance_engine(pair.source), rows[:, 0], rows[:, 0]) / np.sqrt(pair.source.area)
-    engine, unit = distance_engine(pair.target), np.sqrt(pair.target.area)
-    return {
-        method: float(((here - distance_table(engine, image, image) / unit) ** 2).mean())
-        for method, image in images.items()
-    }
+    points, some = pair.truth[drawn], slice(len(drawn) // FEWER)
+    images = {"truth": points[:, 1]}
+    landmarks = true_landmarks(pair, seed=seed)
+    for config in (AREA, UNIFORM):
+        shapes = [prepare(mesh, config, seed) for mesh in (pair.source, pair.target)]
+        for name, (method, settings) in METHODS.items():
+            if settings is config:
+                images[name] = method(*shapes, landmarks=landmarks, seed=seed).map.vertices[points[:, 0]]
+    source, target = (distance_engine(mesh) for mesh in (pair.source, pair.target))
+    here = distance_table(source, points[some, 0], points[:, 0]) / np.sqrt(pair.source.area)
+    squares = {}
+    for name, image in images.items():
+        there = distance_table(target, image[some], image) / np.sqrt(pair.target.area)
+        squares[name] = float(((here - there) ** 2).mean())
+    return squares
 
 
 def classes_of(chosen: BenchmarkSet, setting: Setting) -> dict[str, list[tuple[str, str]]]:
@@ -77,16 +88,16 @@ def make(setting: Setting) -> Reproduction:
                     file.write(json.dumps([key, done[key]]) + "\n")
             every.append(done[key])
         mean = {method: float(np.mean([squares[method] for squares in every])) for method in every[0]}
-        ratios = {f"{method}_over_truth": mean[method] / mean["truth"] for method in LABELS}
+        ratios = {f"{method}_over_truth": mean[method] / mean["truth"] for method in METHODS}
         rows.append(
             {"class": kind, "pairs": len(pairs)} | mean | ratios | {"paper_gdd": PUBLISHED.get(kind, "")}
         )
     facts = {
-        "points": setting.n_points,
+        "points": f"distances from {setting.n_points // FEWER} of {setting.n_points} random points to all of them",
         "unit": "mean of squared differences of geodesic distances, each shape's divided by its √area",
         "pairs": {kind: ["-".join(names) for names in pairs] for kind, pairs in classes.items()},
     }
-    return Reproduction(draw(rows), rows, verdicts_on(rows), facts)
+    return Reproduction(distortion_bars.draw(rows), rows, verdicts_on(rows), facts)
 
 
 def verdicts_on(rows: list[dict[str, Any]]) -> list[Verdict]:
@@ -108,26 +119,6 @@ def verdicts_on(rows: list[dict[str, Any]]) -> list[Verdict]:
             all(plain[kind] <= post[kind] <= POST_LIMIT for kind in post),
         ),
     ]
-
-
-def draw(rows: list[dict[str, Any]]) -> Figure:
-    """Bars of distortion / truth, a group for each class; the paper's GDD as a line across."""
-    figure = Figure((8.5, 4.0), layout="constrained")
-    axes = figure.add_subplot(ylabel="mean square distortion / that of the truth")
-    width = 0.8 / len(LABELS)
-    for i, (method, (label, colour)) in enumerate(LABELS.items()):
-        ratios = [row[f"{method}_over_truth"] for row in rows]
-        bars = axes.bar(np.arange(len(rows)) + (i - 2) * width, ratios, width, color=colour, label=label)
-        axes.bar_label(bars, fmt="{:.2f}", size=6.5, rotation=90, padding=2)
-    published = [(i + width, row["paper_gdd"]) for i, row in enumerate(rows) if row["paper_gdd"]]
-    if published:
-        axes.plot(*zip(*published), "k_", markersize=14, label="GDD in the paper")
-    axes.axhline(1.0, color="0.4", lw=0.8, label="truth")
-    axes.set_xticks(range(len(rows)), [f"{row['class']}\ntruth {row['truth']:.1e}" for row in rows])
-    axes.grid(axis="x", visible=False)
-    axes.margins(y=0.12)
-    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
-    return figure
 
 
 ITEM = Item(

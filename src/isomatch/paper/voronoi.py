@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch import Correspondence, match
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.datasets import BenchmarkPair
+from isomatch.datasets import BenchmarkPair, tosca
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
@@ -28,7 +28,7 @@ RESOLUTION = 330
 def make(setting: Setting) -> Reproduction:
     """Match each pose to the first, automatically, and carry the regions over."""
     chosen = benchmark_set("example" if setting.quick else "tosca", setting.folder)
-    poses = poses_of(chosen, setting.seed)
+    poses = poses_of(chosen, setting)
     reference = chosen.load(*poses[0]).source
     engine = distance_engine(reference)
     centres = farthest_point_sampling(engine, N_REGIONS, peripheral_vertex(reference, engine, setting.seed))
@@ -63,11 +63,13 @@ def make(setting: Setting) -> Reproduction:
     return Reproduction(figure, rows, [verdict], facts)
 
 
-def poses_of(chosen: BenchmarkSet, seed: int) -> list[tuple[str, str]]:
-    """Draw pairs of the first shape of a class with other poses."""
-    of_class = [pair for pair in chosen.pairs if pair[0].startswith(CLASS)] or list(chosen.pairs)
-    from_first = tuple(pair for pair in of_class if pair[0] == of_class[0][0])
-    return list(BenchmarkSet(chosen.name, from_first, chosen.load).chosen(N_POSES, seed).pairs)
+def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
+    """Draw pairs of the first shape of the class with others."""
+    pairs = chosen.pairs
+    if setting.data is not None and not setting.quick:
+        first, *others = (name for name in tosca(setting.data / "tosca").names if name.startswith(CLASS))
+        pairs = tuple((first, other) for other in others)
+    return list(BenchmarkSet(chosen.name, pairs, chosen.load).chosen(N_POSES, setting.seed).pairs)
 
 
 def judged(

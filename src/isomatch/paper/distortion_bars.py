@@ -1,0 +1,38 @@
+"""The table of distortions as bars."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+LABELS = {
+    "sgf": ("Spectral-GF", "#CC79A7"),
+    "sgmds": ("SGMDS", "#009E73"),
+    "functional_maps": ("functional maps", "#0072B2"),
+    "gdd": ("GDD", "#E69F00"),
+    "gdd_post": ("GDD + post", "#D55E00"),
+}
+
+
+def draw(rows: list[dict[str, Any]]) -> Figure:
+    """Bars of distortion / truth, a group for each class; the paper's GDD as a line across."""
+    figure = Figure((8.5, 4.0), layout="constrained")
+    axes = figure.add_subplot(ylabel="mean square distortion / that of the truth")
+    shown = [method for method in LABELS if method in rows[0]]
+    places = dict(zip(shown, np.linspace(-0.4, 0.4, 2 * len(shown) + 1)[1::2]))  # of bars in their group
+    for method, place in places.items():
+        label, colour = LABELS[method]
+        ratios = [row[f"{method}_over_truth"] for row in rows]
+        bars = axes.bar(np.arange(len(rows)) + place, ratios, 0.8 / len(shown), color=colour, label=label)
+        axes.bar_label(bars, fmt="{:.2f}", size=6.5, rotation=90, padding=2)
+    published = [(i + places["gdd"], row["paper_gdd"]) for i, row in enumerate(rows) if row["paper_gdd"]]
+    if published:
+        axes.plot(*zip(*published), "k_", markersize=14, label="GDD in the paper")
+    axes.axhline(1.0, color="0.4", lw=0.8, label="truth")
+    axes.set_xticks(range(len(rows)), [f"{row['class']}\ntruth {row['truth']:.1e}" for row in rows])
+    axes.grid(axis="x", visible=False)
+    axes.margins(y=0.12)
+    figure.legend(loc="outside upper center", ncols=4, fontsize="small")
+    return figure
