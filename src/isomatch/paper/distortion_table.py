@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from isomatch import Config, prepare
+from isomatch import Config, MatchResult, prepare
 from isomatch.baselines import functional_maps, gdd, gdd_post, spectral_gmds, spectral_gradient_fields
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
 from isomatch.evaluation import distance_table, true_landmarks
@@ -22,7 +23,7 @@ AREA, UNIFORM = (
     Config(),
     Config(weights="uniform"),
 )  # settings of the preparation: of the others, of the paper's own
-METHODS = {
+METHODS: dict[str, tuple[Callable[..., MatchResult], Config]] = {
     "sgf": (spectral_gradient_fields, AREA),
     "sgmds": (spectral_gmds, AREA),
     "functional_maps": (functional_maps, AREA),

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from isomatch._arrays import FloatArray
 
+UP_AXIS = 2  # of TOSCA and of the creatures
 Paint = Callable[[FloatArray], FloatArray]
 
 

@@ -34,7 +34,7 @@ def make(setting: Setting) -> Reproduction:
     centres = farthest_point_sampling(engine, N_REGIONS, peripheral_vertex(reference, engine, setting.seed))
     distances = centres.columns.T / np.sqrt(reference.area)  # (n, regions)
     palette = region_colours(distances, reference.faces)
-    camera = camera_of(reference)
+    camera = camera_of(reference, surface_panels.UP_AXIS)
 
     def paint(seen: FloatArray) -> FloatArray:
         return painted(seen, palette)

@@ -19,13 +19,15 @@ LEAN = np.radians(65.0)  # a partner that leans less than this stays as it is; i
 SNAP = np.radians(35.0)  # a partner turned by nearly a quarter turn is turned by exactly that
 
 
-def camera_of(mesh: Mesh) -> FloatArray:
+def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
     """Choose a view.
 
     Parameters
     ----------
     mesh : Mesh
         A sheet, which is seen from above, or a shape with y or z up, as nearly all files have.
+    up_axis : {1, 2}, optional
+        Which of the two; by default it is guessed, which may fail for a long shape.
 
     Returns
     -------
@@ -36,7 +38,7 @@ def camera_of(mesh: Mesh) -> FloatArray:
     moments, axes = _principal_axes(mesh.vertices, areas)
     if moments[0] < FLAT**2 * moments[1]:
         return np.array([axes[:, 2], np.cross(axes[:, 0], axes[:, 2]), axes[:, 0]])
-    up = np.eye(3)[_up_axis(mesh)]
+    up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
     _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
     front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
     narrow = level_axes[:, 1]  # column 0 is up, along which nothing is left
