@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 LABELS = {
-    "sgf": ("Spectral-GF", "#CC79A7"),
-    "sgmds": ("SGMDS", "#009E73"),
-    "functional_maps": ("functional maps", "#0072B2"),
+    "sgf_5pt": ("Spectral-GF", "#CC79A7"),
+    "sgmds_5pt": ("SGMDS", "#009E73"),
+    "functional_maps_5pt": ("functional maps", "#0072B2"),
     "gdd": ("GDD", "#E69F00"),
     "gdd_post": ("GDD + post", "#D55E00"),
 }

@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from isomatch import Config, MatchResult, prepare
-from isomatch.baselines import functional_maps, gdd, gdd_post, spectral_gmds, spectral_gradient_fields
+from isomatch import prepare
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
-from isomatch.evaluation import distance_table, true_landmarks
-from isomatch.geodesics import distance_engine
+from isomatch.evaluation import METHODS, distance_table
+from isomatch.geodesics import Remembered, distance_engine
 from isomatch.paper import distortion_bars
 from isomatch.paper.item import Item, Reproduction, Setting, Verdict
 
 PUBLISHED = {  # GDD / truth in the paper's table
     "horse": 0.845, "victoria": 0.879, "cat": 0.770, "wolf": 0.841, "centaur": 0.799, "david": 0.853,
 }  # fmt: skip
-AREA, UNIFORM = (
-    Config(),
-    Config(weights="uniform"),
-)  # settings of the preparation: of the others, of the paper's own
-METHODS: dict[str, tuple[Callable[..., MatchResult], Config]] = {
-    "sgf": (spectral_gradient_fields, AREA),
-    "sgmds": (spectral_gmds, AREA),
-    "functional_maps": (functional_maps, AREA),
-    "gdd": (gdd, UNIFORM),
-    "gdd_post": (gdd_post, UNIFORM),
-}
+SHOWN = ("sgf_5pt", "sgmds_5pt", "functional_maps_5pt", "gdd", "gdd_post")
 POST_LIMIT = 1.05  # of the truth, which the paper's post-processing hardly exceeds
 FEWER = 4  # times fewer points at one end of the distances: columns are dear on large meshes
 LEDGER = "distortion.jsonl"  # in the folder of runs: a line for each pair that is done
@@ -41,13 +30,14 @@ def measured(chosen: BenchmarkSet, names: tuple[str, str], n_points: int, seed: 
     drawn = np.random.default_rng(seed).choice(len(pair.truth), min(n_points, len(pair.truth)), replace=False)
     points, some = pair.truth[drawn], slice(len(drawn) // FEWER)
     images = {"truth": points[:, 1]}
-    landmarks = true_landmarks(pair, seed=seed)
-    for config in (AREA, UNIFORM):
-        shapes = [prepare(mesh, config, seed) for mesh in (pair.source, pair.target)]
-        for name, (method, settings) in METHODS.items():
-            if settings is config:
-                images[name] = method(*shapes, landmarks=landmarks, seed=seed).map.vertices[points[:, 0]]
-    source, target = (distance_engine(mesh) for mesh in (pair.source, pair.target))
+    prepare_both = lru_cache(
+        lambda config: (prepare(pair.source, config, seed), prepare(pair.target, config, seed))
+    )
+    for name in SHOWN:
+        one, other = prepare_both(METHODS[name].preparation)
+        found, _ = METHODS[name].on(one, other, METHODS[name].hints(pair, seed))
+        images[name] = found.vertices[points[:, 0]]
+    source, target = distance_engine(pair.source), Remembered(distance_engine(pair.target))
     here = distance_table(source, points[some, 0], points[:, 0]) / np.sqrt(pair.source.area)
     squares = {}
     for name, image in images.items():
@@ -89,7 +79,7 @@ def make(setting: Setting) -> Reproduction:
                     file.write(json.dumps([key, done[key]]) + "\n")
             every.append(done[key])
         mean = {method: float(np.mean([squares[method] for squares in every])) for method in every[0]}
-        ratios = {f"{method}_over_truth": mean[method] / mean["truth"] for method in METHODS}
+        ratios = {f"{method}_over_truth": mean[method] / mean["truth"] for method in SHOWN}
         rows.append(
             {"class": kind, "pairs": len(pairs)} | mean | ratios | {"paper_gdd": PUBLISHED.get(kind, "")}
         )
