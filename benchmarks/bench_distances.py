@@ -20,6 +20,7 @@ import matplotlib.pyplot as plt
 
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
 from isomatch.datasets import creature
+from isomatch.paper.basis_error import projected, relative_error
 
 OUT = Path(__file__).parents[1] / "docs" / "benchmarks"
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
@@ -34,13 +35,6 @@ NAMES = {
 }
 
 
-def relative_error(approximate, distances, weights):
-    """Relative Frobenius error with weights on both sides."""
-    root = np.sqrt(weights)
-    scale = root[:, None] * root
-    return float(np.linalg.norm(scale * (approximate - distances)) / np.linalg.norm(scale * distances))
-
-
 def measure(mesh, distances):
     """One row for each basis: weights, method, k, p, error, processor seconds."""
     everywhere = np.arange(mesh.n_vertices)
@@ -48,12 +42,10 @@ def measure(mesh, distances):
     for weights in ("uniform", "area"):
         measure = mesh.vertex_areas if weights == "area" else np.ones(mesh.n_vertices)
         exact = distance_basis(mesh, max(RANKS), max(RANKS), "exact", weights, held_out=0)
-        root = np.sqrt(measure)[:, None]
         for k in RANKS:
             row = exact.truncated(k).row(everywhere)
             yield weights, "exact", k, mesh.n_vertices, relative_error(row, distances, measure), ""
-            span = np.linalg.qr(root * smooth[:, :k])[0]
-            one_sided = span @ (span.T @ (root * distances)) / root
+            one_sided = projected(smooth[:, :k], distances, measure)
             yield weights, "laplace", k, mesh.n_vertices, relative_error(one_sided, distances, measure), ""
         settings = [(k, 2 * k) for k in RANKS] + [(50, p) for p in COLUMNS if p != 100]
         for method in METHODS:

@@ -199,3 +199,12 @@ def test_a_broken_archive_and_broken_landmarks_are_told(tmp_path):
     (tmp_path / "cat.txt").write_text("3 1\n4 9\n")
     with pytest.raises(FormatError, match="mirrored to line 9, the last is 1"):
         tosca(tmp_path).with_landmarks(tmp_path)["cat0"]
+
+
+def test_the_shipped_pair_is_a_set():
+    chosen = benchmark_set("example")
+    (pair,) = chosen
+    assert pair.name == "standing-running"
+    assert (pair.truth[:, 0] == np.arange(pair.source.n_vertices)).all()
+    assert pair.truth[:, 1].max() < pair.target.n_vertices
+    assert pair.mirrored is None

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch import Correspondence, match
+from isomatch import Correspondence, match, prepare
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.datasets import BenchmarkPair, tosca
 from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
@@ -34,6 +34,7 @@ def make(setting: Setting) -> Reproduction:
     centres = farthest_point_sampling(engine, N_REGIONS, peripheral_vertex(reference, engine, setting.seed))
     distances = centres.columns.T / np.sqrt(reference.area)  # (n, regions)
     palette = region_colours(distances, reference.faces)
+    prepared = prepare(reference, seed=setting.seed)
     camera = camera_of(reference, surface_panels.UP_AXIS)
 
     def paint(seen: FloatArray) -> FloatArray:
@@ -44,7 +45,7 @@ def make(setting: Setting) -> Reproduction:
     for names in poses:
         setting.progress(f"voronoi: {'-'.join(names)}")
         pair = chosen.load(*names)
-        found = match(pair.target, reference, seed=setting.seed)
+        found = match(pair.target, prepared, seed=setting.seed)
         carried = found.map.pull_back(distances)
         best = judged(pair, found.map, carried, distances, setting)
         rows.append({"reference": names[0], "pose": names[1], "outcome": found.outcome.value} | best)

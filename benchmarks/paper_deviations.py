@@ -1,0 +1,129 @@
+"""How much does it matter where the reproduction differs from the paper: one thing changed at a time.
+
+    python benchmarks/paper_deviations.py --data DIR -o OUT
+
+writes ``deviations.csv``: plain GDD and its post-processing from five true landmarks, as the benchmark has them and with
+one thing changed; for each pair, the mean geodesic error (× 100 / √area, 1000 truth points) and the ratio of the
+mean square distortion to that of the truth (100 × 1000 points).
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isomatch import Config, MatchResult, PreparedShape, match
+from isomatch.baselines import gdd, gdd_post
+from isomatch.datasets import BenchmarkPair
+from isomatch.datasets.benchmarks import benchmark_set
+from isomatch.evaluation import counted, geodesic_errors, metric_distortion, true_landmarks
+from isomatch.geodesics import Remembered, distance_engine
+from isomatch.matching import alignment, refine
+from studies import changed
+
+SEED = 0
+PAIRS = {  # one of each class: remeshed evenly, and not
+    "tosca_iso_r": ("cat", "centaur", "david", "victoria"),
+    "tosca": ("wolf",),
+}
+
+
+def whole(config: Config, pair: BenchmarkPair) -> Config:
+    """Iterate on all vertices."""
+    return replace(config, n_refine=pair.source.n_vertices)
+
+
+def unrestricted(target: Any, source: Any) -> Any:
+    """Find the orthogonal C that minimises ‖T C − S‖, real and imaginary columns mixed: a unitary C of the paper."""
+    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates
+    u, _, v = np.linalg.svd(cross, full_matrices=False)
+    return u @ v
+
+
+def as_usual(config: Config, pair: BenchmarkPair) -> Config:
+    """Change nothing."""
+    return config
+
+
+def by_area(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
+    """Plain GDD with area weights."""
+    return match(source, target, landmarks, config=replace(config, hypotheses="given", refinement="none"))
+
+
+def post_by_area(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
+    """Post-processing, with area weights before it."""
+    return match(
+        source, target, landmarks, config=replace(config, hypotheses="given", refinement="laplace_icp")
+    )
+
+
+def gdd_from(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
+    """Plain GDD."""
+    return gdd(source, target, landmarks, config=config)
+
+
+def post_from(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
+    """GDD and post-processing."""
+    return gdd_post(source, target, landmarks, config=config)
+
+
+MIXED = [(module, {"orthogonal_alignment": unrestricted}) for module in (alignment, refine)]
+MESH_UNITS = [(PreparedShape, {"intrinsic_scale": property(lambda shape: 1.0 / shape.scale)})]
+VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config], list[Any]]] = {
+    "GDD": (gdd_from, Config(), as_usual, []),
+    "GDD, area weights": (by_area, Config(), as_usual, []),
+    "GDD, C not block-diagonal": (gdd_from, Config(), as_usual, MIXED),
+    "GDD, iterated on all vertices": (gdd_from, Config(), whole, []),
+    "GDD, distances in mesh units": (gdd_from, Config(), as_usual, MESH_UNITS),
+    "GDD, k = 30, p = 60": (gdd_from, Config(rank=30, n_columns=60), as_usual, []),
+    "GDD, k = 100, p = 200": (gdd_from, Config(rank=100, n_columns=200), as_usual, []),
+    "post": (post_from, Config(), as_usual, []),
+    "post, area weights": (post_by_area, Config(), as_usual, []),
+    "post, iterated on all vertices": (post_from, Config(), whole, []),
+    "post, 100 functions": (post_from, Config(n_functions=100), as_usual, []),
+}
+
+
+def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
+    """Error and distortion over that of the truth, for each variant."""
+    landmarks = true_landmarks(pair, seed=SEED)
+    engines = Remembered(distance_engine(pair.source)), Remembered(distance_engine(pair.target))
+    results = {}
+    for name, (method, config, scope, changes) in VARIANTS.items():
+        with ExitStack() as stack:
+            for module, values in changes:
+                stack.enter_context(changed(module, **values))
+            found = method(pair.source, pair.target, landmarks, scope(config, pair)).map
+        error = counted(geodesic_errors(pair.target, found, pair.truth, 1000, SEED, engines[1])).mean()
+        distortion = metric_distortion(
+            pair.source, pair.target, found, pair.truth, n_rows=100, seed=SEED, engines=engines
+        )
+        results[name] = 100 * float(error), distortion.l2 / distortion.truth.l2
+        print(pair.name, name, *np.round(results[name], 3), sep="  ", flush=True)
+    return results
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", required=True, help="folder of the benchmark sets")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for deviations.csv")
+    asked = parser.parse_args()
+    asked.output.mkdir(parents=True, exist_ok=True)
+    with (asked.output / "deviations.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("set", "pair", "variant", "error", "distortion_over_truth"))
+        for set_name, classes in PAIRS.items():
+            chosen = benchmark_set(set_name, asked.data)
+            for kind in classes:
+                of_class = [pair for pair in chosen.pairs if pair[0].rstrip("0123456789") == kind]
+                pair = chosen.load(*of_class[np.random.default_rng(SEED).integers(len(of_class))])
+                for variant, numbers in measured(pair).items():
+                    writer.writerow((set_name, pair.name, variant, *(f"{number:.4g}" for number in numbers)))
+                file.flush()
