@@ -88,6 +88,16 @@ def test_item_writes_picture_numbers_and_verdict(made, name):
     assert record["seed"] == 0
 
 
+def test_one_page_tells_all(made):
+    out, records = made
+    page = (out / "index.md").read_text(encoding="utf-8")
+    for name, record in records.items():
+        assert f"]({name}.png)" in page
+        assert all(verdict["measured"] in page for verdict in record["verdicts"])
+    assert "standing-running" in page
+    assert "seed: 0" in page
+
+
 def test_no_basis_beats_the_optimum(made):
     rows = table(made, "basis-error")
     for row in rows:

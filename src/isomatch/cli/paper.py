@@ -33,7 +33,7 @@ def paper(
         basis-error, basis-vectors, descriptor-distance, descriptor-field, curves-5pt, distortion-table, voronoi,
         curves-initialised, or all.
     output : Path
-        Folder for NAME.png, NAME.svg, NAME.csv and NAME.json.
+        Folder for NAME.png, NAME.svg, NAME.csv, NAME.json, and index.md about all items in it.
     data : Path
         Folder of the sets tosca and scape, as for isomatch bench.
     quick : bool

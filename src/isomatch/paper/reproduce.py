@@ -23,6 +23,7 @@ from isomatch.paper import (
     voronoi,
 )
 from isomatch.paper.item import Item, Reproduction, Setting
+from isomatch.paper.page import write_page
 
 ITEMS: dict[str, Item] = {
     "basis-error": basis_error.ITEM,
@@ -42,7 +43,7 @@ STYLE: dict[Any, Any] = {"svg.hashsalt": "isomatch", "font.size": 9, "axes.grid"
 def reproduce(
     names: Sequence[str], setting: Setting, out: str | Path, force: bool = False
 ) -> Iterator[dict[str, Any]]:
-    """Make items and write each as ``NAME.png``, ``.svg``, ``.csv`` and ``.json``.
+    """Make items, write each as ``NAME.png``, ``.svg``, ``.csv`` and ``.json``, and ``index.md`` about all of a folder.
 
     Parameters
     ----------
@@ -82,7 +83,9 @@ def reproduce(
         with rc_context(STYLE):
             setting.progress(name)
             made = ITEMS[name].make(setting)
-            yield _written(name, made, setting, out, time.perf_counter() - started)
+            record = _written(name, made, setting, out, time.perf_counter() - started)
+            write_page(out, ITEMS)
+            yield record
 
 
 def _files(out: Path, name: str) -> list[Path]:
@@ -108,8 +111,8 @@ def _written(name: str, made: Reproduction, setting: Setting, out: Path, seconds
         "verdicts": [vars(one) for one in made.verdicts],
         "holds": all(one.holds for one in made.verdicts),
         "quick": setting.quick,
-        "seed": setting.seed,
         **made.facts,
+        "seed": setting.seed,
         "seconds": round(seconds, 1),
         "isomatch": __version__,
         "files": [path.name for path in (png, svg, table, verdict)],
