@@ -24,8 +24,9 @@ from isomatch.baselines import gdd, gdd_post
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.evaluation import counted, geodesic_errors, metric_distortion, true_landmarks
-from isomatch.geodesics import Remembered, distance_engine
-from isomatch.matching import alignment, refine
+from isomatch.evaluation.remembering import RememberingEngine
+from isomatch.geodesics import distance_engine
+from isomatch.matching import alignment, pipeline, refine
 from studies import changed
 
 SEED = 0
@@ -75,6 +76,7 @@ def post_from(source: Any, target: Any, landmarks: Any, config: Config) -> Match
 
 
 MIXED = [(module, {"orthogonal_alignment": unrestricted}) for module in (alignment, refine)]
+UNFLIPPED = [(pipeline, {"twins": lambda pair, winner, known: []})]
 MESH_UNITS = [(PreparedShape, {"intrinsic_scale": property(lambda shape: 1.0 / shape.scale)})]
 VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config], list[Any]]] = {
     "GDD": (gdd_from, Config(), as_usual, []),
@@ -82,6 +84,7 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
     "GDD, C not block-diagonal": (gdd_from, Config(), as_usual, MIXED),
     "GDD, iterated on all vertices": (gdd_from, Config(), whole, []),
     "GDD, distances in mesh units": (gdd_from, Config(), as_usual, MESH_UNITS),
+    "GDD, flips of the start not tried": (gdd_from, Config(), as_usual, UNFLIPPED),
     "GDD, k = 30, p = 60": (gdd_from, Config(rank=30, n_columns=60), as_usual, []),
     "GDD, k = 100, p = 200": (gdd_from, Config(rank=100, n_columns=200), as_usual, []),
     "post": (post_from, Config(), as_usual, []),
@@ -94,7 +97,7 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
 def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
     """Error and distortion over that of the truth, for each variant."""
     landmarks = true_landmarks(pair, seed=SEED)
-    engines = Remembered(distance_engine(pair.source)), Remembered(distance_engine(pair.target))
+    engines = tuple(RememberingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target))
     results = {}
     for name, (method, config, scope, changes) in VARIANTS.items():
         with ExitStack() as stack:

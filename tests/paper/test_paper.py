@@ -13,7 +13,7 @@ from isomatch import distance_basis, geodesic_distances
 from isomatch.cli import main
 from isomatch.datasets import example_pair
 from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.evaluation import METHODS, BenchmarkRun, Method, read_rows
+from isomatch.evaluation import METHODS, BenchmarkRun, Method, read_rows, true_landmarks
 from isomatch.paper import (
     ITEMS,
     Setting,
@@ -180,7 +180,7 @@ def test_distortions_by_another_route(made):
     (row,) = table(made, "distortion-table")
     pair = next(iter(benchmark_set("example")))
     points = pair.truth[np.random.default_rng(0).choice(len(pair.truth), 150, replace=False)]
-    found, _ = METHODS["gdd"](pair, METHODS["gdd"].hints(pair, 0))
+    found, _ = METHODS["gdd"](pair.source, pair.target, {"landmarks": true_landmarks(pair)})
     here = geodesic_distances(pair.source, points[:37, 0])[:, points[:, 0]] / np.sqrt(pair.source.area)
     for name, image in (("truth", points[:, 1]), ("gdd", found.vertices[points[:, 0]])):
         there = geodesic_distances(pair.target, image[:37])[:, image] / np.sqrt(pair.target.area)

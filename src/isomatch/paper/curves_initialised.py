@@ -12,10 +12,11 @@ BASELINES = {
     "functional_maps_5pt": ("functional maps", "#0072B2"),
     "sgf_5pt": ("Spectral-GF", "#CC79A7"),
 }
+ALONE, PUBLISHED, OURS = "", "+gdd_post", "+isomatch"
 VARIANTS = {
-    "": (":", 1.5, ""),
-    "+post": ("-", 2.0, " + GDD + post"),
-    "+gdd": ("--", 1.0, " + GDD, our refinement"),
+    ALONE: (":", 1.5, ""),
+    PUBLISHED: ("-", 2.0, " + GDD + post"),
+    OURS: ("--", 1.0, " + GDD, our refinement"),
 }
 METHODS: dict[str, tuple[str, dict[str, Any]]] = {
     baseline + variant: (label + suffix, {"color": colour, "linestyle": dashes, "lw": width})
@@ -35,7 +36,7 @@ def make(setting: Setting) -> Reproduction:
 def _better(baseline: str, curves: princeton_curves.Curves) -> Verdict:
     """Whether the start improves on every set."""
     areas = {
-        name: [princeton_curves.area(curves[name, baseline + variant]) for variant in ("", "+post", "+gdd")]
+        name: [princeton_curves.area(curves[name, baseline + variant]) for variant in VARIANTS]
         for name in dict.fromkeys(name for name, _ in curves)
     }
     told = "; ".join(
