@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -59,7 +58,7 @@ def reproduce(
     Yields
     ------
     dict
-        What is in ``NAME.json``: origin, title, verdicts, facts, seconds, files.
+        What is in ``NAME.json``: origin, title, verdicts, facts, files.
 
     Raises
     ------
@@ -79,20 +78,19 @@ def reproduce(
         )
     out.mkdir(parents=True, exist_ok=True)
     for name in names:
-        started = time.perf_counter()
         with rc_context(STYLE):
             setting.progress(name)
             made = ITEMS[name].make(setting)
-            record = _written(name, made, setting, out, time.perf_counter() - started)
-            write_page(out, ITEMS)
-            yield record
+            record = _written(name, made, setting, out)
+        write_page(out, ITEMS)
+        yield record
 
 
 def _files(out: Path, name: str) -> list[Path]:
     return [out / f"{name}.{suffix}" for suffix in SUFFIXES]
 
 
-def _written(name: str, made: Reproduction, setting: Setting, out: Path, seconds: float) -> dict[str, Any]:
+def _written(name: str, made: Reproduction, setting: Setting, out: Path) -> dict[str, Any]:
     """Write picture, numbers and verdict; return the record."""
     png, svg, table, verdict = _files(out, name)
     made.figure.savefig(png, dpi=DPI)
@@ -113,7 +111,6 @@ def _written(name: str, made: Reproduction, setting: Setting, out: Path, seconds
         "quick": setting.quick,
         **made.facts,
         "seed": setting.seed,
-        "seconds": round(seconds, 1),
         "isomatch": __version__,
         "files": [path.name for path in (png, svg, table, verdict)],
     }
