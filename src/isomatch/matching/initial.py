@@ -12,6 +12,7 @@ from isomatch.matching.nearest import nearest_rows
 
 LANDMARK_COLUMNS = 20  # leading descriptor columns that a few points can determine
 OFF_DIAGONAL = 0.01  # penalty on mixing columns i and j, times (i − j)² and the mean squared descriptor
+WEAKER = (0.001, 0.0001)  # as well, where a few points do not tell which penalty makes a good start
 RIDGE = 0.001  # penalty on every entry; decides where the landmarks do not
 
 
@@ -20,6 +21,7 @@ def rotations_from_landmarks(
     source: GeodesicDistanceDescriptor,
     at_target: IntArray,
     at_source: IntArray,
+    off_diagonal: float = OFF_DIAGONAL,
 ) -> FloatArray:
     """Align the leading columns of two clouds at a few corresponding points.
 
@@ -29,13 +31,16 @@ def rotations_from_landmarks(
         The clouds.
     at_target, at_source : (h, m) array of int
         Rows of m corresponding points, for each of h starts.
+    off_diagonal : float
+        Penalty on mixing columns.
 
     Returns
     -------
     (h, 20, 20) array of float
         For each start the C with target[:, :20] · C ≈ source[:, :20]. Each column solves
-        min ‖Y c − x‖² + Σᵢ (0.01 s (i − j)² + 0.001 s) cᵢ², s the mean squared norm of the target's rows: near-isometric
-        shapes have nearly equal spectra, so columns far from the diagonal mix little. Columns of the other sign stay 0.
+        min ‖Y c − x‖² + Σᵢ (q s (i − j)² + 0.001 s) cᵢ², q the penalty and s the mean squared norm of the target's
+        rows: near-isometric shapes have nearly equal spectra, so columns far from the diagonal mix little. Columns of
+        the other sign stay 0.
 
     Notes
     -----
@@ -47,7 +52,7 @@ def rotations_from_landmarks(
     allowed = target.signature[:k, None] == source.signature[:k]  # (i, j)
     y, x = leading[at_target], source.coordinates[at_source][..., :k]  # (h, m, k)
     offset = np.subtract.outer(np.arange(k), np.arange(k))
-    penalty = s * (OFF_DIAGONAL * offset**2 + RIDGE)  # (i, j)
+    penalty = s * (off_diagonal * offset**2 + RIDGE)  # (i, j)
     gram, right = y.swapaxes(1, 2) @ y, y.swapaxes(1, 2) @ x  # (h, k, k)
     # for every column j: (gram restricted to allowed rows and columns, identity elsewhere) c = right_j
     mask = allowed.T[:, :, None] & allowed.T[:, None, :]  # (j, i, i')

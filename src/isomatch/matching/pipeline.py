@@ -19,6 +19,8 @@ from isomatch.matching.clock import Clock, Progress
 from isomatch.matching.config import Config
 from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search, twins
 from isomatch.matching.initial import (
+    OFF_DIAGONAL,
+    WEAKER,
     checked_descriptors,
     checked_initial_map,
     checked_landmarks,
@@ -170,10 +172,12 @@ def _given(
             raise LandmarkError(
                 f"only {held.sum()} landmarks lie on the main component of both shapes; at least 3 are needed there"
             )
-        rotation = rotations_from_landmarks(
-            target.cloud, source.cloud, at_target[None, held], at_source[None, held]
-        )
-        starts.append((images_from_rotation(pair.target.cloud, pair.source.cloud, rotation[0]), "landmarks"))
+        rows = at_target[None, held], at_source[None, held]
+        for penalty in (OFF_DIAGONAL, *WEAKER):
+            rotation = rotations_from_landmarks(target.cloud, source.cloud, *rows, penalty)
+            starts.append(
+                (images_from_rotation(pair.target.cloud, pair.source.cloud, rotation[0]), "landmarks")
+            )
     if initial_map is not None:
         image = checked_initial_map(initial_map, *_sizes(source, target))
         starts.append((_seen(pair, image), "initial map"))
@@ -192,7 +196,8 @@ def _given(
     if landmarks is None:
         return given
     # points at extremities leave the front and the back of a thin body undecided
-    return [*given, *(replace(twin, origin="landmarks") for twin in twins(pair, given[0], given))]
+    best = min(given, key=lambda start: start.alignment.residual)
+    return [*given, *(replace(twin, origin="landmarks") for twin in twins(pair, best, given))]
 
 
 def _seen(pair: Pair, image: IntArray) -> IntArray:
