@@ -1,6 +1,6 @@
 """Everything that can go wrong has a name; a message says what, where, why it matters and what to do."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class IsomatchError(Exception):
@@ -48,3 +48,26 @@ def some(indices: Iterable[int], limit: int = 5) -> str:
     shown = [int(i) for i in indices]
     head = ", ".join(str(i) for i in shown[:limit])
     return head if len(shown) <= limit else f"{head}, … ({len(shown)} in all)"
+
+
+def require_least(settings: object, **least: float) -> None:
+    """Raise `SettingError` if a setting is below its bound; None is a setting left open."""
+    for name, bound in least.items():
+        value = getattr(settings, name)
+        if value is not None and value < bound:
+            raise SettingError(f"{name} = {value} is not at least {bound}")
+
+
+def require_known(settings: object, **known: Sequence[str]) -> None:
+    """Raise `SettingError` if a setting is not one of its words."""
+    for name, words in known.items():
+        value = getattr(settings, name)
+        if value not in words:
+            raise SettingError(f"{name} = {value!r} is not one of {', '.join(words)}")
+
+
+def require_weights(settings: object) -> None:
+    """Raise `SettingError` if a setting whose name ends in "weight" is negative."""
+    for name, value in vars(settings).items():
+        if name.endswith("weight") and not value >= 0:
+            raise SettingError(f"{name} = {value!r} is not a weight of at least 0")

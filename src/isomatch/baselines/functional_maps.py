@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +13,9 @@ from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
-from isomatch.baselines.task import Task, require_weights
+from isomatch.baselines.task import Task
 from isomatch.descriptors import heat_kernel_signature, wave_kernel_map, wave_kernel_signature
-from isomatch.errors import SettingError
+from isomatch.errors import require_known, require_least, require_weights
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
@@ -29,6 +29,7 @@ SIGNATURES: dict[str, Callable[..., FloatArray]] = {
     "heat": heat_kernel_signature,
 }
 
+KernelSignatures = Literal["wave", "heat", "both"]
 FunctionalRefinement = Literal["icp", "none"]
 
 
@@ -55,20 +56,18 @@ class FunctionalMapsConfig:
     product_weight: float = 1.0
     orientation_weight: float = 1.0
     laplacian_weight: float = 0.1
-    signatures: Literal["wave", "heat", "both"] = "wave"
+    signatures: KernelSignatures = "wave"
     orientation: Orientation = "preserve"
     refinement: FunctionalRefinement = "icp"
 
     def __post_init__(self) -> None:
-        if self.n_functions < 2:
-            raise SettingError(f"n_functions = {self.n_functions} is not at least 2")
-        for name, known in (
-            ("signatures", ("wave", "heat", "both")),
-            ("orientation", ("preserve", "reverse", "any")),
-            ("refinement", ("icp", "none")),
-        ):
-            if getattr(self, name) not in known:
-                raise SettingError(f"{name} = {getattr(self, name)!r} is not one of {', '.join(known)}")
+        require_least(self, n_functions=2)
+        require_known(
+            self,
+            signatures=get_args(KernelSignatures),
+            orientation=get_args(Orientation),
+            refinement=get_args(FunctionalRefinement),
+        )
         require_weights(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -152,7 +151,9 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     return energy.minimiser()
 
 
-def _coefficients(shape: PreparedShape, task: Task, side: int, k: int, signatures: str) -> list[FloatArray]:
+def _coefficients(
+    shape: PreparedShape, task: Task, side: int, k: int, signatures: KernelSignatures
+) -> list[FloatArray]:
     """Functions that should correspond, standardised, in k functions: groups of signatures, landmarks, descriptors."""
 
     def kernel(of: Callable[..., FloatArray], *vertex: int) -> FloatArray:

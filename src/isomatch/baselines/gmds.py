@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +14,12 @@ from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.generalised_stress import Placement, descended, placed
 from isomatch.baselines.task import FEWEST_POINTS, Task
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch.errors import NotConvergedError, SettingError, require_known, require_least
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.choice import judge, ranked
 from isomatch.matching.config import Orientation
-from isomatch.matching.hypotheses import Hypothesis, converged, search
-from isomatch.matching.initial import images_from_rotation, rotation_from_functions
+from isomatch.matching.hypotheses import Hypothesis, converged, search, start_from_functions
 from isomatch.matching.refine import extended
 
 
@@ -47,10 +46,8 @@ class GmdsConfig:
             raise SettingError(
                 f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
             )
-        if self.n_sweeps < 1:
-            raise SettingError(f"n_sweeps = {self.n_sweeps} is not at least 1")
-        if self.orientation not in ("preserve", "reverse", "any"):
-            raise SettingError(f"orientation = {self.orientation!r} is not one of preserve, reverse, any")
+        require_least(self, n_sweeps=1)
+        require_known(self, orientation=get_args(Orientation))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as plain values."""
@@ -138,11 +135,7 @@ def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     if len(task.points):
         return task.points, "landmarks"
     if task.functions[0].shape[1]:
-        source, target = pair.source.shape, pair.target.shape
-        weights = target.body.vertex_areas, source.body.vertex_areas
-        rotation = rotation_from_functions(target.cloud, source.cloud, *task.functions[::-1], *weights)
-        first = images_from_rotation(pair.target.cloud, pair.source.cloud, rotation)
-        found = [Hypothesis(converged(pair, first), "descriptors")]
+        found = [Hypothesis(converged(pair, start_from_functions(pair, *task.functions)), "descriptors")]
     else:
         found = search(pair, [])
     order = ranked(judge(pair, found), config.orientation)

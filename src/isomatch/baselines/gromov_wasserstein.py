@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.generalised_stress import Placement, distances_to
 from isomatch.baselines.task import Task
-from isomatch.errors import MissingDependencyError, SettingError
+from isomatch.errors import MissingDependencyError, SettingError, require_known, require_least
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
@@ -48,14 +48,10 @@ class GromovWassersteinConfig:
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
-        least = {"n_functions": 2, "n_samples": 2 * self.n_functions, "n_steps": 1}
-        for name, bound in least.items():
-            if getattr(self, name) < bound:
-                raise SettingError(f"{name} = {getattr(self, name)} is not at least {bound}")
+        require_least(self, n_functions=2, n_samples=2 * self.n_functions, n_steps=1)
         if not 0 < self.distance_weight <= 1:
             raise SettingError(f"distance_weight = {self.distance_weight!r} is not above 0 and at most 1")
-        if self.orientation not in ("preserve", "reverse", "any"):
-            raise SettingError(f"orientation = {self.orientation!r} is not one of preserve, reverse, any")
+        require_known(self, orientation=get_args(Orientation))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as plain values."""

@@ -14,7 +14,7 @@ from isomatch.baselines import spectral
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import GeodesicDistanceDescriptor
-from isomatch.errors import SettingError
+from isomatch.errors import SettingError, require_least
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
@@ -40,9 +40,7 @@ class LaplaceConfig:
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
-        for name, least in (("n_functions", 2), ("steps", 1)):
-            if getattr(self, name) < least:
-                raise SettingError(f"{name} = {getattr(self, name)} is not at least {least}")
+        require_least(self, n_functions=2, steps=1)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as plain values."""

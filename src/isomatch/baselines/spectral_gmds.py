@@ -13,9 +13,9 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.functional_energy import FunctionalEnergy
-from isomatch.baselines.task import Task, require_weights
+from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis, spectral_interpolant
-from isomatch.errors import SettingError
+from isomatch.errors import SettingError, require_least, require_weights
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
@@ -51,8 +51,7 @@ class SpectralGmdsConfig:
     def __post_init__(self) -> None:
         if not self.sizes or self.sizes[0] < 3 or any(np.diff(self.sizes) <= 0):
             raise SettingError(f"sizes = {self.sizes} do not grow from at least 3")
-        if self.icp_steps < 1:
-            raise SettingError(f"icp_steps = {self.icp_steps} is not at least 1")
+        require_least(self, icp_steps=1)
         require_weights(self)
 
     def to_dict(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +15,8 @@ from isomatch.baselines import spectral
 from isomatch.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
 from isomatch.baselines.gradient_fields import ComplexArray, gradient_fields, invariants
 from isomatch.baselines.laplace_nearest_neighbours import first_map
-from isomatch.baselines.task import Task, require_weights
-from isomatch.errors import SettingError
+from isomatch.baselines.task import Task
+from isomatch.errors import SettingError, require_known, require_least, require_weights
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
@@ -59,14 +59,10 @@ class GradientFieldsConfig:
     orientation: Orientation = "preserve"
 
     def __post_init__(self) -> None:
-        least = {"n_matched": 2, "n_functions": self.n_matched + 1, "n_gradients": 0, "step": 1, "steps": 1}
-        for name, bound in least.items():
-            if getattr(self, name) < bound:
-                raise SettingError(f"{name} = {getattr(self, name)} is not at least {bound}")
+        require_least(self, n_matched=2, n_functions=self.n_matched + 1, n_gradients=0, step=1, steps=1)
         if self.n_matched > MOST_MATCHED:
             raise SettingError(f"n_matched = {self.n_matched} is above {MOST_MATCHED}: too many signs to try")
-        if self.orientation not in SIDES:
-            raise SettingError(f"orientation = {self.orientation!r} is not one of {', '.join(SIDES)}")
+        require_known(self, orientation=get_args(Orientation))
         require_weights(self)
 
     def to_dict(self) -> dict[str, Any]:

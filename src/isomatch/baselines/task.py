@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import LandmarkError, SettingError
+from isomatch.errors import LandmarkError
 from isomatch.matching.body import Shape
 from isomatch.matching.clock import Clock
 from isomatch.matching.config import Settings
@@ -146,10 +146,3 @@ def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray | N
             "are needed there"
         )
     return rows
-
-
-def require_weights(config: object) -> None:
-    """Raise `SettingError` if a setting whose name ends in "weight" is negative."""
-    for name, value in vars(config).items():
-        if name.endswith("weight") and not value >= 0:
-            raise SettingError(f"{name} = {value!r} is not a weight of at least 0")

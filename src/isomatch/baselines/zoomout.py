@@ -10,7 +10,7 @@ from isomatch._threads import serial_blas
 from isomatch.baselines import spectral
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
 from isomatch.baselines.task import Task
-from isomatch.errors import SettingError
+from isomatch.errors import require_least
 from isomatch.matching import MatchResult, PreparedShape
 from isomatch.matching.body import Shape
 
@@ -36,9 +36,7 @@ class ZoomOutConfig(FunctionalMapsConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, least in (("first", 2), ("step", 1), ("last", max(self.first, self.n_functions))):
-            if getattr(self, name) < least:
-                raise SettingError(f"{name} = {getattr(self, name)} is not at least {least}")
+        require_least(self, first=2, step=1, last=max(self.first, self.n_functions))
 
 
 def zoomout(

@@ -21,7 +21,7 @@ from isomatch._memory import memory_budget
 from isomatch._threads import n_threads, serial_blas
 from isomatch.datasets import example_pair
 from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.errors import SettingError
+from isomatch.errors import require_least
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
 from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, Surface, parts_of, true_landmarks
@@ -71,10 +71,7 @@ class BenchmarkRun:
     def __post_init__(self) -> None:
         for name in self.methods:
             parts_of(name)
-        for name, least in (("n_pairs", 1), ("n_points", 1), ("seed", 0), ("jobs", 1)):
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise SettingError(f"{name} = {value} is not at least {least}")
+        require_least(self, n_pairs=1, n_points=1, seed=0, jobs=1)
 
 
 def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[dict[str, Any]]:

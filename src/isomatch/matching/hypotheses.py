@@ -11,7 +11,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching.alignment import Alignment, icp
-from isomatch.matching.initial import images_from_rotation, rotations_from_landmarks
+from isomatch.matching.initial import images_from_rotation, rotation_from_functions, rotations_from_landmarks
 from isomatch.matching.pair import Pair
 from isomatch.matching.prepare import PreparedShape
 
@@ -223,6 +223,15 @@ class _Pool:
 def images_of_rotation(pair: Pair, rotation: FloatArray) -> IntArray:
     """First map from a rotation of the leading columns."""
     return images_from_rotation(pair.target.cloud, pair.source.cloud, rotation)
+
+
+def start_from_functions(pair: Pair, of_source: FloatArray, of_target: FloatArray) -> IntArray:
+    """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
+    source, target = pair.source.shape, pair.target.shape
+    weights = target.body.vertex_areas, source.body.vertex_areas
+    return images_of_rotation(
+        pair, rotation_from_functions(target.cloud, source.cloud, of_target, of_source, *weights)
+    )
 
 
 def _distance_flip(pair: Pair, parent: Alignment, column: int) -> IntArray:

@@ -17,15 +17,21 @@ from isomatch.matching.body import Shape
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.clock import Clock, Progress
 from isomatch.matching.config import Config
-from isomatch.matching.hypotheses import SAME_MAP, Hypothesis, converged, search, twins
+from isomatch.matching.hypotheses import (
+    SAME_MAP,
+    Hypothesis,
+    converged,
+    images_of_rotation,
+    search,
+    start_from_functions,
+    twins,
+)
 from isomatch.matching.initial import (
     OFF_DIAGONAL,
     WEAKER,
     checked_descriptors,
     checked_initial_map,
     checked_landmarks,
-    images_from_rotation,
-    rotation_from_functions,
     rotations_from_landmarks,
 )
 from isomatch.matching.nearest import nearest_in_cells
@@ -175,23 +181,14 @@ def _given(
         rows = at_target[None, held], at_source[None, held]
         for penalty in (OFF_DIAGONAL, *WEAKER):
             rotation = rotations_from_landmarks(target.cloud, source.cloud, *rows, penalty)
-            starts.append(
-                (images_from_rotation(pair.target.cloud, pair.source.cloud, rotation[0]), "landmarks")
-            )
+            starts.append((images_of_rotation(pair, rotation[0]), "landmarks"))
     if initial_map is not None:
         image = checked_initial_map(initial_map, *_sizes(source, target))
         starts.append((_seen(pair, image), "initial map"))
     if descriptors is not None:
         of_source, of_target = checked_descriptors(descriptors, *_sizes(source, target))
-        rotation = rotation_from_functions(
-            target.cloud,
-            source.cloud,
-            of_target[target.mesh_vertex],
-            of_source[source.mesh_vertex],
-            target.body.vertex_areas,
-            source.body.vertex_areas,
-        )
-        starts.append((images_from_rotation(pair.target.cloud, pair.source.cloud, rotation), "descriptors"))
+        on_bodies = of_source[source.mesh_vertex], of_target[target.mesh_vertex]
+        starts.append((start_from_functions(pair, *on_bodies), "descriptors"))
     given = [Hypothesis(converged(pair, image), origin) for image, origin in starts]
     if landmarks is None:
         return given

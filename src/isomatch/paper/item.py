@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from isomatch import Mesh, SettingError
 from isomatch.datasets import example_pair, tosca
+from isomatch.errors import require_least
 
 
 def _silent(stage: str) -> None:
@@ -50,10 +51,7 @@ class Setting:
                 "no folder of meshes was given: the paper's shapes are those of TOSCA and SCAPE, which are not "
                 "shipped; pass --data DIR (docs/benchmarks.md tells its layout), or --quick for the shipped creatures"
             )
-        for name, least in (("n_pairs", 1), ("n_points", 100), ("seed", 0), ("jobs", 1)):
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise SettingError(f"{name} = {value} is not at least {least}")
+        require_least(self, n_pairs=1, n_points=100, seed=0, jobs=1)
 
     @property
     def folder(self) -> str | None:
