@@ -193,7 +193,8 @@ def _given(
     if landmarks is None:
         return given
     # points at extremities leave the front and the back of a thin body undecided
-    best = min(given, key=lambda start: start.alignment.residual)
+    led = [start for start in given if start.origin == "landmarks"]
+    best = min(led, key=lambda start: start.alignment.residual)
     return [*given, *(replace(twin, origin="landmarks") for twin in twins(pair, best, given))]
 
 
