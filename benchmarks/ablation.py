@@ -8,11 +8,9 @@ seconds of the match on one thread, shapes prepared.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import time
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,7 @@ import numpy as np
 from isomatch import Config, match, prepare
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.matching import choice, hypotheses, pipeline, refine
-from studies import changed, in_parallel, mean_error
+from studies import asked_for, changed, drawn, in_parallel, mean_error
 
 SEED = 77
 PAIRS = {"faust_r": 4, "tosca_iso_r": 8, "scape": 2}
@@ -71,16 +69,8 @@ def measured(job: tuple[str, str, tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", required=True, help="folder of the benchmark sets")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for ablation.csv")
-    asked = parser.parse_args()
-    asked.output.mkdir(parents=True, exist_ok=True)
-    jobs = [
-        (asked.data, name, pair)
-        for name, count in PAIRS.items()
-        for pair in benchmark_set(name, asked.data).chosen(count, SEED).pairs
-    ]
+    asked = asked_for(__doc__, "ablation.csv")
+    jobs = drawn(asked.data, PAIRS, SEED)
     rows = [row for rows in in_parallel(measured, jobs) for row in rows]
     with (asked.output / "ablation.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -8,7 +8,6 @@ wrong above 10 (geodesic error × 100 / √area), or if the shapes are of differ
 
 from __future__ import annotations
 
-import argparse
 import csv
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +19,7 @@ import isomatch
 from isomatch import Config, Mesh
 from isomatch.datasets.benchmarks import BenchmarkPair, benchmark_set
 from isomatch.matching import hypotheses, pipeline
-from studies import changed, in_parallel, mean_error
+from studies import asked_for, changed, in_parallel, mean_error
 
 RIGHT, WRONG = 3.0, 10.0
 SEED = 2026
@@ -149,11 +148,7 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", required=True, help="folder of the benchmark sets")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for confidence.csv")
-    asked = parser.parse_args()
-    asked.output.mkdir(parents=True, exist_ok=True)
+    asked = asked_for(__doc__, "confidence.csv")
     results = list(in_parallel(judged, jobs(asked.data)))
     _write(asked.output / "confidence.csv", results)
     for line in summary(results):

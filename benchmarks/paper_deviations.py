@@ -9,12 +9,10 @@ mean square distortion to that of the truth (100 × 1000 points).
 
 from __future__ import annotations
 
-import argparse
 import csv
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +25,7 @@ from isomatch.evaluation import counted, geodesic_errors, metric_distortion, tru
 from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.geodesics import distance_engine
 from isomatch.matching import alignment, pipeline, refine
-from studies import changed
+from studies import asked_for, changed
 
 SEED = 0
 PAIRS = {"tosca_iso_r": ("cat", "centaur"), "tosca": ("wolf",)}  # one of each class
@@ -111,11 +109,7 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", required=True, help="folder of the benchmark sets")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for deviations.csv")
-    asked = parser.parse_args()
-    asked.output.mkdir(parents=True, exist_ok=True)
+    asked = asked_for(__doc__, "deviations.csv")
     with (asked.output / "deviations.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(("set", "pair", "variant", "error", "distortion_over_truth"))

@@ -8,9 +8,7 @@ distance, × 100 / √area, between a vertex and where the two maps lead it.
 
 from __future__ import annotations
 
-import argparse
 import csv
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from isomatch import Config, match, prepare
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.evaluation import coverage, cycle_errors, dirichlet_energy
 from isomatch.matching import refine
-from studies import changed, in_parallel, mean_error
+from studies import asked_for, changed, drawn, in_parallel, mean_error
 
 SEED = 8
 PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}
@@ -57,16 +55,8 @@ def measured(job: tuple[str, str, tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", required=True, help="folder of the benchmark sets")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for smoothness.csv")
-    asked = parser.parse_args()
-    asked.output.mkdir(parents=True, exist_ok=True)
-    jobs = [
-        (asked.data, name, pair)
-        for name, count in PAIRS.items()
-        for pair in benchmark_set(name, asked.data).chosen(count, SEED).pairs
-    ]
+    asked = asked_for(__doc__, "smoothness.csv")
+    jobs = drawn(asked.data, PAIRS, SEED)
     rows = [row for rows in in_parallel(measured, jobs) for row in rows]
     with (asked.output / "smoothness.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, tuple(rows[0]))

@@ -5,13 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from isomatch.paper import princeton_curves
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
+from isomatch.paper.item import RIVALS, Item, Reproduction, Setting, Verdict
 
-BASELINES = {
-    "sgmds_5pt": ("SGMDS", "#009E73"),
-    "functional_maps_5pt": ("functional maps", "#0072B2"),
-    "sgf_5pt": ("Spectral-GF", "#CC79A7"),
-}
+BASELINES = {name: RIVALS[name] for name in ("sgmds_5pt", "functional_maps_5pt", "sgf_5pt")}
 ALONE, PUBLISHED, OURS = "", "+gdd_post", "+isomatch"
 VARIANTS = {
     ALONE: (":", 1.5, ""),

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from isomatch.paper.item import RIVALS
+
 LABELS = {
-    "sgf_5pt": ("Spectral-GF", "#CC79A7"),
-    "sgmds_5pt": ("SGMDS", "#009E73"),
-    "functional_maps_5pt": ("functional maps", "#0072B2"),
+    **RIVALS,
     "gdd": ("GDD", "#E69F00"),
     "gdd_post": ("GDD + post", "#D55E00"),
 }

@@ -19,7 +19,7 @@ from isomatch.paper.item import Item, Reproduction, Setting, Verdict
 PUBLISHED = {  # GDD / truth in the paper's table
     "horse": 0.845, "victoria": 0.879, "cat": 0.770, "wolf": 0.841, "centaur": 0.799, "david": 0.853,
 }  # fmt: skip
-SHOWN = ("sgf_5pt", "sgmds_5pt", "functional_maps_5pt", "gdd", "gdd_post")
+SHOWN = tuple(distortion_bars.LABELS)
 POST_LIMIT = 1.05  # of the truth, which the paper's post-processing hardly exceeds
 FEWER = 4  # times fewer points at one end of the distances: columns are dear on large meshes
 KEPT = 2.0**30  # bytes of distance columns: methods that agree ask for the same

@@ -13,6 +13,12 @@ from isomatch import Mesh, SettingError
 from isomatch.datasets import example_pair, tosca
 from isomatch.errors import require_least
 
+RIVALS = {  # given landmarks: label, colour
+    "sgf_5pt": ("Spectral-GF", "#CC79A7"),
+    "sgmds_5pt": ("SGMDS", "#009E73"),
+    "functional_maps_5pt": ("functional maps", "#0072B2"),
+}
+
 
 def _silent(stage: str) -> None:
     """Tell nobody."""
