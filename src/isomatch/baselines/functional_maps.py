@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
 from isomatch.baselines.task import Task
 from isomatch.descriptors import heat_kernel_signature, wave_kernel_map, wave_kernel_signature
 from isomatch.errors import require_known, require_least, require_weights
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.features import standardised

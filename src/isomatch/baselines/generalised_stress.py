@@ -13,10 +13,9 @@ import numba
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import fans, interpolation, nearest_in_triangle, nearest_points
-from isomatch.matching.refine import Coordinates
 
 SETTLED = 1e-4  # share of the stress below which a sweep's gain ends the descent
 

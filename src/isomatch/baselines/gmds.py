@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import IntArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.generalised_stress import Placement, descended, placed
 from isomatch.baselines.task import FEWEST_POINTS, Task
 from isomatch.errors import NotConvergedError, SettingError, require_known, require_least
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.choice import judge, ranked
 from isomatch.matching.config import Orientation

@@ -11,15 +11,14 @@ from scipy.spatial.distance import cdist
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.generalised_stress import Placement, distances_to
 from isomatch.baselines.task import Task
 from isomatch.errors import MissingDependencyError, SettingError, require_known, require_least
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.features import standardised, surface_cells
-from isomatch.matching.refine import Coordinates
+from isomatch.matching.nearest import Coordinates
 
 
 @dataclass(frozen=True)

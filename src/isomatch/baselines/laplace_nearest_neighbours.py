@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import GeodesicDistanceDescriptor
 from isomatch.errors import SettingError, require_least
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.initial import rotation_from_functions, rotations_from_landmarks

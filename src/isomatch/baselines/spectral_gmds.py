@@ -11,12 +11,11 @@ from scipy.linalg import polar
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.functional_energy import FunctionalEnergy
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis, spectral_interpolant
 from isomatch.errors import SettingError, require_least, require_weights
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.features import standardised

@@ -11,18 +11,16 @@ from scipy.linalg import polar
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
 from isomatch.baselines.gradient_fields import ComplexArray, gradient_fields, invariants
 from isomatch.baselines.laplace_nearest_neighbours import first_map
 from isomatch.baselines.task import Task
 from isomatch.errors import SettingError, require_known, require_least, require_weights
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
-from isomatch.matching.refine import Coordinates
 
 HINTED = 20  # functions that a few hints determine
 

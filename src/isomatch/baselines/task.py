@@ -13,12 +13,11 @@ from isomatch.matching.body import Shape
 from isomatch.matching.clock import Clock
 from isomatch.matching.config import Settings
 from isomatch.matching.initial import checked_descriptors, checked_initial_map, checked_landmarks
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair, prepared_pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import outcome_of, quality_of
-from isomatch.matching.refine import Coordinates
 from isomatch.matching.result import MatchResult
 
 FEWEST_POINTS = 3  # corresponding points that can start anything

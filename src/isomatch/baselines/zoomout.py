@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from isomatch._threads import serial_blas
-from isomatch.baselines import spectral
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
 from isomatch.baselines.task import Task
 from isomatch.errors import require_least
-from isomatch.matching import MatchResult, PreparedShape
+from isomatch.matching import MatchResult, PreparedShape, spectral
 from isomatch.matching.body import Shape
 
 

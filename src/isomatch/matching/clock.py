@@ -43,5 +43,5 @@ class Clock:
     def _finish(self) -> None:
         now = time.perf_counter()
         if self._stage:
-            self._seconds[self._stage] = now - self._since
+            self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._since
         self._since = now

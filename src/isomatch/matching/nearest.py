@@ -13,6 +13,9 @@ from isomatch._threads import parallel_map
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
 
+Coordinates = tuple[FloatArray, FloatArray]
+"""Of all target and all source body vertices, in one space: images are nearest neighbours."""
+
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     """For each query row, the index of the nearest candidate row; the first of equals.

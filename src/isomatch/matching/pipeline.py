@@ -34,7 +34,7 @@ from isomatch.matching.initial import (
     checked_landmarks,
     rotations_from_landmarks,
 )
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair, prepared_pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
@@ -263,7 +263,7 @@ def _contest(pair: Pair, order: list[Judged], rivals: list[Judged], config: Conf
     return fits
 
 
-def _coordinates(pair: Pair, fit: refine.JointFit, config: Config) -> refine.Coordinates:
+def _coordinates(pair: Pair, fit: refine.JointFit, config: Config) -> Coordinates:
     if config.refinement in ("joint", "smooth"):
         smooth = config.refinement == "smooth"
         coordinates = refine.joint_coordinates(pair, fit, with_signatures=not smooth)

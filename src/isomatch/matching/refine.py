@@ -11,15 +11,16 @@ from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
+from isomatch.matching import spectral
 from isomatch.matching.alignment import orthogonal_alignment, residual
 from isomatch.matching.choice import ORIENTED, Judged, curvature_mismatch
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
-LAPLACE_STAGES, LAPLACE_STEPS = (50, 100), 4  # functions before all are used; steps with each
+LAPLACE_FIRST, LAPLACE_STEP = 30, 5  # functions at first; functions added in each step
 DISTANCE_STEPS = 15
 STAGES = (  # functions in each step, and whether positions and normals take part
     ((20, 40, 70, 100, 140), False),
@@ -33,10 +34,6 @@ DIFFERENT = (
 )
 POSITION_UNIT = 0.08  # misfit of positions, in √area, that counts like one of the spectral coordinates
 NORMAL_WEIGHT = 0.3
-
-
-Coordinates = tuple[FloatArray, FloatArray]
-"""Of all target and all source body vertices, in one space: images are nearest neighbours."""
 
 
 def by_distances(pair: Pair, image: IntArray) -> Coordinates:
@@ -59,31 +56,25 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
 def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     """Post-process by iterative closest points in the Laplace–Beltrami basis, from a map given by coordinates.
 
-    Four steps with 50, with 100 and with all functions on ``n_refine`` source vertices, one on all; F is kept orthogonal.
-    With all of them at once limbs that are alike may be exchanged near their ends.
+    From 30 functions to all, five more in each step, on ``n_refine`` source vertices; then once on all. F is fitted by
+    least squares: where shapes stretch it is not orthogonal. With all functions at once errors of the start stay, and
+    limbs that are alike may be exchanged near their ends.
 
     Notes
     -----
-    Shamai & Kimmel 2017, section on post-processing; Ovsjanikov et al. 2012.
+    Shamai & Kimmel 2017, section on post-processing, where F is orthogonal and has its size from the start; growth as in
+    Melzi et al., *ZoomOut*, 2019.
     """
-    glimpse, target = pair.refinement, pair.target.shape
-    laplace, most = glimpse.shape.laplace, min(glimpse.functions.shape[1], len(target.laplace.values))
+    glimpse, source, target = pair.refinement, pair.source.shape.laplace, pair.target.shape
+    most = min(len(source.values), len(target.laplace.values))
+    first = min(LAPLACE_FIRST, most)
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
-    for k in (*(size for size in LAPLACE_STAGES if size < most), most):
-        phi_target = target.laplace.vectors[:, :k]
-        for _ in range(LAPLACE_STEPS):
-            turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-            previous, rows = rows, nearest_in_cells(turned, glimpse.functions[:, :k], target.cells)
-            if (previous == rows).all():
-                break
-    turned = phi_target @ _orthogonal(glimpse.fit(phi_target[rows], k)).T
-    full = nearest_in_cells(turned, laplace.vectors[:, :k], target.cells)
-    return phi_target @ _orthogonal(laplace.coefficients(phi_target[full], k)).T, laplace.vectors[:, :k]
-
-
-def _orthogonal(matrix: FloatArray) -> FloatArray:
-    u, _, v = np.linalg.svd(matrix)
-    return np.asarray(u @ v, dtype=np.float64)
+    small = glimpse.fit(target.laplace.vectors[rows, :first], first)
+    sizes = (*range(first + LAPLACE_STEP, most, LAPLACE_STEP), most)
+    everywhere = nearest_in_cells(
+        *spectral.coordinates(pair, spectral.upsampled(pair, small, sizes)), target.cells
+    )
+    return spectral.coordinates(pair, source.coefficients(target.laplace.vectors[everywhere, :most], most))
 
 
 def extended(pair: Pair, image: IntArray, rows: IntArray) -> IntArray:

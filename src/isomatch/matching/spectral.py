@@ -5,13 +5,14 @@ A functional map F (k, k) carries functions of the target to the source: Φ_sour
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.linalg import polar
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
-from isomatch.matching.refine import Coordinates
 
 
 def coordinates(pair: Pair, functional_map: FloatArray) -> Coordinates:
@@ -32,10 +33,11 @@ def from_values(pair: Pair, rows: IntArray, values: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(functions, values)[0], dtype=np.float64)
 
 
-def upsampled(pair: Pair, functional_map: FloatArray, sizes: range) -> FloatArray:
-    """ZoomOut: find images in the spectral domain, and from them a larger functional map, while the size grows.
+def upsampled(pair: Pair, functional_map: FloatArray, sizes: Iterable[int]) -> FloatArray:
+    """Find images in the spectral domain, and from them a larger functional map, while the size grows.
 
-    Images are found for the refinement vertices of the source only, among all vertices of the target.
+    Images are found for the refinement vertices of the source only, among all vertices of the target. Melzi et al.,
+    *ZoomOut: Spectral Upsampling for Efficient Shape Correspondence*, SIGGRAPH Asia 2019.
     """
     target = pair.target.shape.laplace.vectors
     for k in sizes:
