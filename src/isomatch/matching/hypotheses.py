@@ -29,6 +29,7 @@ FLIPPED_PARENTS = 3
 FLIPPED_COLUMNS = 10
 FLIPPED_FUNCTIONS = 20
 COMPOSED = 6  # best maps of which triples are composed
+RECOMPOSED = 10  # the same in a second round, where the first led to a poor map
 TURNED = 6  # the same among a winner and its flips
 
 
@@ -132,6 +133,17 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
         return []
     pool.flip(pool.hypotheses[:FLIPPED_PARENTS])
     pool.compose(COMPOSED)
+    return pool.hypotheses
+
+
+def recomposed(pair: Pair, found: list[Hypothesis]) -> list[Hypothesis]:
+    """Widen a search by composing once more, among more maps, compositions too; best residual first.
+
+    The right map can be composed of three that are each wrong about other limbs.
+    """
+    pool = _Pool(pair)
+    pool.merge(found)
+    pool.compose(RECOMPOSED)
     return pool.hypotheses
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.errors import LandmarkError, NotConvergedError, SettingError
 from isomatch.matching import refine
@@ -22,6 +22,7 @@ from isomatch.matching.hypotheses import (
     Hypothesis,
     converged,
     images_of_rotation,
+    recomposed,
     search,
     start_from_functions,
     twins,
@@ -39,7 +40,7 @@ from isomatch.matching.pair import Pair, prepared_pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import landmark_errors, outcome_of, quality_of
-from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 
 LANDMARK_SLACK = (
     0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
@@ -118,44 +119,72 @@ def match(
                 "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
             )
         found = search(pair, given)
-        clock.start("choice")
-        order = _candidates(pair, found, pairs, config)
-        rivals: list[Judged] = []
-        if given and config.hypotheses == "given":
-            # what was not given is tried as well, to know whether it fits better
-            order, rivals = (
-                _agreeing(pair, ranked(judge(pair, given), config.orientation), pairs, config),
-                order,
-            )
-        if not order:
-            raise NotConvergedError(
-                "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); "
-                "give landmarks, an initial map or descriptors"
-            )
-        clock.start("refinement")
-        fits = _contest(pair, order, rivals, config)
-        coordinates = _coordinates(pair, fits[0], config)
-        image = nearest_in_cells(*coordinates, target.cells)
-        corners, barycentric = nearest_points(*coordinates, target.faces, image)
-        clock.start("quality")
-        quality = quality_of(
-            pair, image, interpolation(corners, barycentric, target.body.n_vertices), fits, pairs
-        )
-        others = _others(pair, [fit.judged for fit in fits] + order + rivals)
-        alternatives = parallel_map(lambda judged: _alternative(pair, judged), others)
+        attempt = _attempt(pair, found, given, pairs, config, clock)
+        if attempt.outcome is Outcome.LOW_CONFIDENCE and config.hypotheses == "all":
+            clock.start("hypotheses")
+            again = _attempt(pair, recomposed(pair, found), given, pairs, config, clock)
+            attempt = min(attempt, again, key=lambda attempt: refine.score_of(pair, attempt.fits[0]))
+        alternatives = parallel_map(lambda judged: _alternative(pair, judged), attempt.others)
     notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
-        map=source.lifted(target, image, corners, barycentric),
-        outcome=outcome_of(quality, source, target, config.orientation, bool(given)),
-        quality=quality,
+        map=source.lifted(target, attempt.image, *attempt.precise),
+        outcome=attempt.outcome,
+        quality=attempt.quality,
         alternatives=tuple(alternatives),
         timings=clock.stop(),
         notes=notes,
         engine=source.distances.engine,
-        origin=fits[0].judged.hypothesis.origin,
+        origin=attempt.fits[0].judged.hypothesis.origin,
         config=config,
         seed=seed,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """What comes of some hypotheses: refined winner and rivals, runners-up, images of the body, and their quality."""
+
+    fits: list[refine.JointFit]
+    others: list[Judged]
+    image: IntArray
+    precise: tuple[IntArray, FloatArray]
+    quality: Quality
+    outcome: Outcome
+
+
+def _attempt(
+    pair: Pair,
+    found: list[Hypothesis],
+    given: list[Hypothesis],
+    landmarks: IntArray | None,
+    config: Config,
+    clock: Clock,
+) -> _Attempt:
+    """Choose among the hypotheses found, refine the best and judge it."""
+    source, target = pair.source.shape, pair.target.shape
+    clock.start("choice")
+    order = _candidates(pair, found, landmarks, config)
+    rivals: list[Judged] = []
+    if given and config.hypotheses == "given":
+        # what was not given is tried as well, to know whether it fits better
+        of_given = ranked(judge(pair, given), config.orientation)
+        order, rivals = _agreeing(pair, of_given, landmarks, config), order
+    if not order:
+        raise NotConvergedError(
+            "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); "
+            "give landmarks, an initial map or descriptors"
+        )
+    clock.start("refinement")
+    fits = _contest(pair, order, rivals, config)
+    coordinates = _coordinates(pair, fits[0], config)
+    image = nearest_in_cells(*coordinates, target.cells)
+    precise = nearest_points(*coordinates, target.faces, image)
+    clock.start("quality")
+    pull_back = interpolation(*precise, target.body.n_vertices)
+    quality = quality_of(pair, image, pull_back, fits, landmarks)
+    outcome = outcome_of(quality, source, target, config.orientation, bool(given))
+    others = _others(pair, [fit.judged for fit in fits] + order + rivals)
+    return _Attempt(fits, others, image, precise, quality, outcome)
 
 
 def _sizes(source: PreparedShape, target: PreparedShape) -> tuple[int, int]:
