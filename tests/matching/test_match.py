@@ -19,6 +19,10 @@ from isomatch import (
     wave_kernel_signature,
 )
 from isomatch.datasets import creature, example_pair, ground_truth
+from isomatch.matching import pipeline
+from isomatch.matching.nearest import nearest_in_cells
+from isomatch.matching.pair import Pair
+from isomatch.matching.refine import by_laplace_icp
 from shapes import disguised
 from zoo import torus
 
@@ -48,6 +52,39 @@ def test_refinement_improves_the_plain_method(example, example_truth, prepared_e
         image = match(*prepared_example, landmarks=pairs, config=config).map.vertices
         mean[refinement] = errors(image, example_truth, example[1].mesh).mean()
     assert mean["joint"] < mean["laplace_icp"] < mean["none"] < 0.05, mean
+
+
+def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, prepared_example):
+    source, target = prepared_example
+    points = target.body.vertices
+    rng = np.random.default_rng(0)
+    near = cKDTree(points).query(points, k=200)[1]  # within about a tenth of √area
+    image = near[
+        target.body_vertex[example_truth[source.mesh_vertex]], rng.integers(0, 200, source.body.n_vertices)
+    ]
+    coordinates = by_laplace_icp(Pair.of(source, target), (points, points[image]))
+    healed = target.mesh_vertex[nearest_in_cells(*coordinates, target.cells)]
+    truth, mesh = example_truth[source.mesh_vertex], example[1].mesh
+    before, after = (errors(i, truth, mesh).mean() for i in (target.mesh_vertex[image], healed))
+    assert after < min(0.2 * before, 0.012)
+
+
+def test_a_poor_map_widens_the_search(example, example_truth, prepared_example, monkeypatch):
+    search, known = pipeline.search, match(*prepared_example).map.vertices
+
+    def blind(pair, given):
+        """Find nothing near the right map, and no flips of what was found."""
+        found = search(pair, given)
+        right = min(found, key=lambda h: h.alignment.residual).alignment.image
+        far = [h for h in found if pair.difference(h.alignment.image, right) > 0.1]
+        return [replace(h, flipped=True) for h in far]
+
+    monkeypatch.setattr(pipeline, "search", blind)
+    found = match(*prepared_example)
+    assert (found.outcome, found.origin) == (Outcome.CONVERGED, "composition")
+    assert errors(found.map.vertices, known, example[1].mesh).mean() < 0.005
+    monkeypatch.setattr(pipeline, "recomposed", lambda pair, found: found)
+    assert match(*prepared_example).outcome is Outcome.LOW_CONFIDENCE
 
 
 def test_true_initial_map_is_kept(example, example_truth, prepared_example):
