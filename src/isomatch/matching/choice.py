@@ -11,7 +11,7 @@ from isomatch._threads import parallel_map
 from isomatch.matching.alignment import orthogonal_alignment, residual
 from isomatch.matching.config import Orientation
 from isomatch.matching.hypotheses import Hypothesis
-from isomatch.matching.pair import Glimpse, Pair
+from isomatch.matching.pair import SEARCH_RANK, Glimpse, Pair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
@@ -35,10 +35,8 @@ class Judged:
         What was judged.
     image : (m,) array of int
         Target row of each source row, upsampled.
-    residual : float
-        Misfit of the distance descriptors after the best rotation, in units of √(average distance).
-    curvature_mismatch : float
-        Mean absolute difference of the standardised signed mean curvatures; 1 where a shape has none.
+    energy : float
+        See `energy_of`.
     orientation : float
         Mean cosine between the normals of the smooth target drawn on the source and those of the smooth target: near 1
         for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape has no normals.
@@ -46,14 +44,8 @@ class Judged:
 
     hypothesis: Hypothesis
     image: IntArray
-    residual: float
-    curvature_mismatch: float
+    energy: float
     orientation: float
-
-    @property
-    def energy(self) -> float:
-        """Residual times squared curvature mismatch: distances see all but near-symmetries, curvature sees those."""
-        return self.residual * self.curvature_mismatch**2
 
 
 def judge(pair: Pair, hypotheses: list[Hypothesis]) -> list[Judged]:
@@ -102,20 +94,26 @@ def _orientation_class(cosine: float, wanted: Orientation) -> int:
 def _judge(pair: Pair, hypothesis: Hypothesis) -> Judged:
     image = pair.upsampled(hypothesis.alignment.image, SIZES)
     onto = pair.target.rows[image]
-    at_target, at_source = pair.target.cloud.at(image), pair.source.cloud
     return Judged(
         hypothesis,
         image,
-        residual(at_target, at_source, orthogonal_alignment(at_target, at_source)),
-        curvature_mismatch(pair, pair.source.rows, onto),
+        energy_of(pair, pair.source.rows, onto, SEARCH_RANK),
         orientation_of(pair.source, pair.target.shape, onto, SMOOTH),
     )
 
 
-def curvature_mismatch(pair: Pair, rows: IntArray, image: IntArray) -> float:
-    """Mean absolute difference of standardised curvature between source and target vertices; 1 if a shape has none."""
+def energy_of(pair: Pair, rows: IntArray, image: IntArray, rank: int | None = None) -> float:
+    """Energy of a map (m,) from source to target body vertices: residual × squared curvature mismatch.
+
+    The residual is the misfit of the distance descriptors after the best rotation, in units of √(average distance): it
+    sees all but near-symmetries. Those are seen by the mismatch, the mean absolute difference of the standardised signed
+    mean curvatures; 1 where a shape has none.
+    """
     source, target = pair.source.shape, pair.target.shape
-    return float(np.abs(target.curvature[image] - source.curvature[rows]).mean()) if pair.sided else 1.0
+    at_target, at_source = target.cloud.at(image, rank), source.cloud.at(rows, rank)
+    distances = residual(at_target, at_source, orthogonal_alignment(at_target, at_source))
+    mismatch = np.abs(target.curvature[image] - source.curvature[rows]).mean() if pair.sided else 1.0
+    return float(distances * mismatch**2)
 
 
 def orientation_of(source: Glimpse, target: PreparedShape, image: IntArray, k: int) -> float:

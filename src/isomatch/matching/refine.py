@@ -12,15 +12,18 @@ from scipy.sparse import csr_array
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching import spectral
-from isomatch.matching.alignment import orthogonal_alignment, residual
-from isomatch.matching.choice import ORIENTED, Judged, curvature_mismatch
+from isomatch.matching.alignment import orthogonal_alignment
+from isomatch.matching.choice import ORIENTED, Judged, energy_of
 from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
-LAPLACE_FIRST, LAPLACE_STEP = 30, 5  # functions at first; functions added in each step
+LAPLACE_FIRST, LAPLACE_STEP = (
+    (15, 20, 30, 40),
+    5,
+)  # functions at first, each tried; functions added in each step
 DISTANCE_STEPS = 15
 STAGES = (  # functions in each step, and whether positions and normals take part
     ((20, 40, 70, 100, 140), False),
@@ -56,9 +59,9 @@ def by_distances(pair: Pair, image: IntArray) -> Coordinates:
 def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     """Post-process by iterative closest points in the Laplace–Beltrami basis, from a map given by coordinates.
 
-    From 30 functions to all, five more in each step, on ``n_refine`` source vertices; then once on all. F is fitted by
-    least squares: where shapes stretch it is not orthogonal. With all functions at once errors of the start stay, and
-    limbs that are alike may be exchanged near their ends.
+    From a few functions to all, five more in each step, on ``n_refine`` source vertices; then once on all. F is fitted by
+    least squares: where shapes stretch it is not orthogonal. Few functions at first heal large errors of the start, more
+    keep limbs apart: four sizes are tried, and that is kept which ends with the least energy, see `energy_of`.
 
     Notes
     -----
@@ -67,13 +70,17 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     """
     glimpse, source, target = pair.refinement, pair.source.shape.laplace, pair.target.shape
     most = min(len(source.values), len(target.laplace.values))
-    first = min(LAPLACE_FIRST, most)
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
-    small = glimpse.fit(target.laplace.vectors[rows, :first], first)
-    sizes = (*range(first + LAPLACE_STEP, most, LAPLACE_STEP), most)
-    everywhere = nearest_in_cells(
-        *spectral.coordinates(pair, spectral.upsampled(pair, small, sizes)), target.cells
-    )
+
+    def grown(first: int) -> tuple[float, FloatArray]:
+        small = glimpse.fit(target.laplace.vectors[rows, :first], first)
+        sizes = (*range(first + LAPLACE_STEP, most, LAPLACE_STEP), most)
+        functional_map = spectral.upsampled(pair, small, sizes)
+        return energy_of(pair, glimpse.rows, spectral.images(pair, functional_map)), functional_map
+
+    trials = parallel_map(grown, sorted({min(first, most) for first in LAPLACE_FIRST}))
+    _, functional_map = min(trials, key=lambda trial: trial[0])
+    everywhere = nearest_in_cells(*spectral.coordinates(pair, functional_map), target.cells)
     return spectral.coordinates(pair, source.coefficients(target.laplace.vectors[everywhere, :most], most))
 
 
@@ -118,15 +125,11 @@ class JointFit:
 
 
 def score_of(pair: Pair, fit: JointFit) -> float:
-    """Give what speaks against a refined map: its misfit × the fourth root of its residual × curvature mismatch².
+    """Give what speaks against a refined map: its misfit × the fourth root of its energy.
 
     The misfit sees detail, after a fit that may have smoothed over what the distances still see.
     """
-    rows = pair.refinement.rows
-    at_target, at_source = pair.target.shape.cloud.at(fit.image), pair.source.shape.cloud.at(rows)
-    distances = residual(at_target, at_source, orthogonal_alignment(at_target, at_source))
-    energy = distances * curvature_mismatch(pair, rows, fit.image) ** 2
-    return fit.misfit * float(energy**0.25)
+    return fit.misfit * float(energy_of(pair, pair.refinement.rows, fit.image) ** 0.25)
 
 
 def jointly(pair: Pair, judged: list[Judged], both_sides: bool = False) -> list[JointFit]:

@@ -41,7 +41,7 @@ def upsampled(pair: Pair, functional_map: FloatArray, sizes: Iterable[int]) -> F
     """
     target = pair.target.shape.laplace.vectors
     for k in sizes:
-        functional_map = pair.refinement.fit(target[_images(pair, functional_map), :k], k)
+        functional_map = pair.refinement.fit(target[images(pair, functional_map), :k], k)
     return functional_map
 
 
@@ -54,7 +54,7 @@ def icp(pair: Pair, functional_map: FloatArray, k: int, steps: int) -> FloatArra
     functions = target.laplace.vectors[:, :k]
     image = np.zeros(0, dtype=np.int64)
     for _ in range(steps):
-        previous, image = image, _images(pair, functional_map)
+        previous, image = image, images(pair, functional_map)
         if np.array_equal(image, previous):
             break
         functional_map = polar(pair.refinement.fit(functions[image], k))[0]
@@ -62,7 +62,7 @@ def icp(pair: Pair, functional_map: FloatArray, k: int, steps: int) -> FloatArra
     return np.asarray(polar(source.coefficients(functions[everywhere], k))[0], dtype=np.float64)
 
 
-def _images(pair: Pair, functional_map: FloatArray) -> IntArray:
+def images(pair: Pair, functional_map: FloatArray) -> IntArray:
     """Target vertex of each refinement vertex of the source."""
     of_target, of_source = coordinates(pair, functional_map)
     return nearest_in_cells(of_target, of_source[pair.refinement.rows], pair.target.shape.cells)
