@@ -63,8 +63,8 @@ def gdd_post(
 ) -> MatchResult:
     """Match by geodesic distance descriptors, then iterative closest points in the Laplace–Beltrami basis.
 
-    Everything is as for `gdd`. The post-processing is the paper's, but it grows from few functions to ``n_functions`` of the
-    settings, from four sizes of which the best is kept, and its functional map is not made orthogonal.
+    Everything is as for `gdd`. The post-processing is the paper's, but it grows from few functions to ``n_functions`` of
+    the settings, from four sizes of which the best is kept, and its functional map is not made orthogonal.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

@@ -20,10 +20,8 @@ from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces.mesh import vertex_normals
 
-LAPLACE_FIRST, LAPLACE_STEP = (
-    (15, 20, 30, 40),
-    5,
-)  # functions at first, each tried; functions added in each step
+LAPLACE_FIRST = (15, 20, 30, 40)  # functions at first, each tried
+LAPLACE_CHOICE, LAPLACE_STEP = 50, 5  # functions when one is chosen; functions added in each step
 DISTANCE_STEPS = 15
 STAGES = (  # functions in each step, and whether positions and normals take part
     ((20, 40, 70, 100, 140), False),
@@ -61,7 +59,7 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
 
     From a few functions to all, five more in each step, on ``n_refine`` source vertices; then once on all. F is fitted by
     least squares: where shapes stretch it is not orthogonal. Few functions at first heal large errors of the start, more
-    keep limbs apart: four sizes are tried, and that is kept which ends with the least energy, see `energy_of`.
+    keep limbs apart: four sizes are tried, and that is kept which has the least energy with 50, see `energy_of`.
 
     Notes
     -----
@@ -72,14 +70,16 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
     most = min(len(source.values), len(target.laplace.values))
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
 
-    def grown(first: int) -> tuple[float, FloatArray]:
-        small = glimpse.fit(target.laplace.vectors[rows, :first], first)
-        sizes = (*range(first + LAPLACE_STEP, most, LAPLACE_STEP), most)
-        functional_map = spectral.upsampled(pair, small, sizes)
+    def trial(first: int) -> tuple[float, FloatArray]:
+        functional_map = glimpse.fit(target.laplace.vectors[rows, :first], first)
+        sizes = range(first + LAPLACE_STEP, min(LAPLACE_CHOICE, most) + 1, LAPLACE_STEP)
+        functional_map = spectral.upsampled(pair, functional_map, sizes)
         return energy_of(pair, glimpse.rows, spectral.images(pair, functional_map)), functional_map
 
-    trials = parallel_map(grown, sorted({min(first, most) for first in LAPLACE_FIRST}))
+    trials = parallel_map(trial, sorted({min(first, most) for first in LAPLACE_FIRST}))
     _, functional_map = min(trials, key=lambda trial: trial[0])
+    sizes = (*range(len(functional_map) + LAPLACE_STEP, most, LAPLACE_STEP), most)
+    functional_map = spectral.upsampled(pair, functional_map, sizes)
     everywhere = nearest_in_cells(*spectral.coordinates(pair, functional_map), target.cells)
     return spectral.coordinates(pair, source.coefficients(target.laplace.vectors[everywhere, :most], most))
 
