@@ -23,6 +23,7 @@ from studies import asked_for, changed, drawn, in_parallel, mean_error
 SEED = 77
 PAIRS = {"faust_r": 4, "tosca_iso_r": 8, "scape": 2}
 NO_TWINS: tuple[Any, dict[str, Any]] = (pipeline, {"twins": lambda *_: []})
+NO_TURNS = {"FLIPPED_PARENTS": 0, "COMPOSED": 0, "RECOMPOSED": 0}
 VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
     "everything": (Config(), []),
     "smooth option": (Config(refinement="smooth"), []),
@@ -31,16 +32,17 @@ VARIANTS: dict[str, tuple[Config, list[tuple[Any, dict[str, Any]]]]] = {
         Config(),
         [(refine, {"STAGES": tuple((sizes, False) for sizes, _ in refine.STAGES), "SETTLING_STEPS": 0})],
     ),
-    "refinement: the paper's post-processing": (Config(refinement="laplace_icp"), []),
+    "refinement: after the paper's post-processing": (Config(refinement="laplace_icp"), []),
     "refinement: none (plain descriptors)": (Config(refinement="none"), []),
     "no contest: energy alone decides": (Config(), [(choice, {"MOST_CONTENDERS": 1})]),
     "contest decided by misfit alone": (Config(), [(refine, {"score_of": lambda pair, fit: fit.misfit})]),
     "no twins": (Config(), [NO_TWINS]),
-    "no compositions, no twins": (Config(), [(hypotheses, {"COMPOSED": 0}), NO_TWINS]),
-    "no flips, no compositions": (Config(), [(hypotheses, {"FLIPPED_PARENTS": 0, "COMPOSED": 0})]),
+    "no second round of compositions": (Config(), [(hypotheses, {"RECOMPOSED": 0})]),
+    "no compositions, no twins": (Config(), [(hypotheses, {"COMPOSED": 0, "RECOMPOSED": 0}), NO_TWINS]),
+    "no flips, no compositions": (Config(), [(hypotheses, NO_TURNS)]),
     "no flips, no compositions, no twins": (
         Config(),
-        [(hypotheses, {"FLIPPED_PARENTS": 0, "COMPOSED": 0}), NO_TWINS],
+        [(hypotheses, NO_TURNS), NO_TWINS],
     ),
     "starts without point signatures": (Config(), [(hypotheses, {"SIGNATURE_SHARE": 0.0})]),
     "one set of extremal points": (Config(), [(hypotheses, {"FEATURE_COUNTS": (5,)})]),

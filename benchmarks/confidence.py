@@ -93,7 +93,9 @@ def judged(job: Job) -> dict[str, Any]:
     elif kind == "either side":
         options = {"config": Config(orientation="any")}
     weaker = (
-        {"FEATURE_COUNTS": (4,), "FLIPPED_PARENTS": 0, "COMPOSED": 0} if kind in ("weakened", "blind") else {}
+        {"FEATURE_COUNTS": (4,), "FLIPPED_PARENTS": 0, "COMPOSED": 0, "RECOMPOSED": 0}
+        if kind in ("weakened", "blind")
+        else {}
     )
     blinder = {"twins": lambda *_: []} if kind == "blind" else {}
     try:

@@ -18,6 +18,7 @@ from isomatch import (
     prepare,
     wave_kernel_signature,
 )
+from isomatch._threads import serial_blas
 from isomatch.datasets import creature, example_pair, ground_truth
 from isomatch.matching import pipeline
 from isomatch.matching.nearest import nearest_in_cells
@@ -62,7 +63,8 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     image = near[
         target.body_vertex[example_truth[source.mesh_vertex]], rng.integers(0, 200, source.body.n_vertices)
     ]
-    coordinates = by_laplace_icp(Pair.of(source, target), (points, points[image]))
+    with serial_blas():
+        coordinates = by_laplace_icp(Pair.of(source, target), (points, points[image]))
     healed = target.mesh_vertex[nearest_in_cells(*coordinates, target.cells)]
     truth, mesh = example_truth[source.mesh_vertex], example[1].mesh
     before, after = (errors(i, truth, mesh).mean() for i in (target.mesh_vertex[image], healed))
@@ -73,18 +75,36 @@ def test_a_poor_map_widens_the_search(example, example_truth, prepared_example, 
     search, known = pipeline.search, match(*prepared_example).map.vertices
 
     def blind(pair, given):
-        """Find nothing near the right map, and no flips of what was found."""
+        """Find nothing near the right map; what is found counts as flipped, so that it gets no twins."""
         found = search(pair, given)
         right = min(found, key=lambda h: h.alignment.residual).alignment.image
         far = [h for h in found if pair.difference(h.alignment.image, right) > 0.1]
         return [replace(h, flipped=True) for h in far]
 
+    stages = []
     monkeypatch.setattr(pipeline, "search", blind)
-    found = match(*prepared_example)
+    found = match(*prepared_example, progress=stages.append)
     assert (found.outcome, found.origin) == (Outcome.CONVERGED, "composition")
     assert errors(found.map.vertices, known, example[1].mesh).mean() < 0.005
-    monkeypatch.setattr(pipeline, "recomposed", lambda pair, found: found)
-    assert match(*prepared_example).outcome is Outcome.LOW_CONFIDENCE
+    assert any("the first map was poor" in note for note in found.notes)
+    monkeypatch.setattr(pipeline, "recomposed", lambda pair, found: [])
+    alone = match(*prepared_example)
+    assert alone.outcome is Outcome.LOW_CONFIDENCE
+    assert alone.notes == ()
+    again = ["hypotheses", "choice", "refinement", "quality"]
+    assert stages == ["prepare", *again, *again]
+    assert sum(found.timings[stage] for stage in set(stages)) == pytest.approx(
+        found.timings["total"], rel=0.1
+    )
+
+
+@pytest.mark.parametrize("n_functions", [20, 33, 50])
+def test_post_processing_with_few_functions(n_functions):
+    source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
+    truth = ground_truth(source, target).vertices
+    config = Config(n_functions=n_functions, refinement="laplace_icp", hypotheses="given")
+    found = match(source.mesh, target.mesh, initial_map=truth, config=config)
+    assert errors(found.map.vertices, truth, target.mesh).mean() < 0.05
 
 
 def test_true_initial_map_is_kept(example, example_truth, prepared_example):

@@ -36,7 +36,7 @@ class Judged:
     image : (m,) array of int
         Target row of each source row, upsampled.
     energy : float
-        See `energy_of`.
+        See `energy_of`; with 30 columns.
     orientation : float
         Mean cosine between the normals of the smooth target drawn on the source and those of the smooth target: near 1
         for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape has no normals.
@@ -74,16 +74,19 @@ def ranked_by_side(judged: list[Judged], orientation: Orientation) -> list[Judge
     )
 
 
-def contenders(order: list[Judged], orientation: Orientation) -> list[Judged]:
+def contenders(order: list[Judged], orientation: Orientation, rounds: int = 1) -> list[Judged]:
     """Keep those near enough to the best to deserve a full refinement: comparable energy, not of the other side.
 
     The orientation of a right map through few functions can be small where limbs touch; the misfit after refinement,
-    which compares normals everywhere, decides among all that lean to the wanted side.
+    which compares normals everywhere, decides among all that lean to the wanted side. Each round of the search may send
+    six.
     """
     side = max(1, _orientation_class(order[0].orientation, orientation))
     leaning = [judged for judged in order if _orientation_class(judged.orientation, orientation) <= side]
     leaning.sort(key=lambda judged: judged.energy)
-    return [judged for judged in leaning if judged.energy <= CONTENDER * leaning[0].energy][:MOST_CONTENDERS]
+    return [judged for judged in leaning if judged.energy <= CONTENDER * leaning[0].energy][
+        : rounds * MOST_CONTENDERS
+    ]
 
 
 def _orientation_class(cosine: float, wanted: Orientation) -> int:

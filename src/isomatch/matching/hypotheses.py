@@ -137,14 +137,17 @@ def search(pair: Pair, given: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def recomposed(pair: Pair, found: list[Hypothesis]) -> list[Hypothesis]:
-    """Widen a search by composing once more, among more maps, compositions too; best residual first.
+    """Compose once more, among more maps, compositions too; give those that differ from all that were found.
 
     The right map can be composed of three that are each wrong about other limbs.
     """
     pool = _Pool(pair)
     pool.merge(found)
     pool.compose(RECOMPOSED)
-    return pool.hypotheses
+    images = [h.alignment.image for h in found]
+    return [
+        h for h in pool.hypotheses if h not in found and pair.differs(h.alignment.image, images, SAME_MAP)
+    ]
 
 
 def twins(pair: Pair, winner: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:

@@ -76,7 +76,7 @@ def match(
     seed : int
         Seeds sampling and eigensolver of shapes not yet prepared.
     progress : callable, optional
-        Called with the name of each stage as it starts.
+        Called with the name of each stage as it starts. If the first map is poor, stages after "prepare" come again.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def match(
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, with automatic starts and a joint refinement beyond it.
-    About 2 s for two shapes of 5 000 vertices on two cores, half of it preparation.
+    About 2 s for two shapes of 5 000 vertices on two cores, half of it preparation; 1 s more where the first map is poor.
 
     Examples
     --------
@@ -120,19 +120,22 @@ def match(
             )
         found = search(pair, given)
         attempt = _attempt(pair, found, given, pairs, config, clock)
+        notes = [*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes)]
         if attempt.outcome is Outcome.LOW_CONFIDENCE and config.hypotheses == "all":
             clock.start("hypotheses")
-            again = _attempt(pair, recomposed(pair, found), given, pairs, config, clock)
-            attempt = min(attempt, again, key=lambda attempt: refine.score_of(pair, attempt.fits[0]))
+            if new := recomposed(pair, found):
+                attempt = _attempt(pair, [*found, *new], given, pairs, config, clock, rounds=2)
+                notes.append(
+                    f"the first map was poor: {len(new)} more compositions of those found were tried"
+                )
         alternatives = parallel_map(lambda judged: _alternative(pair, judged), attempt.others)
-    notes = (*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes))
     return MatchResult(
         map=source.lifted(target, attempt.image, *attempt.precise),
         outcome=attempt.outcome,
         quality=attempt.quality,
         alternatives=tuple(alternatives),
         timings=clock.stop(),
-        notes=notes,
+        notes=tuple(notes),
         engine=source.distances.engine,
         origin=attempt.fits[0].judged.hypothesis.origin,
         config=config,
@@ -159,8 +162,9 @@ def _attempt(
     landmarks: IntArray | None,
     config: Config,
     clock: Clock,
+    rounds: int = 1,
 ) -> _Attempt:
-    """Choose among the hypotheses found, refine the best and judge it."""
+    """Choose among what was found in some rounds of the search, refine the best and judge it."""
     source, target = pair.source.shape, pair.target.shape
     clock.start("choice")
     order = _candidates(pair, found, landmarks, config)
@@ -175,7 +179,7 @@ def _attempt(
             "give landmarks, an initial map or descriptors"
         )
     clock.start("refinement")
-    fits = _contest(pair, order, rivals, config)
+    fits = _contest(pair, order, rivals, config, rounds)
     coordinates = _coordinates(pair, fits[0], config)
     image = nearest_in_cells(*coordinates, target.cells)
     precise = nearest_points(*coordinates, target.faces, image)
@@ -282,10 +286,12 @@ def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, confi
     return ranked_by_side(agreeing, config.orientation)
 
 
-def _contest(pair: Pair, order: list[Judged], rivals: list[Judged], config: Config) -> list[refine.JointFit]:
+def _contest(
+    pair: Pair, order: list[Judged], rivals: list[Judged], config: Config, rounds: int
+) -> list[refine.JointFit]:
     """Refine the contenders, and rivals that may not win: the best contender, then all others, best first."""
     both_sides = config.orientation == "any"
-    fits = refine.jointly(pair, contenders(order, config.orientation), both_sides)
+    fits = refine.jointly(pair, contenders(order, config.orientation, rounds), both_sides)
     if rivals:
         others = fits[1:] + refine.jointly(pair, contenders(rivals, config.orientation), both_sides)
         fits[1:] = sorted(others, key=partial(refine.score_of, pair))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 from scipy.linalg import solve
@@ -13,7 +14,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching import spectral
 from isomatch.matching.alignment import orthogonal_alignment
-from isomatch.matching.choice import ORIENTED, Judged, energy_of
+from isomatch.matching.choice import ORIENTED, Judged, energy_of, orientation_of
 from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
 from isomatch.matching.precise import interpolation, nearest_points
@@ -59,38 +60,47 @@ def by_laplace_icp(pair: Pair, start: Coordinates) -> Coordinates:
 
     From a few functions to all, five more in each step, on ``n_refine`` source vertices; then once on all. F is fitted by
     least squares: where shapes stretch it is not orthogonal. Few functions at first heal large errors of the start, more
-    keep limbs apart: four sizes are tried, and that is kept which has the least energy with 50, see `energy_of`.
+    keep limbs apart: four sizes are tried, and of those that keep the side of the start the one goes on that has the
+    least energy, see `energy_of`, with 50 functions.
 
     Notes
     -----
     Shamai & Kimmel 2017, section on post-processing, where F is orthogonal and has its size from the start; growth as in
-    Melzi et al., *ZoomOut*, 2019.
+    Melzi et al., *ZoomOut*, 2019; the choice is ours.
     """
     glimpse, source, target = pair.refinement, pair.source.shape.laplace, pair.target.shape
     most = min(len(source.values), len(target.laplace.values))
     rows = nearest_in_cells(start[0], start[1][glimpse.rows], target.cells)
+    middle = min(LAPLACE_CHOICE, most)
 
-    def trial(first: int) -> tuple[float, FloatArray]:
-        functional_map = glimpse.fit(target.laplace.vectors[rows, :first], first)
-        sizes = range(first + LAPLACE_STEP, min(LAPLACE_CHOICE, most) + 1, LAPLACE_STEP)
-        functional_map = spectral.upsampled(pair, functional_map, sizes)
-        return energy_of(pair, glimpse.rows, spectral.images(pair, functional_map)), functional_map
+    def side(image: IntArray) -> float:
+        return float(np.sign(orientation_of(glimpse, target, image, middle)))
 
-    trials = parallel_map(trial, sorted({min(first, most) for first in LAPLACE_FIRST}))
-    _, functional_map = min(trials, key=lambda trial: trial[0])
-    sizes = (*range(len(functional_map) + LAPLACE_STEP, most, LAPLACE_STEP), most)
-    functional_map = spectral.upsampled(pair, functional_map, sizes)
+    def grown(first: int) -> tuple[bool, float, FloatArray]:
+        small = glimpse.fit(target.laplace.vectors[rows, :first], first)
+        functional_map = spectral.upsampled(pair, small, _sizes(first, middle))
+        image = spectral.images(pair, functional_map)
+        return side(image) != kept, energy_of(pair, glimpse.rows, image), functional_map
+
+    kept = side(rows)
+    trials = parallel_map(grown, sorted({min(first, middle) for first in LAPLACE_FIRST}))
+    *_, functional_map = min(trials, key=itemgetter(0, 1))
+    functional_map = spectral.upsampled(pair, functional_map, _sizes(middle, most))
     everywhere = nearest_in_cells(*spectral.coordinates(pair, functional_map), target.cells)
     return spectral.coordinates(pair, source.coefficients(target.laplace.vectors[everywhere, :most], most))
+
+
+def _sizes(first: int, last: int) -> tuple[int, ...]:
+    """Numbers of functions on the way from one to another, with the last."""
+    return (*range(first + LAPLACE_STEP, last, LAPLACE_STEP), last) if last > first else ()
 
 
 def extended(pair: Pair, image: IntArray, rows: IntArray) -> IntArray:
     """Extend a map of the search vertices, through 50 functions, to other source body vertices: target body vertices."""
     source, target = pair.source.shape, pair.target.shape
     k = min(50, len(source.laplace.values), len(target.laplace.values))
-    functional_map = pair.functional_map(image, k)
-    turned = target.laplace.vectors[:, :k] @ functional_map.T
-    return nearest_in_cells(turned, source.laplace.vectors[rows, :k], target.cells)
+    of_target, of_source = spectral.coordinates(pair, pair.functional_map(image, k))
+    return nearest_in_cells(of_target, of_source[rows], target.cells)
 
 
 def extended_at(pair: Pair, image: IntArray, mesh_vertices: IntArray) -> IntArray:
