@@ -61,10 +61,10 @@ def gdd_post(
     config: Config | None = None,
     seed: int = 0,
 ) -> MatchResult:
-    """Match by geodesic distance descriptors, then iterative closest points in the Laplace–Beltrami basis.
+    """Match by geodesic distance descriptors, then post-process in the Laplace–Beltrami basis.
 
-    Everything is as for `gdd`. The post-processing is the paper's, but it grows from few functions to ``n_functions`` of
-    the settings, from four sizes of which the best is kept, and its functional map is not made orthogonal.
+    Everything is as for `gdd`. In the paper the post-processing is iterative closest points with an orthogonal functional
+    map; here the map grows from few functions to ``n_functions`` of the settings, see `refine.by_laplace_icp`.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

@@ -45,7 +45,7 @@ def match(
     initial_map : Path
         A first map to start from: one 0-based target index per line (-1: unknown), or a map.npz.
     refinement : str
-        How the map is made precise: joint (default), smooth, laplace_icp (the paper's), none.
+        How the map is made precise: joint (default), smooth, laplace_icp (like the paper), none.
     orientation : str
         Which side of the surfaces the map keeps outward: preserve (default), reverse, any.
     config : Path
