@@ -48,9 +48,9 @@ class Config:
         Choose among automatic starts and those given, or only among those given. Automatic ones are tried in both
         cases, so that the result can tell when one of them fits better.
     refinement : {"none", "laplace_icp", "joint", "smooth"}
-        After the alignment of distance descriptors: nothing (the paper's plain method), post-processing
-        like the paper's, see `refine.by_laplace_icp`, or spectral upsampling joint with descriptors, coordinates and normals; "smooth" is "joint"
-        with more care, and time, for a map that is smooth and nearly one to one.
+        After the alignment of distance descriptors: nothing (the paper's plain method), post-processing like the
+        paper's, see `refine.by_laplace_icp`, or spectral upsampling joint with descriptors, coordinates and normals;
+        "smooth" is "joint" with more care, and time, for a map that is smooth and nearly one to one.
     orientation : {"preserve", "reverse", "any"}
         Whether the map should keep the side of the surface that looks outward, turn it inside out (mirror), or
         whichever fits better.

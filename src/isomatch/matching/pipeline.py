@@ -265,15 +265,6 @@ def _candidates(
     return _agreeing(pair, ranked([*judged, *judge(pair, new)], config.orientation), landmarks, config)
 
 
-def _different(pair: Pair, judged: list[Judged]) -> list[Judged]:
-    """Of maps that came to coincide when they were judged, keep the one of smallest residual before."""
-    kept: list[Judged] = []
-    for each in sorted(judged, key=lambda each: each.hypothesis.alignment.residual):
-        if pair.differs(each.image, [other.image for other in kept], SAME_MAP):
-            kept.append(each)
-    return kept
-
-
 def _agreeing(pair: Pair, order: list[Judged], landmarks: IntArray | None, config: Config) -> list[Judged]:
     """Drop hypotheses that contradict the landmarks."""
     if landmarks is None or not order:

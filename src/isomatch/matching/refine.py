@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
 
@@ -133,6 +133,11 @@ class JointFit:
         """1 if the map keeps the outside, −1 if it mirrors."""
         return 1.0 if self.judged.orientation >= 0 else -1.0
 
+    @property
+    def residual(self) -> float:
+        """That of the hypothesis, before any refinement."""
+        return self.judged.hypothesis.alignment.residual
+
 
 def score_of(pair: Pair, fit: JointFit) -> float:
     """Give what speaks against a refined map: its misfit × the fourth root of its energy.
@@ -187,11 +192,17 @@ def jointly(pair: Pair, judged: list[Judged], both_sides: bool = False) -> list[
 
 
 def _distinct(pair: Pair, fits: list[JointFit]) -> list[JointFit]:
-    """Keep the first of those that coincide."""
+    """Keep the first of those that coincide, as what came of the hypothesis of least residual among them.
+
+    The refinement forgets where it came from; what refines a hypothesis without it does not.
+    """
     kept: list[JointFit] = []
     for fit in fits:
-        if all(differ(pair, fit, other) for other in kept):
+        same = next((i for i, other in enumerate(kept) if not differ(pair, fit, other)), None)
+        if same is None:
             kept.append(fit)
+        elif fit.side == kept[same].side and fit.residual < kept[same].residual:
+            kept[same] = replace(kept[same], judged=fit.judged)
     return kept
 
 
