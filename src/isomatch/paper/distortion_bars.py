@@ -26,13 +26,13 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
         label, colour = LABELS[method]
         ratios = [row[f"{method}_over_truth"] for row in rows]
         bars = axes.bar(np.arange(len(rows)) + place, ratios, 0.8 / len(shown), color=colour, label=label)
-        axes.bar_label(bars, fmt="{:.2f}", size=6.5, rotation=90, padding=2)
+        numbers = [f"{ratio:.2f}" for ratio in ratios]
+        axes.bar_label(bars, numbers, label_type="center", color="white", size=7, rotation=90, weight="bold")
     published = [(i + places["gdd"], row["paper_gdd"]) for i, row in enumerate(rows) if row["paper_gdd"]]
     if published:
         axes.plot(*zip(*published), "k_", markersize=14, label="GDD in the paper")
     axes.axhline(1.0, color="0.4", lw=0.8, label="truth")
     axes.set_xticks(range(len(rows)), [f"{row['class']}\ntruth {row['truth']:.1e}" for row in rows])
     axes.grid(axis="x", visible=False)
-    axes.margins(y=0.12)
     figure.legend(loc="outside upper center", ncols=4, fontsize="small")
     return figure
