@@ -119,12 +119,16 @@ def match(
                 "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
             )
         found = search(pair, given)
-        attempt = _attempt(pair, found, given, pairs, config, clock)
+        clock.start("choice")
+        judged = judge(pair, found)
+        attempt = _attempt(pair, judged, given, pairs, config, clock)
         notes = [*(f"source: {n}" for n in source.notes), *(f"target: {n}" for n in target.notes)]
         if attempt.outcome is Outcome.LOW_CONFIDENCE and config.hypotheses == "all":
             clock.start("hypotheses")
             if new := recomposed(pair, found):
-                attempt = _attempt(pair, [*found, *new], given, pairs, config, clock, rounds=2)
+                clock.start("choice")
+                judged += judge(pair, new)
+                attempt = _attempt(pair, judged, given, pairs, config, clock, rounds=2)
                 notes.append(
                     f"the first map was poor: {len(new)} more compositions of those found were tried"
                 )
@@ -157,7 +161,7 @@ class _Attempt:
 
 def _attempt(
     pair: Pair,
-    found: list[Hypothesis],
+    judged: list[Judged],
     given: list[Hypothesis],
     landmarks: IntArray | None,
     config: Config,
@@ -166,8 +170,7 @@ def _attempt(
 ) -> _Attempt:
     """Choose among what was found in some rounds of the search, refine the best and judge it."""
     source, target = pair.source.shape, pair.target.shape
-    clock.start("choice")
-    order = _candidates(pair, found, landmarks, config)
+    order = _candidates(pair, judged, landmarks, config)
     rivals: list[Judged] = []
     if given and config.hypotheses == "given":
         # what was not given is tried as well, to know whether it fits better
@@ -253,13 +256,10 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
     )
 
 
-def _candidates(
-    pair: Pair, found: list[Hypothesis], landmarks: IntArray | None, config: Config
-) -> list[Judged]:
+def _candidates(pair: Pair, judged: list[Judged], landmarks: IntArray | None, config: Config) -> list[Judged]:
     """Rank those that agree with the landmarks, and the twins of the best: it may be the half-turned one of the two."""
-    judged = judge(pair, found)
     order = _agreeing(pair, ranked(judged, config.orientation), landmarks, config)
-    new = twins(pair, order[0].hypothesis, found) if order else []
+    new = twins(pair, order[0].hypothesis, [j.hypothesis for j in judged]) if order else []
     if not new:
         return order
     return _agreeing(pair, ranked([*judged, *judge(pair, new)], config.orientation), landmarks, config)
