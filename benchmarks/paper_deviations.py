@@ -52,7 +52,7 @@ def at_once(pair: Pair, start: Coordinates) -> Coordinates:
     source, target = pair.source.shape.laplace, pair.target.shape
     k = min(len(source.values), len(target.laplace.values))
     rows = nearest_in_cells(start[0], start[1][pair.refinement.rows], target.cells)
-    first = polar(spectral.from_values(pair, pair.refinement.rows, target.laplace.vectors[rows, :k]))[0]
+    first = polar(pair.refinement.fit(target.laplace.vectors[rows, :k], k))[0]
     return spectral.coordinates(pair, spectral.icp(pair, first, k, AT_ONCE_STEPS))
 
 
@@ -61,46 +61,24 @@ def as_usual(config: Config, pair: BenchmarkPair) -> Config:
     return config
 
 
-def by_area(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
-    """Plain GDD with area weights."""
-    return match(source, target, landmarks, config=replace(config, hypotheses="given", refinement="none"))
-
-
-def post_by_area(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
-    """Post-processing, with area weights before it."""
-    return match(
-        source, target, landmarks, config=replace(config, hypotheses="given", refinement="laplace_icp")
-    )
-
-
-def gdd_from(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
-    """Plain GDD."""
-    return gdd(source, target, landmarks, config=config)
-
-
-def post_from(source: Any, target: Any, landmarks: Any, config: Config) -> MatchResult:
-    """GDD and post-processing."""
-    return gdd_post(source, target, landmarks, config=config)
-
-
 MIXED = [(module, {"orthogonal_alignment": unrestricted}) for module in (alignment, choice, refine)]
 UNFLIPPED = [(pipeline, {"twins": lambda pair, winner, known: []})]
 MESH_UNITS = [(PreparedShape, {"intrinsic_scale": property(lambda shape: 1.0 / shape.scale)})]
 AT_ONCE = [(refine, {"by_laplace_icp": at_once})]
 VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config], list[Any]]] = {
-    "GDD": (gdd_from, Config(), as_usual, []),
-    "GDD, area weights": (by_area, Config(), as_usual, []),
-    "GDD, C not block-diagonal": (gdd_from, Config(), as_usual, MIXED),
-    "GDD, iterated on all vertices": (gdd_from, Config(), whole, []),
-    "GDD, distances in mesh units": (gdd_from, Config(), as_usual, MESH_UNITS),
-    "GDD, flips of the start not tried": (gdd_from, Config(), as_usual, UNFLIPPED),
-    "GDD, k = 30, p = 60": (gdd_from, Config(rank=30, n_columns=60), as_usual, []),
-    "GDD, k = 100, p = 200": (gdd_from, Config(rank=100, n_columns=200), as_usual, []),
-    "post": (post_from, Config(), as_usual, []),
-    "post, 200 functions at once, F orthogonal": (post_from, Config(), as_usual, AT_ONCE),
-    "post, area weights": (post_by_area, Config(), as_usual, []),
-    "post, iterated on all vertices": (post_from, Config(), whole, []),
-    "post, 100 functions": (post_from, Config(n_functions=100), as_usual, []),
+    "GDD": (gdd, Config(), as_usual, []),
+    "GDD, area weights": (match, Config(hypotheses="given", refinement="none"), as_usual, []),
+    "GDD, C not block-diagonal": (gdd, Config(), as_usual, MIXED),
+    "GDD, iterated on all vertices": (gdd, Config(), whole, []),
+    "GDD, distances in mesh units": (gdd, Config(), as_usual, MESH_UNITS),
+    "GDD, flips of the start not tried": (gdd, Config(), as_usual, UNFLIPPED),
+    "GDD, k = 30, p = 60": (gdd, Config(rank=30, n_columns=60), as_usual, []),
+    "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual, []),
+    "post": (gdd_post, Config(), as_usual, []),
+    "post, 200 functions at once, F orthogonal": (gdd_post, Config(), as_usual, AT_ONCE),
+    "post, area weights": (match, Config(hypotheses="given", refinement="laplace_icp"), as_usual, []),
+    "post, iterated on all vertices": (gdd_post, Config(), whole, []),
+    "post, 100 functions": (gdd_post, Config(n_functions=100), as_usual, []),
 }
 
 
@@ -113,7 +91,7 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
         with ExitStack() as stack:
             for module, values in changes:
                 stack.enter_context(changed(module, **values))
-            found = method(pair.source, pair.target, landmarks, scope(config, pair)).map
+            found = method(pair.source, pair.target, landmarks, config=scope(config, pair)).map
         error = counted(geodesic_errors(pair.target, found, pair.truth, 1000, SEED, engines[1])).mean()
         distortion = metric_distortion(
             pair.source, pair.target, found, pair.truth, n_rows=100, seed=SEED, engines=engines
