@@ -84,8 +84,11 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
 
 def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
     """Error and distortion over that of the truth, for each variant."""
-    landmarks = true_landmarks(pair, seed=SEED)
-    engines = tuple(RememberingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target))
+    source, target = (
+        RememberingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target)
+    )
+    engines = source, target
+    landmarks = true_landmarks(pair, seed=SEED, engines=engines)
     results = {}
     for name, (method, config, scope, changes) in VARIANTS.items():
         with ExitStack() as stack:

@@ -35,11 +35,11 @@ def measured(chosen: BenchmarkSet, names: tuple[str, str], n_points: int, seed: 
     prepare_both = lru_cache(
         lambda config: (prepare(pair.source, config, seed), prepare(pair.target, config, seed))
     )
-    landmarks = true_landmarks(pair, seed=seed)
+    source, target = distance_engine(pair.source), RememberingEngine(distance_engine(pair.target), KEPT)
+    landmarks = true_landmarks(pair, seed=seed, engines=(source, target))
     for name in SHOWN:
         found, _ = METHODS[name](*prepare_both(METHODS[name].preparation), {"landmarks": landmarks})
         images[name] = found.vertices[points[:, 0]]
-    source, target = distance_engine(pair.source), RememberingEngine(distance_engine(pair.target), KEPT)
     here = distance_table(source, points[some, 0], points[:, 0]) / np.sqrt(pair.source.area)
     squares = {}
     for name, image in images.items():
