@@ -8,12 +8,13 @@ import pytest
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-FOUNDATION = {"errors", "_arrays", "_memory", "_threads"}
+FOUNDATION = {"errors", "_arrays", "_memory", "_settings", "_threads"}
 SURFACES = FOUNDATION | {"surfaces"}
 GEODESICS = SURFACES | {"geodesics"}
 BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
-MATCHING = DESCRIPTORS | {"maps", "matching"}
+CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
+MATCHING = CORRESPONDENCE | {"matching"}
 EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 
 MAY_IMPORT = {
@@ -23,7 +24,7 @@ MAY_IMPORT = {
     "geodesics": GEODESICS,
     "bases": BASES,
     "descriptors": DESCRIPTORS,
-    "maps": FOUNDATION,
+    "correspondence": CORRESPONDENCE,
     "matching": MATCHING,
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,

@@ -8,6 +8,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
+from isomatch.correspondence import Correspondence
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -15,17 +16,20 @@ from isomatch.descriptors import (
     wave_kernel_signature,
 )
 from isomatch.errors import (
+    DescriptorError,
     FormatError,
+    InputError,
     IsomatchError,
     LandmarkError,
+    MapError,
     MemoryBudgetError,
     MeshError,
     MissingDependencyError,
+    MissingFileError,
     NotConvergedError,
     SettingError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.maps import Correspondence
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
 from isomatch.surfaces import (
     Graph,
@@ -45,19 +49,23 @@ __all__ = [
     "CanonicalForm",
     "Config",
     "Correspondence",
+    "DescriptorError",
     "DistanceBasis",
     "FormatError",
     "GeodesicDistanceDescriptor",
     "Graph",
+    "InputError",
     "IsomatchError",
     "LandmarkError",
     "LaplaceBasis",
+    "MapError",
     "MatchResult",
     "MemoryBudgetError",
     "Mesh",
     "MeshError",
     "MeshReport",
     "MissingDependencyError",
+    "MissingFileError",
     "NotConvergedError",
     "Outcome",
     "PointCloud",

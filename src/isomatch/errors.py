@@ -1,38 +1,70 @@
-"""Everything that can go wrong has a name; a message says what, where, why it matters and what to do."""
+"""The named errors. A message says what is wrong, where, why it matters and what to do.
 
-from collections.abc import Iterable, Sequence
+::
+
+    IsomatchError
+    ├── InputError (ValueError)          something given does not fit
+    │   ├── MeshError                    a surface, or distances on it
+    │   ├── LandmarkError                pairs of corresponding points
+    │   ├── MapError                     a correspondence
+    │   ├── DescriptorError              values on the vertices
+    │   └── SettingError                 a setting
+    ├── FormatError (ValueError)         the contents of a file
+    │   └── MissingFileError (FileNotFoundError)
+    ├── MemoryBudgetError (MemoryError)
+    ├── MissingDependencyError (ImportError)
+    └── NotConvergedError
+"""
+
+from collections.abc import Iterable
 
 
 class IsomatchError(Exception):
     """Base class of every error raised on purpose by isomatch."""
 
 
-class MeshError(IsomatchError):
-    """A surface cannot be used: bad indices, non-finite coordinates, no faces, no area."""
+class InputError(IsomatchError, ValueError):
+    """Something given cannot be used: base class of the errors about surfaces, landmarks, maps, values and settings."""
 
 
-class FormatError(IsomatchError):
-    """A file cannot be read; the message starts with ``file:line`` or ``file:byte offset``."""
+class MeshError(InputError):
+    """A surface cannot be used: bad indices, non-finite coordinates, no faces, no area; or distances do not fit it."""
 
 
-class LandmarkError(IsomatchError):
-    """Landmarks, an initial map or initial descriptors do not fit the two shapes."""
+class LandmarkError(InputError):
+    """Landmarks do not fit the two shapes."""
 
 
-class NotConvergedError(IsomatchError):
-    """An iteration ended without an answer that could be returned honestly."""
+class MapError(InputError):
+    """A correspondence does not fit the shapes: wrong length, direction or range, or too little of it is known."""
 
 
-class MemoryBudgetError(IsomatchError):
+class DescriptorError(InputError):
+    """Values on the vertices, or on those of two shapes, have the wrong shape or are not finite."""
+
+
+class SettingError(InputError):
+    """A setting has a value that makes no sense; the message names the setting and what is allowed."""
+
+
+class FormatError(IsomatchError, ValueError):
+    """A file cannot be read; the message starts with ``file:line`` or ``file: byte offset``."""
+
+
+class MissingFileError(FormatError, FileNotFoundError):
+    """A file or a data set is not where it was looked for."""
+
+
+class MemoryBudgetError(IsomatchError, MemoryError):
     """An allocation would exceed the budget; the message names the alternative."""
 
 
-class MissingDependencyError(IsomatchError):
+class MissingDependencyError(IsomatchError, ImportError):
     """An optional package is needed; the message gives the install command."""
 
 
-class SettingError(IsomatchError, ValueError):
-    """A setting has a value that makes no sense; the message names the setting and what is allowed."""
+class NotConvergedError(IsomatchError):
+    """An iteration ended without a result that could be returned honestly."""
 
 
 def some(indices: Iterable[int], limit: int = 5) -> str:
@@ -48,26 +80,3 @@ def some(indices: Iterable[int], limit: int = 5) -> str:
     shown = [int(i) for i in indices]
     head = ", ".join(str(i) for i in shown[:limit])
     return head if len(shown) <= limit else f"{head}, … ({len(shown)} in all)"
-
-
-def require_least(settings: object, **least: float) -> None:
-    """Raise `SettingError` if a setting is below its bound; None is a setting left open."""
-    for name, bound in least.items():
-        value = getattr(settings, name)
-        if value is not None and value < bound:
-            raise SettingError(f"{name} = {value} is not at least {bound}")
-
-
-def require_known(settings: object, **known: Sequence[str]) -> None:
-    """Raise `SettingError` if a setting is not one of its words."""
-    for name, words in known.items():
-        value = getattr(settings, name)
-        if value not in words:
-            raise SettingError(f"{name} = {value!r} is not one of {', '.join(words)}")
-
-
-def require_weights(settings: object) -> None:
-    """Raise `SettingError` if a setting whose name ends in "weight" is negative."""
-    for name, value in vars(settings).items():
-        if name.endswith("weight") and not value >= 0:
-            raise SettingError(f"{name} = {value!r} is not a weight of at least 0")

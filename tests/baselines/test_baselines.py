@@ -10,7 +10,8 @@ import pytest
 
 from isomatch import (
     Config,
-    LandmarkError,
+    InputError,
+    MapError,
     Mesh,
     MeshError,
     Outcome,
@@ -227,7 +228,7 @@ def test_hints_that_do_not_fit(copies, method):
         ({"initial_map": [0, 1]}, "initial map has shape"),
         ({"initial_descriptors": ([[1.0]], [[1.0]])}, "source descriptors have 1 rows"),
     ):
-        with pytest.raises(LandmarkError, match=told):
+        with pytest.raises(InputError, match=told):
             method(*shapes, **hint)
 
 
@@ -244,32 +245,41 @@ def test_methods_that_need_a_hint(copies):
         laplace_nearest_neighbours(*copies[0])
     with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
         gdd(*copies[1])
-    with pytest.raises(LandmarkError, match="only 0 points of the main components"):
+    with pytest.raises(MapError, match="only 0 points of the main components"):
         zoomout(*copies[0], initial_map=np.full(len(copies[2]), -1))
 
 
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        (lambda: FunctionalMapsConfig(n_functions=1), "n_functions = 1 is not at least 2"),
-        (lambda: FunctionalMapsConfig(product_weight=-1.0), "product_weight = -1.0 is not a weight"),
-        (lambda: FunctionalMapsConfig(signatures="sound"), "signatures = 'sound' is not one of wave"),
-        (lambda: FunctionalMapsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
+        (lambda: FunctionalMapsConfig(n_functions=1), "n_functions = 1 is not an integer of at least 2"),
+        (
+            lambda: FunctionalMapsConfig(product_weight=-1.0),
+            "product_weight = -1.0 is not a number of at least 0",
+        ),
+        (lambda: FunctionalMapsConfig(signatures="sound"), "signatures = 'sound' is not one of 'wave'"),
+        (lambda: FunctionalMapsConfig(orientation="left"), "orientation = 'left' is not one of 'preserve'"),
         (lambda: ZoomOutConfig(last=30), "last = 30 is not at least 50"),
-        (lambda: ZoomOutConfig(step=0), "step = 0 is not at least 1"),
+        (lambda: ZoomOutConfig(step=0), "step = 0 is not an integer of at least 1"),
         (lambda: GmdsConfig(levels=(50, 10)), "levels = (50, 10) are not increasing numbers of points"),
-        (lambda: GmdsConfig(n_sweeps=0), "n_sweeps = 0 is not at least 1"),
-        (lambda: GmdsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
+        (lambda: GmdsConfig(n_sweeps=0), "n_sweeps = 0 is not an integer of at least 1"),
+        (lambda: GmdsConfig(orientation="left"), "orientation = 'left' is not one of 'preserve'"),
         (lambda: GromovWassersteinConfig(n_samples=80), "n_samples = 80 is not at least 100"),
         (lambda: GromovWassersteinConfig(distance_weight=0.0), "distance_weight = 0.0 is not above 0"),
-        (lambda: GromovWassersteinConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
-        (lambda: LaplaceConfig(steps=0), "steps = 0 is not at least 1"),
+        (
+            lambda: GromovWassersteinConfig(orientation="left"),
+            "orientation = 'left' is not one of 'preserve'",
+        ),
+        (lambda: LaplaceConfig(steps=0), "steps = 0 is not an integer of at least 1"),
         (lambda: SpectralGmdsConfig(sizes=(20, 20)), "do not grow from at least 3"),
-        (lambda: SpectralGmdsConfig(icp_steps=0), "icp_steps = 0 is not at least 1"),
-        (lambda: SpectralGmdsConfig(data_weight=-1.0), "data_weight = -1.0 is not a weight"),
-        (lambda: GradientFieldsConfig(n_matched=20), "n_matched = 20 is above 14"),
+        (lambda: SpectralGmdsConfig(icp_steps=0), "icp_steps = 0 is not an integer of at least 1"),
+        (lambda: SpectralGmdsConfig(data_weight=-1.0), "data_weight = -1.0 is not a number of at least 0"),
+        (
+            lambda: GradientFieldsConfig(n_matched=20),
+            "n_matched = 20 is not an integer of at least 2 and at most 14",
+        ),
         (lambda: GradientFieldsConfig(n_functions=10), "n_functions = 10 is not at least 13"),
-        (lambda: GradientFieldsConfig(orientation="left"), "orientation = 'left' is not one of preserve"),
+        (lambda: GradientFieldsConfig(orientation="left"), "orientation = 'left' is not one of 'preserve'"),
     ],
 )
 def test_settings_that_make_no_sense(settings, told):

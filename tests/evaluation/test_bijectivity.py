@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, LandmarkError
+from isomatch import Correspondence, MapError
 from isomatch.evaluation import coverage, cycle_errors
 from shapes import disguised, flat_grid, icosphere
 
@@ -44,7 +44,7 @@ def test_no_image_on_either_way_is_infinite():
 
 def test_maps_that_do_not_fit_are_told():
     grid = flat_grid(3, 3)
-    with pytest.raises(LandmarkError, match="does not fit"):
+    with pytest.raises(MapError, match="does not fit"):
         coverage(grid, Correspondence([0], 4))
-    with pytest.raises(LandmarkError, match="do not lead from"):
+    with pytest.raises(MapError, match="do not lead from"):
         cycle_errors(grid, Correspondence([0], 4), Correspondence([0, 0, 0, 0], 1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, LandmarkError, Mesh, geodesic_distances
+from isomatch import Correspondence, MapError, Mesh, geodesic_distances
 from isomatch.evaluation import metric_distortion
 from shapes import disguised, flat_grid, planar_delaunay, two_spheres
 
@@ -58,9 +58,9 @@ def test_unmatched_points_are_left_out_and_no_map_is_an_error(sheet):
     image = np.arange(sheet.n_vertices)
     image[::2] = -1
     assert metric_distortion(sheet, sheet, Correspondence(image, len(image)), n_rows=20).linf < 1e-9
-    with pytest.raises(LandmarkError, match="maps none of the points"):
+    with pytest.raises(MapError, match="maps none of the points"):
         metric_distortion(sheet, sheet, Correspondence(np.full(len(image), -1), len(image)))
-    with pytest.raises(LandmarkError, match="does not fit"):
+    with pytest.raises(MapError, match="does not fit"):
         metric_distortion(sheet, flat_grid(3, 3), identity(sheet))
 
 

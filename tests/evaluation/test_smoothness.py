@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, LandmarkError, Mesh
+from isomatch import Correspondence, MapError, Mesh
 from isomatch.evaluation import conformal_distortion, dirichlet_energy, torn_edges
 from shapes import disguised, flat_grid, icosphere, planar_delaunay
 
@@ -77,5 +77,5 @@ def test_faces_without_images_or_area_are_left_out():
 
 
 def test_a_map_of_other_shapes_is_told():
-    with pytest.raises(LandmarkError, match="does not fit"):
+    with pytest.raises(MapError, match="does not fit"):
         dirichlet_energy(flat_grid(3, 3), flat_grid(3, 4), identity(flat_grid(3, 3)))

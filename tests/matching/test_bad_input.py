@@ -5,8 +5,10 @@ import pytest
 
 from isomatch import (
     Config,
+    DescriptorError,
     IsomatchError,
     LandmarkError,
+    MapError,
     MatchResult,
     Mesh,
     MeshError,
@@ -159,7 +161,7 @@ def test_landmarks_off_the_main_component(animal, shape):
     ids=["too short", "floats", "beyond the end", "below -1", "nothing"],
 )
 def test_bad_initial_map(shape, initial_map, message):
-    with pytest.raises(LandmarkError, match=message):
+    with pytest.raises(MapError, match=message):
         match(shape, shape, initial_map=initial_map(shape.mesh.n_vertices))
 
 
@@ -178,7 +180,7 @@ def test_bad_initial_map(shape, initial_map, message):
     ids=["one array", "other counts", "vectors", "too short", "nan"],
 )
 def test_bad_descriptors(shape, descriptors, message):
-    with pytest.raises(LandmarkError, match=message):
+    with pytest.raises(DescriptorError, match=message):
         match(shape, shape, initial_descriptors=descriptors(shape.mesh.n_vertices))
 
 

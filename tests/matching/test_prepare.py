@@ -5,7 +5,7 @@ import pytest
 
 from isomatch import Config, Mesh, MeshError, prepare
 from isomatch.datasets import creature
-from isomatch.matching.features import mean_curvature
+from isomatch.descriptors import mean_curvature
 from shapes import disguised, icosphere, two_spheres
 from zoo import grid
 

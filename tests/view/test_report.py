@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, Quality
+from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.maps import Correspondence
 from isomatch.matching import Alternative, MatchResult
 from isomatch.view import position_colours, report, write_report
 from isomatch.view.colours import to_screen

@@ -4,8 +4,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 from isomatch.view import ValuePanel, draw_map, position_colours
 from isomatch.view.camera import camera_of, turn_to_target

@@ -74,7 +74,7 @@ def products(basis: LaplaceBasis, coefficients: FloatArray) -> FloatArray:
 
     Notes
     -----
-    Φᵀ A diag(f) Φ of Nogneng & Ovsjanikov, *Informative Descriptor Preservation via Commutativity for Shape Matching*,
+    Φᵀ A diag(f) Φ of Nogneng & Ovsjanikov, *Informative Descriptor Preservation via Commutativity for Surface Matching*,
     Eurographics 2017.
     """
     phi = basis.vectors[:, : len(coefficients)]

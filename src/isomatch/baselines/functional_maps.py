@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
+from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
 from isomatch.baselines.task import Task
-from isomatch.descriptors import heat_kernel_signature, wave_kernel_map, wave_kernel_signature
-from isomatch.errors import require_known, require_least, require_weights
+from isomatch.descriptors import heat_kernel_signature, standardised, wave_kernel_map, wave_kernel_signature
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
-from isomatch.matching.features import standardised
+from isomatch.surfaces import Surface
 
 KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels
 KERNEL_STEP = 5  # every fifth of a hundred energies or times: neighbours overlap
@@ -33,7 +32,7 @@ FunctionalRefinement = Literal["icp", "none"]
 
 
 @dataclass(frozen=True)
-class FunctionalMapsConfig:
+class FunctionalMapsConfig(Settings):
     """Settings of `functional_maps`.
 
     Parameters
@@ -50,33 +49,19 @@ class FunctionalMapsConfig:
         Whether the map is made orthogonal by iterative closest points in the spectral domain.
     """
 
-    n_functions: int = 50
-    descriptor_weight: float = 1.0
-    product_weight: float = 1.0
-    orientation_weight: float = 1.0
-    laplacian_weight: float = 0.1
+    n_functions: int = setting(50, least=2)
+    descriptor_weight: float = setting(1.0, least=0)
+    product_weight: float = setting(1.0, least=0)
+    orientation_weight: float = setting(1.0, least=0)
+    laplacian_weight: float = setting(0.1, least=0)
     signatures: KernelSignatures = "wave"
     orientation: Orientation = "preserve"
     refinement: FunctionalRefinement = "icp"
 
-    def __post_init__(self) -> None:
-        require_least(self, n_functions=2)
-        require_known(
-            self,
-            signatures=get_args(KernelSignatures),
-            orientation=get_args(Orientation),
-            refinement=get_args(FunctionalRefinement),
-        )
-        require_weights(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
-
 
 def functional_maps(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

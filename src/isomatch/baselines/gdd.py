@@ -8,14 +8,14 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from isomatch.matching import Config, MatchResult, PreparedShape, match
-from isomatch.matching.body import Shape
+from isomatch.surfaces import Surface
 
 PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform"}
 
 
 def gdd(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -53,8 +53,8 @@ def gdd(
 
 
 def gdd_post(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import IntArray
+from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.generalised_stress import Placement, descended, placed
 from isomatch.baselines.task import FEWEST_POINTS, Task
-from isomatch.errors import NotConvergedError, SettingError, require_known, require_least
+from isomatch.errors import NotConvergedError, SettingError
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.choice import judge, ranked
 from isomatch.matching.config import Orientation
 from isomatch.matching.hypotheses import Hypothesis, converged, search, start_from_functions
 from isomatch.matching.refine import extended
+from isomatch.surfaces import Surface
 
 
 @dataclass(frozen=True)
-class GmdsConfig:
+class GmdsConfig(Settings):
     """Settings of `gmds`.
 
     Parameters
@@ -37,25 +37,20 @@ class GmdsConfig:
     """
 
     levels: tuple[int, ...] = (10, 25, 50, 100)
-    n_sweeps: int = 100
+    n_sweeps: int = setting(100, least=1)
     orientation: Orientation = "preserve"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.levels or self.levels[0] < FEWEST_POINTS or sorted(set(self.levels)) != list(self.levels):
             raise SettingError(
                 f"levels = {self.levels!r} are not increasing numbers of points, the first at least {FEWEST_POINTS}"
             )
-        require_least(self, n_sweeps=1)
-        require_known(self, orientation=get_args(Orientation))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
 
 
 def gmds(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, get_args
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import Settings, require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.generalised_stress import Placement, distances_to
 from isomatch.baselines.task import Task
-from isomatch.errors import MissingDependencyError, SettingError, require_known, require_least
+from isomatch.descriptors import standardised
+from isomatch.errors import MissingDependencyError, SettingError
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
-from isomatch.matching.features import standardised, surface_cells
+from isomatch.matching.features import surface_cells
 from isomatch.matching.nearest import Coordinates
+from isomatch.surfaces import Surface
 
 
 @dataclass(frozen=True)
-class GromovWassersteinConfig:
+class GromovWassersteinConfig(Settings):
     """Settings of `gromov_wasserstein`.
 
     Parameters
@@ -41,20 +42,16 @@ class GromovWassersteinConfig:
     """
 
     n_samples: int = 300
-    n_functions: int = 50
-    distance_weight: float = 0.99
-    n_steps: int = 200
+    n_functions: int = setting(50, least=2)
+    distance_weight: float = setting(0.99, least=0, most=1)
+    n_steps: int = setting(200, least=1)
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
-        require_least(self, n_functions=2, n_samples=2 * self.n_functions, n_steps=1)
-        if not 0 < self.distance_weight <= 1:
+        super().__post_init__()
+        require_least(self, n_samples=2 * self.n_functions)
+        if self.distance_weight == 0:
             raise SettingError(f"distance_weight = {self.distance_weight!r} is not above 0 and at most 1")
-        require_known(self, orientation=get_args(Orientation))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +74,8 @@ class Transport:
 
 
 def gromov_wasserstein(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

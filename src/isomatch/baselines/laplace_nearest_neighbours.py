@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
+from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import GeodesicDistanceDescriptor
-from isomatch.errors import SettingError, require_least
+from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.initial import rotation_from_functions, rotations_from_landmarks
+from isomatch.surfaces import Surface
 
 
 @dataclass(frozen=True)
-class LaplaceConfig:
+class LaplaceConfig(Settings):
     """Settings of `laplace_nearest_neighbours`.
 
     Parameters
@@ -34,21 +34,14 @@ class LaplaceConfig:
         What the outcome expects; the method itself cannot tell.
     """
 
-    n_functions: int = 50
-    steps: int = 15
+    n_functions: int = setting(50, least=2)
+    steps: int = setting(15, least=1)
     orientation: Orientation = "any"
-
-    def __post_init__(self) -> None:
-        require_least(self, n_functions=2, steps=1)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
 
 
 def laplace_nearest_neighbours(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

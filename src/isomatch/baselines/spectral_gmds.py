@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.functional_energy import FunctionalEnergy
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis, spectral_interpolant
-from isomatch.errors import SettingError, require_least, require_weights
+from isomatch.descriptors import standardised
+from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
-from isomatch.matching.features import standardised
+from isomatch.surfaces import Surface
 
 HEAT_TIMES = 6  # heat from a landmark is compared after so many times, from local to global
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
 
 @dataclass(frozen=True)
-class SpectralGmdsConfig:
+class SpectralGmdsConfig(Settings):
     """Settings of `spectral_gmds`.
 
     Parameters
@@ -41,26 +41,21 @@ class SpectralGmdsConfig:
     """
 
     sizes: tuple[int, ...] = (15, 25, 35, 50)
-    distance_weight: float = 1.0
-    data_weight: float = 1.0
-    previous_weight: float = 1.0
-    icp_steps: int = 15
+    distance_weight: float = setting(1.0, least=0)
+    data_weight: float = setting(1.0, least=0)
+    previous_weight: float = setting(1.0, least=0)
+    icp_steps: int = setting(15, least=1)
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.sizes or self.sizes[0] < 3 or any(np.diff(self.sizes) <= 0):
             raise SettingError(f"sizes = {self.sizes} do not grow from at least 3")
-        require_least(self, icp_steps=1)
-        require_weights(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
 
 
 def spectral_gmds(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

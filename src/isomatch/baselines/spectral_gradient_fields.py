@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, get_args
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import polar
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import Settings, require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
 from isomatch.baselines.gradient_fields import ComplexArray, gradient_fields, invariants
 from isomatch.baselines.laplace_nearest_neighbours import first_map
 from isomatch.baselines.task import Task
-from isomatch.errors import SettingError, require_known, require_least, require_weights
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Orientation
 from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
+from isomatch.surfaces import Surface
 
 HINTED = 20  # functions that a few hints determine
 
 
 @dataclass(frozen=True)
-class GradientFieldsConfig:
+class GradientFieldsConfig(Settings):
     """Settings of `spectral_gradient_fields`.
 
     Parameters
@@ -48,29 +47,22 @@ class GradientFieldsConfig:
         Sign of the pseudo-scalars; "any" leaves them out.
     """
 
-    n_matched: int = 12
+    n_matched: int = setting(12, least=2, most=MOST_MATCHED)
     n_functions: int = 50
-    n_gradients: int = 12
-    gradient_weight: float = 0.3
-    step: int = 3
-    steps: int = 10
+    n_gradients: int = setting(12, least=0)
+    gradient_weight: float = setting(0.3, least=0)
+    step: int = setting(3, least=1)
+    steps: int = setting(10, least=1)
     orientation: Orientation = "preserve"
 
     def __post_init__(self) -> None:
-        require_least(self, n_matched=2, n_functions=self.n_matched + 1, n_gradients=0, step=1, steps=1)
-        if self.n_matched > MOST_MATCHED:
-            raise SettingError(f"n_matched = {self.n_matched} is above {MOST_MATCHED}: too many signs to try")
-        require_known(self, orientation=get_args(Orientation))
-        require_weights(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
+        super().__post_init__()
+        require_least(self, n_functions=self.n_matched + 1)
 
 
 def spectral_gradient_fields(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -101,7 +93,7 @@ def spectral_gradient_fields(
     -----
     After Shtern & Kimmel, *Matching the LBO Eigenspace of Non-Rigid Shapes via High Order Statistics*, Axioms 2014
     (signs and order, see `signed_permutation`); *Iterative Closest Spectral Kernel Maps*, 3DV 2014 (nearest neighbours in
-    φ_i √h(λ_i), alternating with the alignment of the kernels); *Spectral Gradient Fields Embedding for Nonrigid Shape
+    φ_i √h(λ_i), alternating with the alignment of the kernels); *Spectral Gradient Fields Embedding for Nonrigid Surface
     Matching*, CVIU 2015 (gradients beside the functions).
     Reconstructed from what these papers say of themselves, so a method in their spirit rather than theirs: the kernel
     h = 1 / λ of commute times; orthogonal alignment; growth by a few functions at a time; the gradients of successive

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import LandmarkError
-from isomatch.matching.body import Shape
+from isomatch.errors import LandmarkError, MapError
 from isomatch.matching.clock import Clock
 from isomatch.matching.config import Settings
 from isomatch.matching.initial import checked_descriptors, checked_initial_map, checked_landmarks
@@ -19,6 +18,7 @@ from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import outcome_of, quality_of
 from isomatch.matching.result import MatchResult
+from isomatch.surfaces import Surface
 
 FEWEST_POINTS = 3  # corresponding points that can start anything
 NOT_JUDGED = (
@@ -59,8 +59,8 @@ class Task:
     @classmethod
     def of(
         cls,
-        source: Shape | PreparedShape,
-        target: Shape | PreparedShape,
+        source: Surface | PreparedShape,
+        target: Surface | PreparedShape,
         landmarks: ArrayLike | None,
         initial_map: ArrayLike | None,
         initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
@@ -140,7 +140,7 @@ def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray | N
     rows = np.column_stack([source.body_vertex[rows[:, 0]], target.body_vertex[rows[:, 1]]])
     rows = rows[(rows >= 0).all(axis=1)]
     if len(rows) < FEWEST_POINTS:
-        raise LandmarkError(
+        raise (LandmarkError if what == "landmarks" else MapError)(
             f"{what}: only {len(rows)} points of the main components of both shapes are joined; at least {FEWEST_POINTS} "
             "are needed there"
         )

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from isomatch._settings import require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
 from isomatch.baselines.task import Task
-from isomatch.errors import require_least
 from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.body import Shape
+from isomatch.surfaces import Surface
 
 
 @dataclass(frozen=True)
@@ -29,18 +29,18 @@ class ZoomOutConfig(FunctionalMapsConfig):
     """
 
     refinement: FunctionalRefinement = "none"
-    first: int = 20
+    first: int = setting(20, least=2)
     last: int = 200
-    step: int = 5
+    step: int = setting(5, least=1)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_least(self, first=2, step=1, last=max(self.first, self.n_functions))
+        require_least(self, last=max(self.first, self.n_functions))
 
 
 def zoomout(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -68,7 +68,7 @@ def zoomout(
 
     Notes
     -----
-    Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, *ZoomOut: Spectral Upsampling for Efficient Shape Correspondence*,
+    Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, *ZoomOut: Spectral Upsampling for Efficient Surface Correspondence*,
     SIGGRAPH Asia 2019, after the paper: images of ``n_refine`` source vertices while the map grows, their acceleration by
     sampling, but among all target vertices; then those of all. The paper leaves sizes and step to the user. About 2 s for
     5 000 vertices, and as long again for the functional map.

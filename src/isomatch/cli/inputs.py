@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch import Config, Correspondence, LandmarkError
+from isomatch import Config, Correspondence, LandmarkError, MapError
 from isomatch._arrays import IntArray
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MissingFileError
 
 
 def read_landmarks(path: Path) -> IntArray:
@@ -39,11 +39,11 @@ def read_pairs(path: Path, what: str, whose: str) -> IntArray:
 def read_initial_map(path: Path, n_target: int) -> IntArray:
     """Read the target vertex of each source vertex, from text or ``.npz``; −1 where unknown."""
     if not path.exists():
-        raise FormatError(f"{path}: no such file; check the name and the folder")
+        raise MissingFileError(f"{path}: no such file; check the name and the folder")
     try:
         return Correspondence.load(path, n_target).vertices
-    except LandmarkError as error:
-        raise LandmarkError(f"{path}: {error}") from None
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
 
 
 def read_config(path: Path | None) -> Config | None:

@@ -18,10 +18,11 @@ from threadpoolctl import ThreadpoolController
 
 from isomatch._arrays import IntArray
 from isomatch._memory import memory_budget
+from isomatch._settings import require_least
 from isomatch._threads import n_threads, serial_blas
+from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair
 from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.errors import require_least
 from isomatch.evaluation.bijectivity import coverage
 from isomatch.evaluation.distortion import metric_distortion
 from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, Surface, parts_of, true_landmarks
@@ -29,7 +30,6 @@ from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cum
 from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.geodesics import distance_engine
-from isomatch.maps import Correspondence
 from isomatch.matching import Config, match
 from isomatch.matching.pair import prepared_pair
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.errors import LandmarkError
+from isomatch.correspondence import Correspondence
+from isomatch.errors import MapError
 from isomatch.evaluation.princeton import geodesic_errors
-from isomatch.maps import Correspondence
 from isomatch.matching.features import nearest_along_edges
 from isomatch.surfaces import Mesh
 
@@ -33,7 +33,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
 
     Raises
     ------
-    LandmarkError
+    MapError
         If the map ends on another number of vertices.
 
     Examples
@@ -44,7 +44,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
     (0.5, 1.0)
     """
     if correspondence.n_target != target.n_vertices:
-        raise LandmarkError(f"{correspondence!r} does not fit {target!r}")
+        raise MapError(f"{correspondence!r} does not fit {target!r}")
     images = np.unique(correspondence.vertices[correspondence.matched])
     if not len(images):
         return 0.0
@@ -75,7 +75,7 @@ def cycle_errors(
 
     Raises
     ------
-    LandmarkError
+    MapError
         If the maps cannot be composed, or do not lead back to the source.
 
     Notes
@@ -90,6 +90,6 @@ def cycle_errors(
     """
     cycle = there.then(back)
     if cycle.shape != (source.n_vertices, source.n_vertices):
-        raise LandmarkError(f"{there!r} and {back!r} do not lead from {source!r} to itself")
+        raise MapError(f"{there!r} and {back!r} do not lead from {source!r} to itself")
     vertices = np.arange(source.n_vertices)
     return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed)

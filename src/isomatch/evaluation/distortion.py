@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import LandmarkError
+from isomatch.correspondence import Correspondence
+from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine
-from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 
 BLOCK = 64  # distance columns held at once
@@ -74,7 +74,7 @@ def metric_distortion(
 
     Raises
     ------
-    LandmarkError
+    MapError
         If the map does not fit the shapes, or no point has an image.
 
     Notes
@@ -94,12 +94,12 @@ def metric_distortion(
     0.7071
     """
     if correspondence.shape != (source.n_vertices, target.n_vertices):
-        raise LandmarkError(f"{correspondence!r} does not fit {source!r} and {target!r}")
+        raise MapError(f"{correspondence!r} does not fit {source!r} and {target!r}")
     image = correspondence.vertices
     pairs = np.column_stack([np.arange(len(image)), image]) if truth is None else truth
     pairs = pairs[correspondence.matched[pairs[:, 0]]]
     if not len(pairs):
-        raise LandmarkError(f"{correspondence!r} maps none of the points to be judged")
+        raise MapError(f"{correspondence!r} maps none of the points to be judged")
     rng = np.random.default_rng(seed)
     rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
     units = [np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]

@@ -22,10 +22,10 @@ from isomatch.baselines import (
     spectral_gradient_fields,
     zoomout,
 )
+from isomatch.correspondence import Correspondence
 from isomatch.datasets import BenchmarkPair
 from isomatch.errors import SettingError
 from isomatch.geodesics import DistanceEngine, distance_engine
-from isomatch.maps import Correspondence
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Mesh
 

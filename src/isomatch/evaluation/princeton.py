@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
-from isomatch.maps import Correspondence
 from isomatch.surfaces import Mesh
 
 LIMIT = 0.25  # where the published curves end

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.errors import LandmarkError
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
+from isomatch.errors import MapError
 from isomatch.surfaces import Mesh
 
 
@@ -28,7 +28,7 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
 
     Raises
     ------
-    LandmarkError
+    MapError
         If the map does not fit the shapes.
 
     Notes
@@ -90,7 +90,7 @@ def torn_edges(source: Mesh, target: Mesh, correspondence: Correspondence, facto
 
     Raises
     ------
-    LandmarkError
+    MapError
         If the map does not fit the shapes.
 
     Examples
@@ -125,5 +125,5 @@ def _energy_and_area(source: Mesh, target: Mesh, correspondence: Correspondence)
 def _images(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
     """(n_source, 3) precise images; nan where unmatched."""
     if correspondence.shape != (source.n_vertices, target.n_vertices):
-        raise LandmarkError(f"{correspondence!r} does not fit {source!r} and {target!r}")
+        raise MapError(f"{correspondence!r} does not fit {source!r} and {target!r}")
     return correspondence @ target.vertices

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine
-from isomatch.surfaces import Graph, Mesh, PointCloud, check, repair
-
-Shape: TypeAlias = Mesh | PointCloud | Graph
-"""What can be matched."""
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair
 
 FEWEST_VERTICES = 50
 AVERAGE_DISTANCE = (
@@ -41,7 +37,7 @@ class Body:
         What was left out or mended.
     """
 
-    surface: Shape
+    surface: Surface
     scale: float
     body_vertex: IntArray
     mesh_vertex: IntArray
@@ -49,7 +45,7 @@ class Body:
     notes: tuple[str, ...]
 
 
-def body_of(shape: Shape) -> Body:
+def body_of(shape: Surface) -> Body:
     """Take the largest component, mend it, and give it unit area.
 
     Raises
@@ -86,7 +82,7 @@ def body_of(shape: Shape) -> Body:
     )
 
 
-def _mended(shape: Shape) -> tuple[Shape, float, IntArray, IntArray, list[str]]:
+def _mended(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
     """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways."""
     if isinstance(shape, PointCloud | Graph):
         everything = np.arange(shape.n_vertices)
@@ -104,7 +100,7 @@ def _mended(shape: Shape) -> tuple[Shape, float, IntArray, IntArray, list[str]]:
     return mesh, unit, mended.new_index, mended.vertex_index, list(mended.changes)
 
 
-def _normalised(whole: Shape, kept: BoolArray) -> tuple[Shape, float]:
+def _normalised(whole: Surface, kept: BoolArray) -> tuple[Surface, float]:
     """Cut out some vertices and give them unit area; returns also what a length of 1 is worth."""
     if isinstance(whole, Graph):
         number = np.cumsum(kept) - 1

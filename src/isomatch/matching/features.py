@@ -9,12 +9,10 @@ from scipy.sparse.csgraph import dijkstra
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases import LaplaceBasis
-from isomatch.descriptors import wave_kernel_signature
+from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
 from isomatch.geodesics import DistanceEngine
-from isomatch.matching.body import Shape
 from isomatch.matching.nearest import Cells
-from isomatch.surfaces import Mesh
-from isomatch.surfaces.mesh import vertex_normals
+from isomatch.surfaces import Mesh, Surface
 
 SIGNATURE_FUNCTIONS = 100  # eigenfunctions in the wave kernel signature
 SIGNATURE_STEP = 5  # every fifth of a hundred energies: neighbours overlap
@@ -23,7 +21,7 @@ SIGNATURE_WEIGHT, CURVATURE_WEIGHT = 0.6, 0.4
 
 
 def extremal_points(
-    mesh: Shape, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
+    mesh: Surface, engine: DistanceEngine, average_distance: FloatArray, spacing: float, limit: int
 ) -> tuple[IntArray, FloatArray]:
     """Tips of the surface: local maxima of the average geodesic distance, the most remote first.
 
@@ -64,21 +62,6 @@ def extremal_points(
     return vertices, engine.distances_from(vertices)
 
 
-def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
-    """Signed mean curvature of the surface rebuilt from its first k eigenfunctions; positive on outward bumps.
-
-    H = ½ ⟨Δ V_k, N_k⟩ with V_k the low-passed coordinates and N_k their normals; clipped to its 2 % and 98 % quantiles.
-    (n,), in 1 / mesh units.
-    """
-    coefficients = laplace.coefficients(mesh.vertices, k)
-    basis = laplace.vectors[:, :k]
-    normals = vertex_normals(basis @ coefficients, mesh.faces)
-    bending = basis @ (laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
-    curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
-    low, high = np.quantile(curvature, [0.02, 0.98])
-    return np.asarray(np.clip(curvature, low, high), dtype=np.float64)
-
-
 def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis) -> FloatArray:
     """Wave kernel signatures, and signed mean curvatures of a mesh, each column standardised by area: (n, 20 or 23).
 
@@ -93,14 +76,6 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis) -> FloatArray:
     return np.hstack(
         [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
     )
-
-
-def standardised(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Give each column of (n, q) values mean 0 and variance 1 in the weights; constant columns become 0."""
-    centred = values - np.average(values, axis=0, weights=weights)
-    deviation = np.sqrt(np.average(centred**2, axis=0, weights=weights))
-    scale = np.where(deviation > 1e-12 * np.abs(values).max(initial=0.0), deviation, np.inf)
-    return np.asarray(centred / scale, dtype=np.float64)
 
 
 def spread_vertices(points: FloatArray, areas: FloatArray, count: int) -> IntArray:
@@ -129,7 +104,7 @@ def _spread(points: FloatArray, chosen: IntArray) -> None:  # pragma: no cover -
         nearest[chosen[i]] = -1.0
 
 
-def nearest_along_edges(shape: Shape, centres: IntArray) -> tuple[FloatArray, IntArray]:
+def nearest_along_edges(shape: Surface, centres: IntArray) -> tuple[FloatArray, IntArray]:
     """Distance along edges from each vertex to the nearest of some, (n,), and which vertex that is, (n,)."""
     i, j = shape.edges.T
     lengths = np.maximum(shape.edge_lengths, 1e-300)
@@ -140,7 +115,7 @@ def nearest_along_edges(shape: Shape, centres: IntArray) -> tuple[FloatArray, In
     return distance, nearest
 
 
-def surface_cells(shape: Shape, centres: IntArray) -> Cells:
+def surface_cells(shape: Surface, centres: IntArray) -> Cells:
     """Partition the vertices by the centre nearest along edges."""
     number = np.zeros(shape.n_vertices, dtype=np.int64)
     number[centres] = np.arange(len(centres))

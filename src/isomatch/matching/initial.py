@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.descriptors import GeodesicDistanceDescriptor
-from isomatch.errors import LandmarkError, some
+from isomatch.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.matching.nearest import nearest_rows
 
 LANDMARK_COLUMNS = 20  # leading descriptor columns that a few points can determine
@@ -137,13 +137,13 @@ def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) ->
     """Return an initial map as an (n_source,) integer array after checking type, length and range."""
     image = np.asarray(getattr(initial_map, "vertices", initial_map))
     if image.shape != (n_source,) or image.dtype.kind not in "iu":
-        raise LandmarkError(
+        raise MapError(
             f"initial map has shape {image.shape} and type {image.dtype}; expected one integer target vertex for "
             f"each of the {n_source} source vertices"
         )
     bad = np.flatnonzero((image < -1) | (image >= n_target))
     if len(bad):
-        raise LandmarkError(
+        raise MapError(
             f"initial map sends source vertices {some(bad)} outside the target's vertices 0…{n_target - 1}; is it "
             "the map of the other direction?"
         )
@@ -155,15 +155,15 @@ def checked_descriptors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return initial descriptors as (n_source, q) and (n_target, q) arrays after checking them."""
     if len(descriptors) != 2:
-        raise LandmarkError(f"initial descriptors are {len(descriptors)} arrays; expected (source, target)")
+        raise DescriptorError(f"initial descriptors are {len(descriptors)} arrays; expected (source, target)")
     source, target = (np.asarray(values, dtype=np.float64) for values in descriptors)
     if source.ndim != 2 or target.ndim != 2 or source.shape[1:] != target.shape[1:]:
-        raise LandmarkError(
+        raise DescriptorError(
             f"initial descriptors have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"
         )
     for side, values, n in (("source", source, n_source), ("target", target, n_target)):
         if len(values) != n:
-            raise LandmarkError(f"{side} descriptors have {len(values)} rows for {n} vertices")
+            raise DescriptorError(f"{side} descriptors have {len(values)} rows for {n} vertices")
         if not np.isfinite(values).all():
-            raise LandmarkError(f"{side} descriptors hold values that are not finite")
+            raise DescriptorError(f"{side} descriptors hold values that are not finite")
     return source, target

@@ -12,10 +12,10 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.descriptors import GeodesicDistanceDescriptor
 from isomatch.errors import MeshError, SettingError
-from isomatch.matching.body import Shape
 from isomatch.matching.config import Config
 from isomatch.matching.nearest import nearest_rows
 from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.surfaces import Surface
 
 SEARCH_RANK = (
     30  # descriptor columns while hypotheses are compared; the rest only sharpens a map already found
@@ -133,7 +133,7 @@ class Pair:
 
 
 def prepared_pair(
-    source: Shape | PreparedShape, target: Shape | PreparedShape, config: Config | None, seed: int
+    source: Surface | PreparedShape, target: Surface | PreparedShape, config: Config | None, seed: int
 ) -> tuple[Pair, Config]:
     """Prepare what is not yet prepared, both at once; by default with the settings of what is.
 
@@ -157,7 +157,7 @@ def prepared_pair(
     return Pair.of(*parallel_map(lambda side: _prepared(*side, settings, seed), sides)), settings
 
 
-def _prepared(side: str, shape: Shape | PreparedShape, config: Config, seed: int) -> PreparedShape:
+def _prepared(side: str, shape: Surface | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
         for name in PREPARATION:
             used, asked = getattr(shape.requested, name), getattr(config, name)

@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map, serial_blas
-from isomatch.errors import LandmarkError, NotConvergedError, SettingError
+from isomatch.errors import LandmarkError, MapError, NotConvergedError, SettingError
 from isomatch.matching import refine
-from isomatch.matching.body import Shape
 from isomatch.matching.choice import Judged, contenders, judge, ranked, ranked_by_side
 from isomatch.matching.clock import Clock, Progress
 from isomatch.matching.config import Config
@@ -41,6 +40,7 @@ from isomatch.matching.precise import interpolation, nearest_points
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import landmark_errors, outcome_of, quality_of
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
+from isomatch.surfaces import Surface
 
 LANDMARK_SLACK = (
     0.05  # hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped
@@ -50,8 +50,8 @@ MOST_ALTERNATIVES = 2
 
 
 def match(
-    source: Shape | PreparedShape,
-    target: Shape | PreparedShape,
+    source: Surface | PreparedShape,
+    target: Surface | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -245,7 +245,7 @@ def _seen(pair: Pair, image: IntArray) -> IntArray:
     on_body = np.where(vertices >= 0, target.body_vertex[vertices], -1)
     known = np.flatnonzero(on_body >= 0)
     if len(known) < 3:
-        raise LandmarkError("the initial map leaves (nearly) everything unmatched; it cannot start anything")
+        raise MapError("the initial map leaves (nearly) everything unmatched; it cannot start anything")
     columns = pair.target.cloud.coordinates.shape[1]
     stand_in = known[cKDTree(pair.source.cloud.coordinates[known]).query(pair.source.cloud.coordinates)[1]]
     return np.asarray(

@@ -11,22 +11,25 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
-from isomatch.descriptors import GeodesicDistanceDescriptor, geodesic_distance_descriptor
+from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.descriptors import (
+    GeodesicDistanceDescriptor,
+    geodesic_distance_descriptor,
+    mean_curvature,
+    standardised,
+)
 from isomatch.errors import SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.maps import UNMATCHED, Correspondence
-from isomatch.matching.body import Shape, body_of
+from isomatch.matching.body import body_of
 from isomatch.matching.config import Config
 from isomatch.matching.features import (
     extremal_points,
-    mean_curvature,
     point_signatures,
     spread_vertices,
-    standardised,
     surface_cells,
 )
 from isomatch.matching.nearest import Cells
-from isomatch.surfaces import Graph, Mesh
+from isomatch.surfaces import Graph, Mesh, Surface
 
 FEATURE_SPACING = 0.25  # in √area: keeps fingers from displacing hands
 FEATURE_LIMIT = 8
@@ -78,8 +81,8 @@ class PreparedShape:
         How long it took.
     """
 
-    mesh: Shape
-    body: Shape
+    mesh: Surface
+    body: Surface
     body_vertex: IntArray
     mesh_vertex: IntArray
     scale: float
@@ -187,7 +190,7 @@ class PreparedShape:
         )
 
 
-def prepare(surface: Shape, config: Config | None = None, seed: int = 0) -> PreparedShape:
+def prepare(surface: Surface, config: Config | None = None, seed: int = 0) -> PreparedShape:
     """Compute everything about one shape that matching needs.
 
     Parameters

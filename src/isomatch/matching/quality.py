@@ -9,7 +9,6 @@ from scipy.sparse import csr_array
 
 from isomatch._arrays import IntArray
 from isomatch.matching.alignment import orthogonal_alignment, residual
-from isomatch.matching.body import Shape
 from isomatch.matching.choice import orientation_of
 from isomatch.matching.config import Orientation
 from isomatch.matching.features import nearest_along_edges
@@ -17,7 +16,7 @@ from isomatch.matching.pair import Glimpse, Pair
 from isomatch.matching.prepare import LARGE_COMPONENT, PreparedShape
 from isomatch.matching.refine import JointFit, differ, score_of
 from isomatch.matching.result import Outcome, Quality
-from isomatch.surfaces import Graph
+from isomatch.surfaces import Graph, Surface
 
 REACH = 0.05  # a target vertex this near to an image along edges, in √area, is covered
 SMOOTH = 60  # functions of the surfaces whose normals are compared
@@ -84,7 +83,7 @@ def quality_of(
     )
 
 
-def _stretch(source: Shape, target: Shape, pull_back: csr_array) -> float:
+def _stretch(source: Surface, target: Surface, pull_back: csr_array) -> float:
     """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates."""
     if isinstance(source, Graph) or isinstance(target, Graph):
         return np.nan

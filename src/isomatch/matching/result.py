@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
 
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
 from isomatch.matching.config import Settings
 
 

@@ -37,7 +37,7 @@ def upsampled(pair: Pair, functional_map: FloatArray, sizes: Iterable[int]) -> F
     """Find images in the spectral domain, and from them a larger functional map, while the size grows.
 
     Images are found for the refinement vertices of the source only, among all vertices of the target. Melzi et al.,
-    *ZoomOut: Spectral Upsampling for Efficient Shape Correspondence*, SIGGRAPH Asia 2019.
+    *ZoomOut: Spectral Upsampling for Efficient Surface Correspondence*, SIGGRAPH Asia 2019.
     """
     target = pair.target.shape.laplace.vectors
     for k in sizes:

@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from isomatch import Mesh, SettingError
+from isomatch._settings import require_least
 from isomatch.datasets import example_pair, tosca
-from isomatch.errors import require_least
 
 RIVALS = {  # given landmarks: label, colour
     "sgf_5pt": ("Spectral-GF", "#CC79A7"),

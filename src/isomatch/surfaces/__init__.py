@@ -1,5 +1,7 @@
 """What is matched: meshes, point clouds and graphs; their files, defects and repair."""
 
+from typing import TypeAlias
+
 from isomatch.surfaces.check import check
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import read_mesh, read_point_cloud, write_mesh
@@ -8,12 +10,16 @@ from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
 
+Surface: TypeAlias = Mesh | PointCloud | Graph
+"""Whatever has geodesic distances of its own and can be matched."""
+
 __all__ = [
     "Graph",
     "Mesh",
     "MeshReport",
     "PointCloud",
     "Repair",
+    "Surface",
     "check",
     "read_mesh",
     "read_point_cloud",

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from isomatch._arrays import FloatArray
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 
 AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # away from the broad side, and above the ground

@@ -14,7 +14,7 @@ from platform import python_version
 from string import Template
 from typing import Any
 
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import raster

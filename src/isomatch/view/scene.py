@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 from isomatch.view.camera import camera_of, seen_from, turn_to_target
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen

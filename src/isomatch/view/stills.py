@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
-from isomatch.maps import Correspondence
+from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import from_screen, position_colours

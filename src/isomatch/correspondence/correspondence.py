@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import FormatError, LandmarkError, some
+from isomatch.errors import FormatError, MapError, some
 
 UNMATCHED = -1
 
@@ -56,21 +56,19 @@ class Correspondence:
     ) -> None:
         given = np.asarray(vertices)
         if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-            raise LandmarkError(
+            raise MapError(
                 f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape "
                 f"{given.shape}"
             )
         image = np.array(given, dtype=np.int64)
         bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
         if len(bad):
-            raise LandmarkError(
+            raise MapError(
                 f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
                 "indices count from 0, and −1 means unmatched"
             )
         if (faces is None) != (barycentric is None):
-            raise LandmarkError(
-                "faces and barycentric describe the precise image together; give both or neither"
-            )
+            raise MapError("faces and barycentric describe the precise image together; give both or neither")
         if faces is None or barycentric is None:
             corners = np.repeat(image[:, None], 3, axis=1)
             weights = np.tile([1.0, 0.0, 0.0], (len(image), 1))
@@ -112,7 +110,7 @@ class Correspondence:
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.shape[:1] != (self.n_target,):
-            raise LandmarkError(
+            raise MapError(
                 f"values have {rows.shape[:1]} rows, the target has {self.n_target} vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
@@ -128,7 +126,7 @@ class Correspondence:
     def then(self, other: Correspondence) -> Correspondence:
         """Compose on vertices: source → target of this map → target of the other."""
         if len(other.vertices) != self.n_target:
-            raise LandmarkError(
+            raise MapError(
                 f"cannot compose {self!r} with {other!r}: the first ends on {self.n_target} vertices, the second "
                 f"starts from {len(other.vertices)}"
             )
@@ -194,11 +192,11 @@ class Correspondence:
 
 
 def _require_precise(corners: IntArray, weights: FloatArray, image: IntArray, n_target: int) -> None:
-    """Raise `LandmarkError` unless corners and weights are precise images of the matched vertices."""
+    """Raise `MapError` unless corners and weights are precise images of the matched vertices."""
     if corners.shape != (len(image), 3) or weights.shape != (len(image), 3):
-        raise LandmarkError("faces and barycentric must both have one row of three for each source vertex")
+        raise MapError("faces and barycentric must both have one row of three for each source vertex")
     held = image >= 0
     if ((corners[held] < 0) | (corners[held] >= n_target)).any():
-        raise LandmarkError(f"faces name vertices outside the target's 0…{n_target - 1}")
+        raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
     if (weights[held] < -1e-9).any() or (np.abs(weights[held].sum(axis=1) - 1) > 1e-6).any():
-        raise LandmarkError("barycentric weights must not be negative and must sum to 1 in each row")
+        raise MapError("barycentric weights must not be negative and must sum to 1 in each row")

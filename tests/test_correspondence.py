@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isomatch import Correspondence, FormatError, LandmarkError
+from isomatch import Correspondence, FormatError, MapError
 
 
 @st.composite
@@ -73,7 +73,7 @@ def test_composition_pulls_back_in_two_steps(data, a, b, c):
 
 
 def test_composition_of_maps_that_do_not_meet():
-    with pytest.raises(LandmarkError, match=r"cannot compose .* the first ends on 4 vertices, the second"):
+    with pytest.raises(MapError, match=r"cannot compose .* the first ends on 4 vertices, the second"):
         Correspondence([0, 3], 4).then(Correspondence([0, 1, 2], 5))
 
 
@@ -150,17 +150,17 @@ def test_binary_file_called_text(tmp_path):
     ],
 )
 def test_images_that_do_not_exist(image, message):
-    with pytest.raises(LandmarkError, match=message):
+    with pytest.raises(MapError, match=message):
         Correspondence(image, 5)
 
 
 def test_precise_images_of_another_length():
-    with pytest.raises(LandmarkError, match="one row of three for each source vertex"):
+    with pytest.raises(MapError, match="one row of three for each source vertex"):
         Correspondence([0, 1], 5, [[0, 1, 2]], [[1, 0, 0]])
 
 
 def test_values_of_the_wrong_side():
-    with pytest.raises(LandmarkError, match=r"the target has 4 vertices; pull_back .* use reversed\(\)"):
+    with pytest.raises(MapError, match=r"the target has 4 vertices; pull_back .* use reversed\(\)"):
         Correspondence([0, 1], 4).pull_back([1.0, 2.0])
 
 
@@ -190,12 +190,12 @@ def test_repr_tells_direction_and_what_is_missing():
     ],
 )
 def test_precise_images_that_make_no_sense(faces, weights, message):
-    with pytest.raises(LandmarkError, match=message):
+    with pytest.raises(MapError, match=message):
         Correspondence([0], 3, faces, weights)
 
 
 def test_fractions_are_no_vertices():
-    with pytest.raises(LandmarkError, match="integer"):
+    with pytest.raises(MapError, match="integer"):
         Correspondence([0.9, 1.9], 2)
 
 

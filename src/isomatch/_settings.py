@@ -1,0 +1,106 @@
+"""Settings: frozen dataclasses whose values are checked in one place and whose defaults name their source."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
+
+from isomatch.errors import SettingError
+
+
+def setting(default: Any, source: str = "", *, least: float | None = None, most: float | None = None) -> Any:
+    """Declare a setting: its default, where that comes from, and the bounds of what is allowed.
+
+    Parameters
+    ----------
+    default
+        Default value.
+    source : str
+        The paper and equation, or the measurement, that the default rests on.
+    least, most : float, optional
+        Bounds, both allowed; of a tuple they hold for each entry.
+    """
+    return field(default=default, metadata={"source": source, "least": least, "most": most})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Base class of all settings: frozen, checked when made, turned into plain values and back."""
+
+    def __post_init__(self) -> None:
+        hints = get_type_hints(type(self))
+        for each in fields(self):
+            _require_allowed(each.name, getattr(self, each.name), hints[each.name], each.metadata)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values; those of a stage are a mapping of their own."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default.
+
+        Raises
+        ------
+        SettingError
+            If a setting is unknown, or its value is not allowed.
+        """
+        hints = get_type_hints(cls)
+        known = [each.name for each in fields(cls)]
+        unknown = sorted(set(values) - set(known))
+        if unknown:
+            raise SettingError(f"unknown setting {', '.join(unknown)}; known are {', '.join(known)}")
+        return cls(**{name: _typed(value, hints[name], name) for name, value in values.items()})
+
+
+def _typed(value: Any, hint: Any, name: str) -> Any:
+    """Give mappings and lists, as files have them, the types of settings."""
+    if isinstance(hint, type) and issubclass(hint, Settings) and isinstance(value, Mapping):
+        try:
+            return hint.from_dict(value)
+        except SettingError as error:
+            raise SettingError(f"{name}: {error}") from None
+    if isinstance(value, list):
+        return tuple(_typed(entry, Any, name) for entry in value)
+    return value
+
+
+def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]) -> None:
+    """Raise `SettingError` unless a value has the type of a setting and lies within its bounds."""
+    options = get_args(hint)
+    if get_origin(hint) is Literal:
+        if value not in options:
+            raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, options))}")
+        return
+    if type(None) in options:
+        if value is None:
+            return
+        (hint,) = (option for option in options if option is not type(None))
+    if isinstance(hint, type) and issubclass(hint, Settings) and not isinstance(value, hint):
+        raise SettingError(f"{name} = {value!r} is not a {hint.__name__}")
+    if get_origin(hint) is tuple:
+        if not isinstance(value, tuple):
+            raise SettingError(f"{name} = {value!r} is not a tuple")
+        for entry in value:
+            _require_allowed(name, entry, get_args(hint)[0], bounds)
+    least, most = bounds.get("least"), bounds.get("most")
+    if hint in (int, float):
+        kinds: Any = int if hint is int else (int, float)
+        fits = isinstance(value, kinds) and not isinstance(value, bool) and not math.isnan(value)
+        if not fits or (least is not None and value < least) or (most is not None and value > most):
+            limits = [f"at least {least}"] if least is not None else []
+            limits += [f"at most {most}"] if most is not None else []
+            what = "an integer" if hint is int else "a number"
+            raise SettingError(
+                f"{name} = {value!r} is not {what}" + " of " * bool(limits) + " and ".join(limits)
+            )
+
+
+def require_least(settings: object, **least: float) -> None:
+    """Raise `SettingError` if a setting is below a bound that depends on others; None is a setting left open."""
+    for name, bound in least.items():
+        value = getattr(settings, name)
+        if value is not None and value < bound:
+            raise SettingError(f"{name} = {value} is not at least {bound}")
