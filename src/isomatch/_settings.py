@@ -75,9 +75,10 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
             raise SettingError(f"{name} = {value!r} is not one of {', '.join(map(repr, options))}")
         return
     if type(None) in options:
-        if value is None:
-            return
-        (hint,) = (option for option in options if option is not type(None))
+        if value is not None:
+            (hint,) = (option for option in options if option is not type(None))
+            _require_allowed(name, value, hint, bounds)
+        return
     if isinstance(hint, type) and issubclass(hint, Settings) and not isinstance(value, hint):
         raise SettingError(f"{name} = {value!r} is not a {hint.__name__}")
     if get_origin(hint) is tuple:

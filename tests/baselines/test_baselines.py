@@ -76,7 +76,7 @@ def copies(animal):
 
 
 def landmarks_of(shape, truth):
-    vertices = shape.mesh_vertex[shape.samples[:5]]
+    vertices = shape.user_vertex[shape.column_vertices[:5]]
     return np.column_stack([vertices, truth[vertices]])
 
 
@@ -245,7 +245,7 @@ def test_methods_that_need_a_hint(copies):
         laplace_nearest_neighbours(*copies[0])
     with pytest.raises(SettingError, match="no landmarks, initial map or descriptors were given"):
         gdd(*copies[1])
-    with pytest.raises(MapError, match="only 0 points of the main components"):
+    with pytest.raises(MapError, match="joins only 0 vertices of the main components"):
         zoomout(*copies[0], initial_map=np.full(len(copies[2]), -1))
 
 

@@ -12,24 +12,24 @@ from isomatch.baselines.generalised_stress import Placement, descended, placed, 
 from isomatch.baselines.gmds import placement
 from isomatch.baselines.task import Task
 from isomatch.datasets import creature, ground_truth
-from isomatch.matching.pair import Pair
+from isomatch.matching import prepare_pair
 from shapes import disguised
 
 CONFIG = GmdsConfig()
 
 
 def landmarks_of(shape, truth):
-    vertices = shape.mesh_vertex[shape.samples[:5]]
+    vertices = shape.user_vertex[shape.column_vertices[:5]]
     return np.column_stack([vertices, truth[vertices]])
 
 
 def sample_errors(source, target, points, truth):
     """Distance of each place from the true one / √(target area)."""
-    true = truth[source.mesh_vertex[points.vertices]]
-    columns = geodesic_distances(target.mesh, true)[
-        np.arange(len(true))[:, None], target.mesh_vertex[points.corners]
+    true = truth[source.user_vertex[points.vertices]]
+    columns = geodesic_distances(target.surface, true)[
+        np.arange(len(true))[:, None], target.user_vertex[points.corners]
     ]
-    return (columns * points.barycentric).sum(axis=1) / np.sqrt(target.mesh.area)
+    return (columns * points.barycentric).sum(axis=1) / np.sqrt(target.surface.area)
 
 
 @pytest.fixture(scope="module")
@@ -42,20 +42,20 @@ def poses():
 
 @pytest.fixture(scope="module")
 def copies(poses):
-    other = disguised(poses[0].mesh, seed=2)
+    other = disguised(poses[0].surface, seed=2)
     return poses[0], prepare(other.mesh), other.new_vertex
 
 
 @pytest.fixture(scope="module")
 def scattered(poses):
     """Samples placed on vertices drawn blindly."""
-    rows = poses[0].samples[:30]
+    rows = poses[0].column_vertices[:30]
     images = np.random.default_rng(0).integers(poses[1].body.n_vertices, size=len(rows))
     return Placement.at_vertices(np.column_stack([rows, images]))
 
 
 def test_stress_never_rises_and_falls_from_a_bad_start(poses, scattered):
-    _, stresses = descended(Pair.of(*poses[:2]), scattered, 0, 20)
+    _, stresses = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert (np.diff(stresses) <= 0).all()
     assert stresses[-1] < 0.7 * stresses[0]
 
@@ -67,11 +67,11 @@ def test_stress_is_that_of_the_definition(poses, scattered):
     here = geodesic_distances(source.body, scattered.vertices)[:, scattered.vertices]
     here, there = here / source.intrinsic_scale, there / target.intrinsic_scale
     expected = np.linalg.norm(there - here) / np.linalg.norm(here)
-    assert relative_stress(Pair.of(source, target), scattered) == pytest.approx(expected, rel=0.02)
+    assert relative_stress(prepare_pair(source, target), scattered) == pytest.approx(expected, rel=0.02)
 
 
 def test_points_stay_on_triangles_of_the_target(poses, scattered):
-    points, _ = descended(Pair.of(*poses[:2]), scattered, 0, 20)
+    points, _ = descended(prepare_pair(*poses[:2]), scattered, 0, 20)
     assert points.barycentric.min() >= 0
     np.testing.assert_allclose(points.barycentric.sum(axis=1), 1)
     inside = points.barycentric.min(axis=1) > 0
@@ -82,7 +82,7 @@ def test_points_stay_on_triangles_of_the_target(poses, scattered):
 
 
 def test_held_points_do_not_move(poses, scattered):
-    points, _ = descended(Pair.of(*poses[:2]), scattered, 7, 3)
+    points, _ = descended(prepare_pair(*poses[:2]), scattered, 7, 3)
     np.testing.assert_array_equal(points.corners[:7], scattered.corners[:7])
     np.testing.assert_array_equal(points.barycentric[:7], scattered.barycentric[:7])
     assert (points.corners[7:] != scattered.corners[7:]).any()
@@ -91,7 +91,7 @@ def test_held_points_do_not_move(poses, scattered):
 def test_no_place_nearby_is_better(poses):
     """At the end no point gains by a small step to a corner of a triangle around it."""
     source, target, truth = poses
-    pair = Pair.of(source, target)
+    pair = prepare_pair(source, target)
     task = Task.of(source, target, landmarks_of(source, truth), None, None, 0)
     points, _, _ = placement(task, GmdsConfig(levels=(20,)))
     for _ in range(100):
@@ -135,7 +135,7 @@ def test_landmarks_are_honoured(poses):
     landmarks = landmarks_of(source, truth)
     task = Task.of(source, target, landmarks, None, None, 0)
     points, _, _ = placement(task, CONFIG)
-    np.testing.assert_array_equal(target.mesh_vertex[points.corners[:5, 0]], landmarks[:, 1])
+    np.testing.assert_array_equal(target.user_vertex[points.corners[:5, 0]], landmarks[:, 1])
     assert len(np.unique(points.vertices)) == len(points.vertices)
 
 
@@ -152,23 +152,23 @@ def test_relabelling_and_motion_change_nothing(poses):
 def test_the_truth_has_more_stress(poses):
     """Poses are not quite isometric: the least stress is below that of the true map, whatever the start."""
     source, target, truth = poses
-    pair = Pair.of(source, target)
+    pair = prepare_pair(source, target)
     for landmarks in (None, landmarks_of(source, truth)):
         points, stresses, _ = placement(Task.of(source, target, landmarks, None, None, 0), CONFIG)
         true = np.column_stack(
-            [points.vertices, target.body_vertex[truth[source.mesh_vertex[points.vertices]]]]
+            [points.vertices, target.body_vertex[truth[source.user_vertex[points.vertices]]]]
         )
         assert stresses[-1] < relative_stress(pair, Placement.at_vertices(true))
 
 
 def test_points_are_placed_by_distances_to_others(copies):
     source, target, truth = copies
-    images = target.body_vertex[truth[source.mesh_vertex[source.samples]]]
-    anchors = Placement.at_vertices(np.column_stack([source.samples, images]))
+    images = target.body_vertex[truth[source.user_vertex[source.column_vertices]]]
+    anchors = Placement.at_vertices(np.column_stack([source.column_vertices, images]))
     vertices = np.arange(0, source.body.n_vertices, 50)
-    found = placed(Pair.of(source, target), vertices, anchors)
-    nearest = target.mesh_vertex[found.corners[np.arange(len(vertices)), found.barycentric.argmax(axis=1)]]
-    np.testing.assert_array_equal(nearest, truth[source.mesh_vertex[vertices]])
+    found = placed(prepare_pair(source, target), vertices, anchors)
+    nearest = target.user_vertex[found.corners[np.arange(len(vertices)), found.barycentric.argmax(axis=1)]]
+    np.testing.assert_array_equal(nearest, truth[source.user_vertex[vertices]])
 
 
 def test_descriptors_can_start(copies):

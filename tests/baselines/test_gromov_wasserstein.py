@@ -16,7 +16,7 @@ CONFIG = GromovWassersteinConfig(n_samples=200)
 
 
 def landmarks_of(shape, truth):
-    vertices = shape.mesh_vertex[shape.samples[:5]]
+    vertices = shape.user_vertex[shape.column_vertices[:5]]
     return np.column_stack([vertices, truth[vertices]])
 
 
@@ -24,7 +24,7 @@ def error(image, truth, target):
     """Mean distance on the target between images and truths / √(target area), at some vertices."""
     rows = np.arange(0, len(truth), 20)
     apart = geodesic_distances(target.mesh, truth[rows])[np.arange(len(rows)), image[rows]]
-    return apart.mean() / np.sqrt(target.mesh.area)
+    return apart.mean() / np.sqrt(target.surface.area)
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ def poses():
 @pytest.fixture(scope="module")
 def copies(poses):
     """One of them, its relabelled copy, and the relabelling."""
-    other = disguised(poses[0].mesh, seed=3, scale=2.0)
+    other = disguised(poses[0].surface, seed=3, scale=2.0)
     return poses[0], prepare(other.mesh), other.new_vertex
 
 
@@ -36,7 +36,7 @@ def task_of(source, target, **hints):
 
 
 def landmarks_of(shape, truth):
-    vertices = shape.mesh_vertex[shape.samples[:5]]
+    vertices = shape.user_vertex[shape.column_vertices[:5]]
     return np.column_stack([vertices, truth[vertices]])
 
 
@@ -94,7 +94,7 @@ def test_distances_and_landmarks_decide(poses):
     source, target, truth = poses
     landmarks = landmarks_of(source, truth)
     wrong = np.column_stack([landmarks[:, 0], np.roll(landmarks[:, 1], 1)])
-    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.mesh.area)
+    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.surface.area)
 
     def error(**given):
         image = spectral_gmds(source, target, **given).map.vertices[::15]

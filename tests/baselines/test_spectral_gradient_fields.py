@@ -10,7 +10,7 @@ from isomatch.baselines import GradientFieldsConfig, spectral_gradient_fields
 from isomatch.baselines.eigenfunction_matching import signed_permutation
 from isomatch.baselines.gradient_fields import gradient_fields, invariants
 from isomatch.datasets import creature, ground_truth
-from isomatch.matching.pair import Pair
+from isomatch.matching import prepare_pair
 from shapes import disguised, flat_grid, icosphere
 
 
@@ -58,7 +58,7 @@ def disordered(shape, order, signs):
 
 def test_signs_and_order_are_found(shape):
     order, signs = [0, 2, 1, 3, 4, 5, 7, 6, 8, 9, 11, 10], np.random.default_rng(0).choice([-1.0, 1.0], 12)
-    found = signed_permutation(Pair.of(shape, disordered(shape, order, signs)), 12, 1.0)
+    found = signed_permutation(prepare_pair(shape, disordered(shape, order, signs)), 12, 1.0)
     expected = np.zeros((13, 13))
     expected[0, 0] = 1
     expected[1 + np.array(order), np.arange(12) + 1] = signs
@@ -68,7 +68,7 @@ def test_signs_and_order_are_found(shape):
 def test_sides_of_a_symmetric_animal():
     """Only the pseudo-scalars tell; the wanted side decides between a map and its mirror image."""
     animal = prepare(creature(1500, symmetric=True, pose=2).mesh)
-    found = {side: signed_permutation(Pair.of(animal, animal), 12, side) for side in (1.0, -1.0)}
+    found = {side: signed_permutation(prepare_pair(animal, animal), 12, side) for side in (1.0, -1.0)}
     np.testing.assert_array_equal(found[1.0], np.eye(13))
     mirrored = np.diag(found[-1.0])[:9]
     np.testing.assert_array_equal(np.abs(mirrored), 1)
@@ -91,11 +91,11 @@ def test_poses_of_creatures(settings, hinted, bound):
     )
     source, target = (prepare(one.mesh) for one in made)
     truth = ground_truth(*made).vertices
-    vertices = source.mesh_vertex[source.samples[:5]]
+    vertices = source.user_vertex[source.column_vertices[:5]]
     hints = {"landmarks": np.column_stack([vertices, truth[vertices]])} if hinted else {}
     found = spectral_gradient_fields(source, target, **hints)
     assert found.origin == ("landmarks" if hinted else "eigenfunctions")
-    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.mesh.area)
+    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.surface.area)
     assert columns[np.arange(len(columns)), found.map.vertices[::15]].mean() < bound
     assert found.quality.orientation > 0.8
 
@@ -103,4 +103,4 @@ def test_poses_of_creatures(settings, hinted, bound):
 def test_without_gradients(shape):
     config = GradientFieldsConfig(n_functions=30, n_gradients=0)
     found = spectral_gradient_fields(shape, shape, config=config)
-    assert (found.map.vertices == np.arange(shape.mesh.n_vertices)).mean() > 0.99
+    assert (found.map.vertices == np.arange(shape.surface.n_vertices)).mean() > 0.99

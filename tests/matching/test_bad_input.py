@@ -85,7 +85,7 @@ def test_tiny_mesh(shape):
 
 def test_unused_vertex_is_unmatched_and_noted(animal, shape):
     n = animal.mesh.n_vertices
-    pairs = np.column_stack([shape.samples[:5]] * 2)
+    pairs = np.column_stack([shape.column_vertices[:5]] * 2)
     found = match(with_more(animal.mesh, [[9, 9, 9]]), shape, landmarks=pairs, config=GIVEN)
     assert found.map.vertices[n] == -1
     np.testing.assert_array_equal(found.map.vertices[:n], np.arange(n))
@@ -96,7 +96,7 @@ def test_unused_vertex_is_unmatched_and_noted(animal, shape):
 
 def test_unused_vertex_is_never_an_image(animal, shape):
     """Put first, so that every index of the target moves by one."""
-    pairs = np.column_stack([shape.samples[:5], shape.samples[:5] + 1])
+    pairs = np.column_stack([shape.column_vertices[:5], shape.column_vertices[:5] + 1])
     mesh = Mesh(np.vstack([[[9, 9, 9]], animal.mesh.vertices]), animal.mesh.faces + 1)
     found = match(shape, mesh, landmarks=pairs, config=GIVEN)
     np.testing.assert_array_equal(found.map.vertices, np.arange(animal.mesh.n_vertices) + 1)
@@ -109,7 +109,7 @@ def test_two_components_give_a_partial_map(animal, shape, radius, outcome):
     ball = icosphere(2)
     size = np.sqrt(animal.mesh.area / (4 * np.pi))  # of a sphere of equal area
     mesh = with_more(animal.mesh, radius * size * ball.vertices + [50, 0, 0], ball.faces)
-    pairs = np.column_stack([shape.samples[:5]] * 2)
+    pairs = np.column_stack([shape.column_vertices[:5]] * 2)
     found = match(mesh, shape, landmarks=pairs, config=GIVEN)
     assert (found.map.vertices[n:] == -1).all()
     np.testing.assert_array_equal(found.map.vertices[:n], np.arange(n))
@@ -156,13 +156,13 @@ def test_landmarks_off_the_main_component(animal, shape):
             r"sends source vertices \d+ outside the target's vertices .*other direction",
         ),
         (lambda n: np.arange(n) - 2, "sends source vertices 0 outside"),
-        (lambda n: np.full(n, -1), "everything unmatched"),
+        (lambda n: np.full(n, -1), "the initial map joins only 0 vertices"),
     ],
     ids=["too short", "floats", "beyond the end", "below -1", "nothing"],
 )
 def test_bad_initial_map(shape, initial_map, message):
     with pytest.raises(MapError, match=message):
-        match(shape, shape, initial_map=initial_map(shape.mesh.n_vertices))
+        match(shape, shape, initial_map=initial_map(shape.surface.n_vertices))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_bad_initial_map(shape, initial_map, message):
 )
 def test_bad_descriptors(shape, descriptors, message):
     with pytest.raises(DescriptorError, match=message):
-        match(shape, shape, initial_descriptors=descriptors(shape.mesh.n_vertices))
+        match(shape, shape, initial_descriptors=descriptors(shape.surface.n_vertices))
 
 
 @pytest.mark.parametrize("specimen", zoo(), ids=str)

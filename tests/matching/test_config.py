@@ -1,10 +1,13 @@
 """Settings: checked when made, read from a file."""
 
 import json
+from dataclasses import fields, is_dataclass
 
 import pytest
 
 from isomatch import Config
+from isomatch._settings import Settings
+from isomatch.matching import SearchSettings
 
 
 @pytest.mark.parametrize(
@@ -20,6 +23,12 @@ from isomatch import Config
         ({"n_search": 0}, "n_search = 0 is not an integer of at least 100"),
         ({"n_refine": -1}, "n_refine = -1 is not an integer of at least 100"),
         ({"rank": 101}, "rank = 101 exceeds n_columns = 100"),
+        ({"n_search": True}, "n_search = True is not an integer"),
+        (
+            {"engine": "teleport"},
+            "engine = 'teleport' is not one of 'fast_marching', 'exact', 'heat', 'dijkstra'",
+        ),
+        ({"search": {"pool": 3}}, "search = .* is not a SearchSettings"),
     ],
 )
 def test_settings_that_make_no_sense(setting, message):
@@ -39,5 +48,51 @@ def test_unknown_setting_in_a_file(tmp_path):
 
 
 def test_plain_values_make_the_same_settings():
-    config = Config(rank=12, orientation="any")
-    assert Config(**json.loads(json.dumps(config.to_dict()))) == config
+    config = Config(rank=12, orientation="any", search=SearchSettings(pool=9, extremity_counts=(5,)))
+    assert Config.from_dict(json.loads(json.dumps(config.to_dict()))) == config
+
+
+def test_stages_are_tables_of_a_file(tmp_path):
+    (tmp_path / "config.toml").write_text(
+        "rank = 30\n[search]\npool = 20\noff_diagonal = [0.01]\n", encoding="utf-8"
+    )
+    config = Config.from_file(tmp_path / "config.toml")
+    assert config == Config(rank=30, search=SearchSettings(pool=20, off_diagonal=(0.01,)))
+
+
+def test_unknown_setting_of_a_stage(tmp_path):
+    (tmp_path / "config.toml").write_text("[search]\npond = 20\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"config\.toml: search: unknown setting pond; known are rank, "):
+        Config.from_file(tmp_path / "config.toml")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"off_diagonal": (0.1, -1.0)}, "off_diagonal = -1.0 is not a number of at least 0"),
+        ({"off_diagonal": 0.1}, "off_diagonal = 0.1 is not a tuple"),
+        ({"unchanged": 1.5}, "unchanged = 1.5 is not a number of at least 0 and at most 1"),
+        ({"pool": 2.5}, "pool = 2.5 is not an integer of at least 1"),
+        ({"ridge": float("nan")}, "ridge = nan is not a number"),
+    ],
+)
+def test_settings_of_a_stage_that_make_no_sense(values, message):
+    with pytest.raises(ValueError, match=message):
+        SearchSettings(**values)
+
+
+def settings_classes():
+    """Config and the settings of its stages."""
+    stages = [type(getattr(Config(), each.name)) for each in fields(Config)]
+    return [Config, *(stage for stage in stages if is_dataclass(stage))]
+
+
+@pytest.mark.parametrize("kind", settings_classes(), ids=lambda kind: kind.__name__)
+def test_every_default_names_its_source_and_is_documented(kind):
+    assert issubclass(kind, Settings)
+    for each in fields(kind):
+        if not issubclass(type(getattr(kind(), each.name)), Settings):
+            assert each.metadata.get("source"), (
+                f"{kind.__name__}.{each.name} does not say where it comes from"
+            )
+        assert each.name in kind.__doc__, f"{kind.__name__}.{each.name} is not documented"

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -19,11 +20,10 @@ from isomatch import (
     wave_kernel_signature,
 )
 from isomatch._threads import serial_blas
+from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, example_pair, ground_truth
-from isomatch.matching import pipeline
-from isomatch.matching.nearest import nearest_in_cells
-from isomatch.matching.pair import Pair
-from isomatch.matching.refine import by_laplace_icp
+from isomatch.matching import prepare_pair
+from isomatch.matching.descriptor_refinement import laplace_icp_embedding
 from shapes import disguised
 from zoo import torus
 
@@ -45,7 +45,7 @@ def test_example_pair(example, example_truth, prepared_example):
 
 
 def test_refinement_improves_the_plain_method(example, example_truth, prepared_example):
-    landmarks = prepared_example[0].mesh_vertex[prepared_example[0].samples[:5]]
+    landmarks = prepared_example[0].user_vertex[prepared_example[0].column_vertices[:5]]
     pairs = np.column_stack([landmarks, example_truth[landmarks]])
     mean = {}
     for refinement in ("none", "laplace_icp", "joint"):
@@ -61,37 +61,38 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     rng = np.random.default_rng(0)
     near = cKDTree(points).query(points, k=200)[1]  # within about a tenth of √area
     image = near[
-        target.body_vertex[example_truth[source.mesh_vertex]], rng.integers(0, 200, source.body.n_vertices)
+        target.body_vertex[example_truth[source.user_vertex]], rng.integers(0, 200, source.body.n_vertices)
     ]
     with serial_blas():
-        coordinates = by_laplace_icp(Pair.of(source, target), (points, points[image]))
-    healed = target.mesh_vertex[nearest_in_cells(*coordinates, target.cells)]
-    truth, mesh = example_truth[source.mesh_vertex], example[1].mesh
-    before, after = (errors(i, truth, mesh).mean() for i in (target.mesh_vertex[image], healed))
+        embedding = laplace_icp_embedding(prepare_pair(source, target), Embedding(points[image], points))
+    healed = target.user_vertex[target.index.vertices(embedding.target, embedding.source)]
+    truth, mesh = example_truth[source.user_vertex], example[1].mesh
+    before, after = (errors(i, truth, mesh).mean() for i in (target.user_vertex[image], healed))
     assert after < min(0.2 * before, 0.012)
 
 
 def test_a_poor_map_widens_the_search(example, example_truth, prepared_example, monkeypatch):
-    search, known = pipeline.search, match(*prepared_example).map.vertices
+    module = import_module("isomatch.matching.match")
+    search, known = module.search, match(*prepared_example).map.vertices
 
     def blind(pair, given):
-        """Find nothing near the right map; what is found counts as flipped, so that it gets no twins."""
+        """Find nothing near the right map; what is found counts as flipped, so that it gets no variants."""
         found = search(pair, given)
-        right = min(found, key=lambda h: h.alignment.residual).alignment.image
-        far = [h for h in found if pair.difference(h.alignment.image, right) > 0.1]
-        return [replace(h, flipped=True) for h in far]
+        right = min(found, key=lambda h: h.alignment.residual).target_row
+        apart = pair.distances_between_maps(right, [h.target_row for h in found])
+        return [replace(h, flipped=True) for h, away in zip(found, apart) if away > 0.1]
 
     stages = []
-    monkeypatch.setattr(pipeline, "search", blind)
+    monkeypatch.setattr(module, "search", blind)
     found = match(*prepared_example, progress=stages.append)
     assert (found.outcome, found.origin) == (Outcome.CONVERGED, "composition")
     assert errors(found.map.vertices, known, example[1].mesh).mean() < 0.005
     assert any("the first map was poor" in note for note in found.notes)
-    monkeypatch.setattr(pipeline, "recomposed", lambda pair, found: [])
+    monkeypatch.setattr(module, "recomposed", lambda pair, found: [])
     alone = match(*prepared_example)
     assert alone.outcome is Outcome.LOW_CONFIDENCE
     assert alone.notes == ()
-    again = ["hypotheses", "choice", "refinement", "quality"]
+    again = ["search", "selection", "refinement", "quality"]
     assert stages == ["prepare", *again, *again]
     assert sum(found.timings[stage] for stage in set(stages)) == pytest.approx(
         found.timings["total"], rel=0.1
@@ -156,7 +157,7 @@ def test_landmarks_choose_the_mirror_image_against_the_orientation():
     target = creature(1500, symmetric=True, triangulation=2)
     mirrored = ground_truth(source, target, mirrored=True).vertices
     shape = prepare(source.mesh)
-    pairs = np.column_stack([shape.samples[:8], mirrored[shape.samples[:8]]])
+    pairs = np.column_stack([shape.column_vertices[:8], mirrored[shape.column_vertices[:8]]])
     found = match(shape, target.mesh, landmarks=pairs)
     assert errors(found.map.vertices, mirrored, target.mesh).mean() < 0.025
     assert found.quality.landmark_error < 0.05
@@ -189,7 +190,7 @@ def test_different_things_give_low_confidence(prepared_example):
 
 def test_result_is_told_in_plain_values(prepared_example):
     stages = []
-    pairs = np.column_stack([prepared_example[0].samples[:5]] * 2)
+    pairs = np.column_stack([prepared_example[0].column_vertices[:5]] * 2)
     found = match(
         prepared_example[0],
         prepared_example[0],
@@ -205,7 +206,7 @@ def test_result_is_told_in_plain_values(prepared_example):
     assert told["quality"]["landmark_error"] == 0
     assert told["config"]["hypotheses"] == "given"
     assert (told["seed"], told["engine"], told["origin"]) == (3, "fast_marching", "landmarks")
-    assert stages == ["prepare", "hypotheses", "choice", "refinement", "quality"]
+    assert stages == ["prepare", "search", "selection", "refinement", "quality"]
     assert set(told["timings"]) == {*stages, "total"}
 
 
@@ -227,7 +228,7 @@ def wolves():
     """Two poses of the wolf, the target in disguise, and the first five samples as landmarks."""
     source = prepare(tosca("wolf0"), Config(weights="uniform"))  # the paper's own setting
     other = disguised(tosca("wolf1"), seed=11)
-    landmarks = source.mesh_vertex[source.samples[:5]]
+    landmarks = source.user_vertex[source.column_vertices[:5]]
     return source, other, np.column_stack([landmarks, other.new_vertex[landmarks]])
 
 

@@ -78,7 +78,7 @@ def test_meshes_or_prepared_shapes_and_any_number_of_threads(example, plain, mon
 def test_self_match_is_the_identity(example, prepared_example, config):
     mesh = example[0].mesh
     other = disguised(mesh, seed=8)
-    landmarks = prepared_example[0].samples[:5]
+    landmarks = prepared_example[0].column_vertices[:5]
     pairs = np.column_stack([landmarks, other.new_vertex[landmarks]])
     config = replace(config, hypotheses="given")
     found = match(prepared_example[0], other.mesh, landmarks=pairs, config=config)

@@ -25,7 +25,7 @@ def test_body_is_centred_and_of_unit_area(example, shape):
 def test_sound_mesh_is_all_body(example, shape):
     n = example[0].mesh.n_vertices
     np.testing.assert_array_equal(shape.body_vertex, np.arange(n))
-    np.testing.assert_array_equal(shape.mesh_vertex, np.arange(n))
+    np.testing.assert_array_equal(shape.user_vertex, np.arange(n))
     assert shape.left_out == pytest.approx(0, abs=1e-12)
     assert shape.notes == ()
 
@@ -35,26 +35,26 @@ def test_sizes_are_those_of_the_settings(shape):
     assert shape.columns.shape == (100, n)
     assert shape.distances.vectors.shape == (n, 50)
     assert shape.laplace.vectors.shape == (n, 200)
-    assert len(np.unique(shape.spread)) == len(shape.spread) == 1000
+    assert len(np.unique(shape.sample_vertices)) == len(shape.sample_vertices) == 1000
 
 
 def test_columns_are_distances_from_the_samples(shape):
-    assert (shape.columns[np.arange(100), shape.samples] == 0).all()
-    again = shape.distances.row(shape.samples[:10])
+    assert (shape.columns[np.arange(100), shape.column_vertices] == 0).all()
+    again = shape.distances.row(shape.column_vertices[:10])
     assert np.abs(again - shape.columns[:10]).mean() < 0.01 * shape.columns.mean()
 
 
 def test_extremal_points_are_apart_and_remote(shape):
-    assert 4 <= len(shape.features) <= 8
-    among = shape.feature_columns[:, shape.features]
+    assert 4 <= len(shape.extremities) <= 8
+    among = shape.extremity_columns[:, shape.extremities]
     assert among[~np.eye(len(among), dtype=bool)].min() >= 0.24
-    assert shape.average_distance[shape.features[0]] == shape.average_distance.max()
+    assert shape.average_distance[shape.extremities[0]] == shape.average_distance.max()
 
 
 def test_every_prefix_of_the_spread_vertices_is_even(shape):
     points = shape.body.vertices
     for count in (50, 200, 1000):
-        chosen = points[shape.spread[:count]]
+        chosen = points[shape.sample_vertices[:count]]
         apart = np.linalg.norm(chosen[:, None] - chosen, axis=2)[~np.eye(count, dtype=bool)].min()
         reach = np.linalg.norm(points[:, None] - chosen, axis=2).min(axis=1).max()
         assert reach <= apart * (1 + 1e-9)
@@ -83,9 +83,9 @@ def test_curvature_is_standardised_over_the_surface(shape):
 def test_moved_and_scaled_shape_is_prepared_alike(example, shape, scale):
     other = disguised(example[0].mesh, seed=9, scale=scale)
     moved = prepare(other.mesh)
-    np.testing.assert_array_equal(moved.samples, other.new_vertex[shape.samples])
-    np.testing.assert_array_equal(moved.features, other.new_vertex[shape.features])
-    np.testing.assert_array_equal(moved.spread, other.new_vertex[shape.spread])
+    np.testing.assert_array_equal(moved.column_vertices, other.new_vertex[shape.column_vertices])
+    np.testing.assert_array_equal(moved.extremities, other.new_vertex[shape.extremities])
+    np.testing.assert_array_equal(moved.sample_vertices, other.new_vertex[shape.sample_vertices])
     np.testing.assert_allclose(moved.columns[:, other.new_vertex], shape.columns, atol=1e-5)
     np.testing.assert_allclose(moved.signatures[other.new_vertex], shape.signatures, atol=1e-3)
     np.testing.assert_allclose(moved.average_distance[other.new_vertex], shape.average_distance, atol=1e-5)

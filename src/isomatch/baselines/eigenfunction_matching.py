@@ -9,9 +9,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.baselines.functional_energy import orientations, products
-from isomatch.matching import PreparedShape
-from isomatch.matching.config import Orientation
-from isomatch.matching.pair import Pair
+from isomatch.matching import Orientation, PreparedShape, ShapePair
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
@@ -21,7 +19,7 @@ FARTHEST = 2  # places in the spectrum by which matched functions may be exchang
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
 
-def signed_permutation(pair: Pair, m: int, side: float) -> FloatArray:
+def signed_permutation(pair: ShapePair, m: int, side: float) -> FloatArray:
     """Match each of the first m functions, the constant apart, to one of the other shape, up to sign.
 
     ``side`` is 1 if orientation is to be kept, −1 if it is to be reversed, 0 if either will do.
@@ -40,7 +38,7 @@ def signed_permutation(pair: Pair, m: int, side: float) -> FloatArray:
     functions; from the order of the spectrum, the two near functions whose exchange helps most change places, and so on.
     O(2^m m³) for an order; 0.1 s for m = 12.
     """
-    of_source, of_target = (_moments(glimpse.shape, m) for glimpse in (pair.source, pair.target))
+    of_source, of_target = (_moments(shape, m) for shape in (pair.source, pair.target))
     signs = np.array(list(product((1.0, -1.0), repeat=m)))  # (2^m, m)
 
     def best(order: IntArray) -> tuple[float, FloatArray]:

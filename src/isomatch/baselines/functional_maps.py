@@ -15,8 +15,7 @@ from isomatch._threads import serial_blas
 from isomatch.baselines.functional_energy import FunctionalEnergy, orientations, products
 from isomatch.baselines.task import Task
 from isomatch.descriptors import heat_kernel_signature, standardised, wave_kernel_map, wave_kernel_signature
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.config import Orientation
+from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
 KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels
@@ -102,23 +101,23 @@ def functional_maps(
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         functional_map = solved(task, config)
         if config.refinement == "icp":
-            task.clock.start("refinement")
-            functional_map = spectral.icp(task.pair, functional_map, len(functional_map), ICP_STEPS)
-        return task.result(spectral.coordinates(task.pair, functional_map), config, "functional map")
+            task.timer.start("refinement")
+            functional_map = task.orthogonal_icp(functional_map, len(functional_map), ICP_STEPS)
+        return task.spectral_result(functional_map, config, "functional map")
 
 
 def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     """Minimise the energy; (k, k), functions of the target to the source."""
-    task.clock.start("functional map")
-    pair, k = task.pair, task.functions_at_most(config.n_functions)
-    shapes = source, target = pair.source.shape, pair.target.shape
-    given = [_coefficients(shape, task, side, k, config.signatures) for side, shape in enumerate(shapes)]
+    task.timer.start("functional map")
+    k = task.functions_at_most(config.n_functions)
+    source, target = task.shapes
+    given = [_coefficients(shape, task, side, k, config.signatures) for side, shape in enumerate(task.shapes)]
     constant = np.eye(k)[:, :1]
     energy = FunctionalEnergy(k, k)
     for of_source, of_target in (*zip(*given), (constant, constant)):
         energy.preserve(of_source, of_target, config.descriptor_weight)
-    if len(task.known):
-        energy.preserve(spectral.from_points(pair, task.known, k), np.eye(k), k * config.descriptor_weight)
+    if len(task.hints.known):
+        energy.preserve(task.functional_map_at(task.hints.known, k), np.eye(k), k * config.descriptor_weight)
     a, b = (np.hstack(groups) for groups in given)
     energy.commute(
         *_comparable(products(source.laplace, a), products(target.laplace, b)), config.product_weight
@@ -145,8 +144,8 @@ def _coefficients(
 
     groups = [
         [kernel(of) for name, of in SIGNATURES.items() if signatures in (name, "both")],
-        [kernel(wave_kernel_map, vertex) for vertex in task.points[:, side]],
-        [task.functions[side]],
+        [kernel(wave_kernel_map, vertex) for vertex in task.hints.landmarks[:, side]],
+        [task.hints.functions[side]],
     ]
     return [
         shape.laplace.coefficients(standardised(np.hstack(group), shape.laplace.weights), k)

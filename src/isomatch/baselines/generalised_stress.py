@@ -13,9 +13,8 @@ import numba
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.matching.nearest import Coordinates, nearest_in_cells
-from isomatch.matching.pair import Pair
-from isomatch.matching.precise import fans, interpolation, nearest_in_triangle, nearest_points
+from isomatch.correspondence import Embedding, PrecisePoints, faces_around_vertices, nearest_in_triangle
+from isomatch.matching import ShapePair
 
 SETTLED = 1e-4  # share of the stress below which a sweep's gain ends the descent
 
@@ -51,34 +50,31 @@ class Placement:
 
     def interpolated(self, values: FloatArray) -> FloatArray:
         """(m, q) values at the places, from those of the target's vertices, (n_t, q)."""
-        places: FloatArray = interpolation(self.corners, self.barycentric, len(values)) @ values
+        places: FloatArray = PrecisePoints(self.corners, self.barycentric).interpolation(len(values)) @ values
         return places
 
 
-def distances_to(pair: Pair, points: Placement) -> Coordinates:
-    """Distances of all target vertices to the places, (n_t, m), and of all source vertices to the points, (n_s, m).
+def distances_to(pair: ShapePair, points: Placement) -> Embedding:
+    """Distances of all source vertices to the points, (n_s, m), and of all target vertices to the places, (n_t, m).
 
     Where distances are kept, the image of a source vertex is the nearest point of the target in these coordinates.
     """
-    target, source = pair.target.shape.cloud, pair.source.shape.cloud
-    return (
-        target.coordinates @ points.interpolated(target.inner()).T,
-        source.coordinates @ source.inner()[points.vertices].T,
+    source, target = pair.source.points, pair.target.points
+    return Embedding(
+        source.coordinates @ source.signed()[points.vertices].T,
+        target.coordinates @ points.interpolated(target.signed()).T,
     )
 
 
-def placed(pair: Pair, vertices: IntArray, anchors: Placement) -> Placement:
+def placed(pair: ShapePair, vertices: IntArray, anchors: Placement) -> Placement:
     """Place source vertices where their distances to known places are kept best, anywhere on the target."""
-    target = pair.target.shape
-    of_target, of_source = distances_to(pair, anchors)
-    wanted = of_source[vertices]
-    nearest = nearest_in_cells(of_target, wanted, target.cells)
-    return Placement(vertices, *nearest_points(of_target, wanted, target.faces, nearest))
+    of_source, of_target = distances_to(pair, anchors)
+    return Placement(vertices, *pair.target.index.points(of_target, of_source[vertices]))
 
 
-def relative_stress(pair: Pair, points: Placement) -> float:
+def relative_stress(pair: ShapePair, points: Placement) -> float:
     """√(Σ (d_target − d_source)² / Σ d_source²) over all pairs of points."""
-    of_target, of_source = distances_to(pair, points)
+    of_source, of_target = distances_to(pair, points)
     wanted = of_source[points.vertices]
     off = ~np.eye(len(wanted), dtype=bool)
     misfit = (points.interpolated(of_target) - wanted)[off]
@@ -86,13 +82,13 @@ def relative_stress(pair: Pair, points: Placement) -> float:
 
 
 def descended(
-    pair: Pair, points: Placement, n_held: int, n_sweeps: int
+    pair: ShapePair, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
     """Move one point at a time to where it fits the others best, in its triangle and across edges from there.
 
     Parameters
     ----------
-    pair : Pair
+    pair : ShapePair
         The two shapes.
     points : Placement
         Where the points start, m of them.
@@ -115,11 +111,11 @@ def descended(
     distances to the others. The triangles around the nearest corner are tried, and so on until none is better:
     O(m² k) for a sweep.
     """
-    target = pair.target.shape
-    start, order = fans(target.faces, target.body.n_vertices)
+    target = pair.target
+    start, order = faces_around_vertices(target.faces, target.body.n_vertices)
     corners, barycentric = points.corners.copy(), points.barycentric.copy()
-    cloud, signs = np.ascontiguousarray(target.cloud.coordinates), target.cloud.signature
-    wanted = distances_to(pair, points)[1][points.vertices]
+    cloud, signs = np.ascontiguousarray(target.points.coordinates), target.points.signs
+    wanted = distances_to(pair, points).source[points.vertices]
     np.fill_diagonal(wanted, 0.0)
     found = replace(points, corners=corners, barycentric=barycentric)
     stresses = [relative_stress(pair, found)]

@@ -12,14 +12,12 @@ from isomatch._arrays import IntArray
 from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.generalised_stress import Placement, descended, placed
-from isomatch.baselines.task import FEWEST_POINTS, Task
-from isomatch.errors import NotConvergedError, SettingError
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.choice import judge, ranked
-from isomatch.matching.config import Orientation
-from isomatch.matching.hypotheses import Hypothesis, converged, search, start_from_functions
-from isomatch.matching.refine import extended
+from isomatch.baselines.task import Task
+from isomatch.errors import SettingError
+from isomatch.matching import MatchResult, Orientation, PreparedShape, first_map
 from isomatch.surfaces import Surface
+
+FEWEST_POINTS = 3  # by whose distances another point can be placed
 
 
 @dataclass(frozen=True)
@@ -94,9 +92,9 @@ def gmds(
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         points, stresses, origin = placement(task, config)
         k = task.functions_at_most(len(points.vertices) // 2)
-        values = points.interpolated(task.pair.target.shape.laplace.vectors[:, :k])
-        functional_map = spectral.from_values(task.pair, points.vertices, values)
-        result = task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+        values = points.interpolated(task.pair.target.laplace.vectors[:, :k])
+        functional_map = task.functional_map_from(points.vertices, values)
+        result = task.spectral_result(functional_map, config, origin)
     told = f"relative stress of {len(points.vertices)} points: {stresses[-1]:.4f}"
     return replace(result, notes=(*result.notes, told))
 
@@ -104,13 +102,13 @@ def gmds(
 def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, ...], str]:
     """Landmarks and samples with least stress, the stresses of the last descent, and where the start came from."""
     pair = task.pair
-    if pair.target.shape.triangles is None:
+    if pair.target.triangles is None:
         raise SettingError("points are placed on triangles, and the target has none; give a mesh")
-    task.clock.start("start")
+    task.timer.start("start")
     known, origin = _start(task, config)
-    task.clock.start("stress")
-    held = Placement.at_vertices(task.points)
-    samples = pair.source.shape.samples[~np.isin(pair.source.shape.samples, held.vertices)]
+    task.timer.start("stress")
+    held = Placement.at_vertices(task.hints.landmarks)
+    samples = pair.source.column_vertices[~np.isin(pair.source.column_vertices, held.vertices)]
     points, anchors = held, Placement.at_vertices(known)
     stresses: tuple[float, ...] = ()
     for first, last in pairwise((0, *config.levels)):
@@ -122,21 +120,11 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
 
 def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     """Source vertices and their first images, and where they come from."""
-    pair, samples = task.pair, task.pair.source.shape.samples
-    if len(task.known):
-        at_samples = task.known[np.isin(task.known[:, 0], samples)]
-        return at_samples if len(at_samples) >= FEWEST_POINTS else task.known, "initial map"
-    if len(task.points):
-        return task.points, "landmarks"
-    if task.functions[0].shape[1]:
-        found = [Hypothesis(converged(pair, start_from_functions(pair, *task.functions)), "descriptors")]
-    else:
-        found = search(pair, [])
-    order = ranked(judge(pair, found), config.orientation)
-    if not order:
-        raise NotConvergedError(
-            "no first map could be formed: a shape has fewer than four extremities; give landmarks, an initial map or "
-            "descriptors"
-        )
-    image = extended(pair, order[0].image, samples)
-    return np.column_stack([samples, image]), order[0].hypothesis.origin
+    pair, samples = task.pair, task.pair.source.column_vertices
+    if len(task.hints.known):
+        at_samples = task.hints.known[np.isin(task.hints.known[:, 0], samples)]
+        return at_samples if len(at_samples) >= FEWEST_POINTS else task.hints.known, "initial map"
+    if len(task.hints.landmarks):
+        return task.hints.landmarks, "landmarks"
+    image, origin = first_map(pair, task.hints, samples, config.orientation)
+    return np.column_stack([samples, image]), origin

@@ -13,12 +13,11 @@ from isomatch._settings import Settings, require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.generalised_stress import Placement, distances_to
 from isomatch.baselines.task import Task
+from isomatch.correspondence import Embedding
 from isomatch.descriptors import standardised
 from isomatch.errors import MissingDependencyError, SettingError
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.config import Orientation
-from isomatch.matching.features import surface_cells
-from isomatch.matching.nearest import Coordinates
+from isomatch.geodesics import nearest_along_edges
+from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
 
@@ -116,30 +115,29 @@ def gromov_wasserstein(
     config = config or GromovWassersteinConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        (of_target, of_source), origin = _features(task)
-        found = transport(task, (of_target, of_source), config)
+        features, origin = _features(task)
+        found = transport(task, features, config)
         k = task.functions_at_most(min(config.n_functions, min(map(len, found.rows)) // 2))
-        functions = task.pair.target.shape.laplace.vectors[found.rows[1], :k]
+        functions = task.pair.target.laplace.vectors[found.rows[1], :k]
         averages = found.plan @ functions / found.plan.sum(axis=1, keepdims=True)
-        functional_map = spectral.from_values(task.pair, found.rows[0], averages)
-        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+        functional_map = task.functional_map_from(found.rows[0], averages)
+        return task.spectral_result(functional_map, config, origin)
 
 
-def transport(task: Task, features: Coordinates, config: GromovWassersteinConfig) -> Transport:
-    """Solve for the plan between samples, given features of all target and all source vertices."""
+def transport(task: Task, features: Embedding, config: GromovWassersteinConfig) -> Transport:
+    """Solve for the plan between samples, given features of all vertices."""
     try:
         from ot.gromov import fused_gromov_wasserstein
     except ImportError as error:
         raise MissingDependencyError(
             "the method 'gw' needs the package POT: pip install 'isomatch[transport]'"
         ) from error
-    task.clock.start("transport")
-    shapes = [task.pair.source.shape, task.pair.target.shape]
-    rows = [shape.spread[: min(config.n_samples, shape.config.n_search)] for shape in shapes]
-    clouds = [shape.cloud.at(chosen) for shape, chosen in zip(shapes, rows)]
-    distances = [cloud.coordinates @ cloud.inner().T for cloud in clouds]
-    areas = [_areas(shape, chosen) for shape, chosen in zip(shapes, rows)]
-    costs = cdist(features[1][rows[0]], features[0][rows[1]], "sqeuclidean")
+    task.timer.start("transport")
+    rows = [shape.sample_vertices[: min(config.n_samples, shape.config.n_search)] for shape in task.shapes]
+    points = [shape.points.at(chosen) for shape, chosen in zip(task.shapes, rows)]
+    distances = [x.coordinates @ x.signed().T for x in points]
+    areas = [_areas(shape, chosen) for shape, chosen in zip(task.shapes, rows)]
+    costs = cdist(features.source[rows[0]], features.target[rows[1]], "sqeuclidean")
     costs /= max(costs.mean(), 1e-12)
     plan = fused_gromov_wasserstein(
         costs,
@@ -152,21 +150,20 @@ def transport(task: Task, features: Coordinates, config: GromovWassersteinConfig
     return Transport(np.asarray(plan), (rows[0], rows[1]), (areas[0], areas[1]))
 
 
-def _features(task: Task) -> tuple[Coordinates, str]:
-    """Features of all target and all source vertices, and where they come from."""
-    for pairs, origin in ((task.known, "initial map"), (task.points, "landmarks")):
+def _features(task: Task) -> tuple[Embedding, str]:
+    """Features of all vertices, and where they come from."""
+    for pairs, origin in ((task.hints.known, "initial map"), (task.hints.landmarks, "landmarks")):
         if len(pairs):
             return distances_to(task.pair, Placement.at_vertices(pairs)), origin
-    of_source, of_target = task.functions
-    if of_source.shape[1]:
-        weights = (side.shape.body.vertex_areas for side in (task.pair.target, task.pair.source))
-        of_target, of_source = map(standardised, (of_target, of_source), weights)
-        return (of_target, of_source), "descriptors"
-    return task.pair.signatures, "signatures"
+    functions = task.hints.functions
+    if functions[0].shape[1]:
+        weights = (shape.body.vertex_areas for shape in task.shapes)
+        return Embedding(*map(standardised, functions, weights)), "descriptors"
+    return Embedding(*task.pair.signatures), "signatures"
 
 
 def _areas(shape: PreparedShape, rows: IntArray) -> FloatArray:
     """Share of the area nearest to each of some vertices."""
-    cells = surface_cells(shape.body, rows)
-    owned = np.add.reduceat(shape.body.vertex_areas[cells.members], cells.start[:-1])
+    owner = nearest_along_edges(shape.body, rows)[1]
+    owned = np.bincount(owner, shape.body.vertex_areas, shape.body.n_vertices)[rows]
     return np.asarray(owned / owned.sum(), dtype=np.float64)

@@ -12,11 +12,9 @@ from isomatch._settings import Settings, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis
-from isomatch.descriptors import GeodesicDistanceDescriptor
+from isomatch.correspondence import SignedPoints, alignment_from_functions, alignments_from_points
 from isomatch.errors import SettingError
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.config import Orientation
-from isomatch.matching.initial import rotation_from_functions, rotations_from_landmarks
+from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
 
@@ -77,27 +75,27 @@ def laplace_nearest_neighbours(
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         k = task.functions_at_most(config.n_functions)
         start, origin = first_map(task, k)
-        task.clock.start("refinement")
-        functional_map = spectral.icp(task.pair, start, k, config.steps)
-        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+        task.timer.start("refinement")
+        functional_map = task.orthogonal_icp(start, k, config.steps)
+        return task.spectral_result(functional_map, config, origin)
 
 
 def first_map(task: Task, k: int) -> tuple[FloatArray, str]:
     """First functional map, by the rules of `match` for distance descriptors, and where it comes from."""
-    if len(task.known):
-        return spectral.from_points(task.pair, task.known, k), "initial map"
-    source, target = (side.shape.laplace for side in (task.pair.source, task.pair.target))
-    clouds = _cloud(target, k), _cloud(source, k)
-    if len(task.points):
-        at_source, at_target = task.points.T
-        return rotations_from_landmarks(*clouds, at_target[None], at_source[None])[0].T, "landmarks"
-    of_source, of_target = task.functions
+    if len(task.hints.known):
+        return task.functional_map_at(task.hints.known, k), "initial map"
+    source, target = (shape.laplace for shape in task.shapes)
+    points = _points(source, k), _points(target, k)
+    if len(task.hints.landmarks):
+        at_source, at_target = task.hints.landmarks.T
+        return alignments_from_points(*points, at_source[None], at_target[None])[0].T, "landmarks"
+    of_source, of_target = task.hints.functions
     if of_source.shape[1]:
-        rotation = rotation_from_functions(*clouds, of_target, of_source, target.weights, source.weights)
+        rotation = alignment_from_functions(*points, of_source, of_target, source.weights, target.weights)
         return rotation.T, "descriptors"
     raise SettingError("nothing to start from: give landmarks, an initial map or descriptors")
 
 
-def _cloud(basis: LaplaceBasis, k: int) -> GeodesicDistanceDescriptor:
+def _points(basis: LaplaceBasis, k: int) -> SignedPoints:
     """Functions in the place of distance descriptors, all of one sign."""
-    return GeodesicDistanceDescriptor(basis.vectors[:, :k], np.ones(k))
+    return SignedPoints(basis.vectors[:, :k], np.ones(k))

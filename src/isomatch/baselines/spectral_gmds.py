@@ -16,8 +16,7 @@ from isomatch.baselines.task import Task
 from isomatch.bases import LaplaceBasis, spectral_interpolant
 from isomatch.descriptors import standardised
 from isomatch.errors import SettingError
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.config import Orientation
+from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
 HEAT_TIMES = 6  # heat from a landmark is compared after so many times, from local to global
@@ -95,16 +94,16 @@ def spectral_gmds(
     config = config or SpectralGmdsConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        task.clock.start("functional map")
+        task.timer.start("functional map")
         alpha, origin = coefficient_map(task, config)
-        task.clock.start("refinement")
-        functional_map = spectral.icp(task.pair, alpha, len(alpha), config.icp_steps)
-        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+        task.timer.start("refinement")
+        functional_map = task.orthogonal_icp(alpha, len(alpha), config.icp_steps)
+        return task.spectral_result(functional_map, config, origin)
 
 
 def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray, str]:
     """Minimise the energy from coarse to fine: α (k, k), functions of the target to the source; and its data's origin."""
-    shapes = task.pair.source.shape, task.pair.target.shape
+    shapes = task.shapes
     sizes = sorted({task.functions_at_most(k) for k in config.sizes})
     distances = [spectral_distances(shape, sizes[-1]) for shape in shapes]
     constants = [shape.laplace.vectors[:, 0] @ shape.laplace.weights for shape in shapes]
@@ -131,20 +130,22 @@ def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
     The columns F ≈ Φ C are interpolated, D ≈ ½ (Φ M Cᵀ Φᵀ + Φ C Mᵀ Φᵀ), as in `smds_basis`.
     """
     columns = shape.laplace.coefficients(shape.columns.T.astype(np.float64), k)  # (k, p)
-    interpolated: FloatArray = spectral_interpolant(shape.laplace, shape.samples)[:k] @ columns.T
+    interpolated: FloatArray = spectral_interpolant(shape.laplace, shape.column_vertices)[:k] @ columns.T
     return (interpolated + interpolated.T) / (2 * shape.intrinsic_scale)
 
 
 def _data(task: Task, k: int) -> tuple[tuple[FloatArray, FloatArray], str]:
     """Coefficients (k, q) of functions that should correspond, source and target, of norm about 1; and their origin."""
-    shapes = task.pair.source.shape, task.pair.target.shape
+    shapes = task.shapes
     given: dict[str, tuple[FloatArray, ...]] = {}
-    if len(task.known):
-        given["initial map"] = spectral.from_points(task.pair, task.known, k), np.eye(k)
-    if len(task.points):
-        given["landmarks"] = tuple(_heat(shape.laplace, x, k) for shape, x in zip(shapes, task.points.T))
-    if task.functions[0].shape[1]:
-        given["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.functions))
+    if len(task.hints.known):
+        given["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
+    if len(task.hints.landmarks):
+        given["landmarks"] = tuple(
+            _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.hints.landmarks.T)
+        )
+    if task.hints.functions[0].shape[1]:
+        given["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
     if not given:
         given["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
     of_source, of_target = (np.hstack(side) for side in zip(*given.values()))

@@ -15,10 +15,8 @@ from isomatch.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signe
 from isomatch.baselines.gradient_fields import ComplexArray, gradient_fields, invariants
 from isomatch.baselines.laplace_nearest_neighbours import first_map
 from isomatch.baselines.task import Task
-from isomatch.matching import MatchResult, PreparedShape, spectral
-from isomatch.matching.config import Orientation
-from isomatch.matching.nearest import Coordinates, nearest_in_cells
-from isomatch.matching.pair import Pair
+from isomatch.correspondence import Embedding
+from isomatch.matching import MatchResult, Orientation, PreparedShape, ShapePair
 from isomatch.surfaces import Surface
 
 HINTED = 20  # functions that a few hints determine
@@ -105,23 +103,23 @@ def spectral_gradient_fields(
     config = config or GradientFieldsConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        task.clock.start("eigenfunctions")
+        task.timer.start("eigenfunctions")
         functional_map, origin = _start(task, config)
-        task.clock.start("refinement")
+        task.timer.start("refinement")
         last = task.functions_at_most(config.n_functions)
-        kernels, glimpse = KernelMaps.of(task.pair, config), task.pair.refinement
-        laplace, functions = glimpse.shape.laplace, task.pair.target.shape.laplace.vectors
+        kernels, laplace = KernelMaps.of(task.pair, config), task.pair.source.laplace
+        functions = task.pair.target.laplace.vectors
         for k in (*range(len(functional_map), last, config.step), *[last] * config.steps):
-            image = kernels.image(functional_map, glimpse.rows)
-            functional_map = polar(glimpse.fit(functions[image, :k], k))[0]
+            image = kernels.image(functional_map, task.pair.refinement_vertices)
+            functional_map = polar(task.spectra.functional_map(image, k))[0]
         everywhere = kernels.image(functional_map, np.arange(len(laplace.weights)))
         functional_map = polar(laplace.coefficients(functions[everywhere, :last], last))[0]
-        return task.result(kernels.coordinates(functional_map), config, origin)
+        return task.result(kernels.embedding(functional_map), config, origin)
 
 
 def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
     """First functional map, and where it comes from."""
-    if len(task.known) or len(task.points) or task.functions[0].shape[1]:
+    if task.hints.any:
         return first_map(task, task.functions_at_most(min(HINTED, config.n_functions)))
     m = task.functions_at_most(config.n_matched + 1) - 1
     return signed_permutation(task.pair, m, SIDES[config.orientation]), "eigenfunctions"
@@ -133,7 +131,7 @@ class KernelMaps:
 
     Parameters
     ----------
-    pair : Pair
+    pair : ShapePair
         The shapes.
     of_source, of_target : (n, q) arrays of complex
         Gradients of eigenfunctions from the second on; none, if a shape has no triangles.
@@ -141,41 +139,41 @@ class KernelMaps:
         Of scalars and pseudo-scalars; the sign tells how the latter of both shapes compare.
     """
 
-    pair: Pair
+    pair: ShapePair
     of_source: ComplexArray
     of_target: ComplexArray
     weights: FloatArray
 
     @classmethod
-    def of(cls, pair: Pair, config: GradientFieldsConfig) -> KernelMaps:
+    def of(cls, pair: ShapePair, config: GradientFieldsConfig) -> KernelMaps:
         """Compute the gradients."""
-        with_gradients = pair.sided and config.n_gradients > 0
+        with_gradients = pair.oriented and config.n_gradients > 0
         fields = [
-            gradient_fields(side.shape.triangles, side.shape.laplace.vectors[:, 1 : 1 + config.n_gradients])
-            if side.shape.triangles and with_gradients
-            else np.zeros((side.shape.body.n_vertices, 0), dtype=np.complex128)
-            for side in (pair.source, pair.target)
+            gradient_fields(shape.triangles, shape.laplace.vectors[:, 1 : 1 + config.n_gradients])
+            if shape.triangles and with_gradients
+            else np.zeros((shape.body.n_vertices, 0), dtype=np.complex128)
+            for shape in (pair.source, pair.target)
         ]
         weights = config.gradient_weight * np.array([1.0, SIDES[config.orientation]])
         return cls(pair, fields[0], fields[1], weights)
 
-    def coordinates(self, functional_map: FloatArray) -> Coordinates:
+    def embedding(self, functional_map: FloatArray) -> Embedding:
         """φ_i / √λ_i and products of gradients; the target's are carried to the source's functions by the map (k, k)."""
         k = len(functional_map)
-        values = self.pair.source.shape.laplace.values[1:k]
+        values = self.pair.source.laplace.values[1:k]
         kernel = np.append(0.0, 1 / np.sqrt(values))
         kernel /= np.linalg.norm(kernel)
-        of_target, of_source = (x * kernel for x in spectral.coordinates(self.pair, functional_map))
+        of_source, of_target = (x * kernel for x in self.pair.spectra.embedding(functional_map))
         m = min(self.of_source.shape[1], k - 1)
         if m < 2:
-            return of_target, of_source
+            return Embedding(of_source, of_target)
         carried = self.of_target[:, :m] @ functional_map[1 : m + 1, 1 : m + 1].T
         turn = np.repeat(self.weights / np.sqrt(2 * (m - 1)), m - 1)
         products = turn * invariants(carried, values[:m])
         own_products = np.abs(turn) * invariants(self.of_source[:, :m], values[:m])
-        return np.hstack([of_target, products]), np.hstack([of_source, own_products])
+        return Embedding(np.hstack([of_source, own_products]), np.hstack([of_target, products]))
 
     def image(self, functional_map: FloatArray, rows: IntArray) -> IntArray:
         """Nearest target vertex of some source vertices."""
-        of_target, of_source = self.coordinates(functional_map)
-        return nearest_in_cells(of_target, of_source[rows], self.pair.target.shape.cells)
+        of_source, of_target = self.embedding(functional_map)
+        return self.pair.target.index.vertices(of_target, of_source[rows])

@@ -10,7 +10,7 @@ from isomatch._settings import require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, FunctionalRefinement, solved
 from isomatch.baselines.task import Task
-from isomatch.matching import MatchResult, PreparedShape, spectral
+from isomatch.matching import MatchResult, PreparedShape
 from isomatch.surfaces import Surface
 
 
@@ -76,13 +76,13 @@ def zoomout(
     config = config or ZoomOutConfig()
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
-        if len(task.known):
-            first = task.functions_at_most(min(config.first, len(task.known)))
-            functional_map = spectral.from_points(task.pair, task.known, first)
+        if len(task.hints.known):
+            first = task.functions_at_most(min(config.first, len(task.hints.known)))
+            functional_map = task.functional_map_at(task.hints.known, first)
         else:
             functional_map = solved(task, config)
-        task.clock.start("refinement")
+        task.timer.start("refinement")
         sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
-        functional_map = spectral.upsampled(task.pair, functional_map, sizes)
-        origin = "initial map" if len(task.known) else "functional map"
-        return task.result(spectral.coordinates(task.pair, functional_map), config, origin)
+        functional_map = task.spectra.upsampled(functional_map, sizes)
+        origin = "initial map" if len(task.hints.known) else "functional map"
+        return task.spectral_result(functional_map, config, origin)

@@ -12,7 +12,7 @@ import isomatch
 from isomatch.cli.inputs import read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
-from isomatch.matching.config import Orientation, Refinement
+from isomatch.matching import Orientation, Refinement
 
 
 def match(

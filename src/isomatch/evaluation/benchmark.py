@@ -30,8 +30,7 @@ from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cum
 from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.geodesics import distance_engine
-from isomatch.matching import Config, match
-from isomatch.matching.pair import prepared_pair
+from isomatch.matching import Config, match, prepare_pair
 
 Job: TypeAlias = tuple[tuple[str, str], str]  # names of the pair, method to start with
 
@@ -155,8 +154,8 @@ class _Subject:
             return self.pair.source, self.pair.target, 0.0
         started = time.perf_counter()
         with serial_blas():
-            both, _ = prepared_pair(self.pair.source, self.pair.target, config, 0)
-        return both.source.shape, both.target.shape, time.perf_counter() - started
+            both = prepare_pair(self.pair.source, self.pair.target, config, 0)
+        return both.source, both.target, time.perf_counter() - started
 
 
 class _Worker:

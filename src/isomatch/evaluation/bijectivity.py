@@ -8,7 +8,7 @@ from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.evaluation.princeton import geodesic_errors
-from isomatch.matching.features import nearest_along_edges
+from isomatch.geodesics import nearest_along_edges
 from isomatch.surfaces import Mesh
 
 

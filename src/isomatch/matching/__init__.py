@@ -1,8 +1,47 @@
-"""From two prepared shapes to a map: starts, alignment, choice, refinement."""
+"""From two surfaces to a map: prepare → starts → search → select → refine → result."""
 
-from isomatch.matching.config import Config
-from isomatch.matching.pipeline import match
+from isomatch.matching.config import (
+    Config,
+    MatchSettings,
+    Orientation,
+    OutcomeSettings,
+    PreparationSettings,
+    Refinement,
+    RefinementSettings,
+    SearchSettings,
+    SelectionSettings,
+)
+from isomatch.matching.first_map import first_map
+from isomatch.matching.hints import Hints
+from isomatch.matching.match import match
+from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
+from isomatch.matching.stage_timer import StageTimer
 
-__all__ = ["Alternative", "Config", "MatchResult", "Outcome", "PreparedShape", "Quality", "match", "prepare"]
+__all__ = [
+    "Alternative",
+    "Config",
+    "Hints",
+    "MatchResult",
+    "MatchSettings",
+    "Orientation",
+    "Outcome",
+    "OutcomeSettings",
+    "PreparationSettings",
+    "PreparedShape",
+    "Quality",
+    "Refinement",
+    "RefinementSettings",
+    "SearchSettings",
+    "SelectionSettings",
+    "ShapePair",
+    "StageTimer",
+    "first_map",
+    "match",
+    "measure_quality",
+    "outcome_of",
+    "prepare",
+    "prepare_pair",
+]

@@ -11,10 +11,7 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair
 
-FEWEST_VERTICES = 50
-AVERAGE_DISTANCE = (
-    0.75  # between two points of a body of unit area, as in animals; gives a graph, without area, a scale
-)
+FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +26,7 @@ class Body:
         What a length of 1 is worth in the units of the shape.
     body_vertex : (n,) array of int
         Body vertex of each vertex of the shape; −1 for those left out.
-    mesh_vertex : (n_body,) array of int
+    user_vertex : (n_body,) array of int
         Vertex of the shape of each body vertex.
     left_out : float
         Share of the area in other components.
@@ -40,13 +37,13 @@ class Body:
     surface: Surface
     scale: float
     body_vertex: IntArray
-    mesh_vertex: IntArray
+    user_vertex: IntArray
     left_out: float
     notes: tuple[str, ...]
 
 
-def body_of(shape: Surface) -> Body:
-    """Take the largest component, mend it, and give it unit area.
+def body_of(shape: Surface, graph_average_distance: float) -> Body:
+    """Take the largest component, mend it, and give it unit area; or to a graph, which has none, an average distance.
 
     Raises
     ------
@@ -69,7 +66,7 @@ def body_of(shape: Surface) -> Body:
             f"the largest component has {len(vertices)} vertices, at least {FEWEST_VERTICES} are needed; "
             "subdivide the mesh, or weld its triangles if they share no vertices"
         )
-    surface, length = _normalised(whole, kept)
+    surface, length = _normalised(whole, kept, graph_average_distance)
     to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
     to_body[vertices] = np.arange(len(vertices))
     return Body(
@@ -100,7 +97,7 @@ def _mended(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[st
     return mesh, unit, mended.new_index, mended.vertex_index, list(mended.changes)
 
 
-def _normalised(whole: Surface, kept: BoolArray) -> tuple[Surface, float]:
+def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) -> tuple[Surface, float]:
     """Cut out some vertices and give them unit area; returns also what a length of 1 is worth."""
     if isinstance(whole, Graph):
         number = np.cumsum(kept) - 1
@@ -109,7 +106,7 @@ def _normalised(whole: Surface, kept: BoolArray) -> tuple[Surface, float]:
         edges, lengths = number[whole.edges[inside]], whole.edge_lengths[inside]
         part = Graph(len(weights), edges, lengths, weights)
         some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
-        length = float((distance_engine(part).distances_from(some) @ weights).mean()) / AVERAGE_DISTANCE
+        length = float((distance_engine(part).distances_from(some) @ weights).mean()) / graph_average_distance
         return Graph(len(weights), edges, lengths / length, weights), length
     part_of = (
         whole.submesh(kept)[0]

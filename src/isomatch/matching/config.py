@@ -1,81 +1,369 @@
-"""Every setting of a match, in one frozen object."""
+"""Every setting of a match: the everyday ones, and those of each stage, in frozen objects that are passed down."""
 
 from __future__ import annotations
 
 import tomllib
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, Self
 
+from isomatch._settings import Settings, setting
 from isomatch.bases import Weighting
 from isomatch.errors import SettingError
+from isomatch.geodesics import EngineName
 
 Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
+DistanceUnit = Literal["average", "user"]
 
 
-class Settings(Protocol):
-    """What the settings of every method, `match` or a baseline, can tell."""
+class MatchSettings(Protocol):
+    """What the settings of every method, `match` or a baseline, have in common."""
 
     @property
     def orientation(self) -> Orientation:
-        """Whether the map should keep the side of the surface that looks outward."""
+        """Whether the map should preserve the orientation of the faces."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as plain values."""
 
 
 @dataclass(frozen=True)
-class Config:
-    """Settings of `prepare` and `match`; the defaults are what the benchmarks recommend.
+class PreparationSettings(Settings):
+    """Fine settings of `prepare`: extremities, signatures and curvature of one shape.
+
+    Parameters
+    ----------
+    extremity_spacing : float
+        Extremities nearer to each other than this, in √area, count as one: fingers must not displace hands.
+    n_extremities : int
+        Most extremities of a shape.
+    signature_functions, signature_step : int
+        Laplace–Beltrami functions of the wave kernel signature, and which of its hundred energies are kept: every fifth.
+    curvature_functions : tuple of int
+        Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
+    wave_weight, curvature_weight : float
+        Root mean square of either part of the signatures.
+    judged_curvature_functions : int
+        Functions of the smoothed surface whose curvature the energy of a map compares.
+    graph_average_distance : float
+        Average distance between two points of a graph of unit size, in place of an area.
+    distance_unit : {"average", "user"}
+        Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
+    block_diagonal : bool
+        Whether descriptor columns of different sign are never mixed by an alignment.
+    """
+
+    extremity_spacing: float = setting(
+        0.25, "measured: 0.15 lets thumbs displace heads on 3 of 50 pairs, 0.25 on none", least=0
+    )
+    n_extremities: int = setting(8, "search.extremity_counts needs 7; one more in reserve", least=0)
+    signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
+    signature_step: int = setting(
+        5, "the filters are seven energies wide, so neighbours repeat each other", least=1
+    )
+    curvature_functions: tuple[int, ...] = setting((50, 100, 200), "coarse to fine, by doubling", least=4)
+    wave_weight: float = setting(0.6, "measured on 9 pairs: 0.6 2.43, 0.8 2.41", least=0)
+    curvature_weight: float = setting(0.4, "measured on 9 pairs: 0.4 2.43, 0.6 2.70", least=0)
+    judged_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
+    graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
+    distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
+    block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
+
+
+@dataclass(frozen=True)
+class SearchSettings(Settings):
+    """Settings of first maps and of the search among them.
+
+    Parameters
+    ----------
+    rank : int
+        Descriptor columns while hypotheses are compared; the others only sharpen a map already found.
+    start_columns : int
+        Leading columns that a few points determine.
+    off_diagonal : tuple of float
+        Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
+    ridge : float
+        Penalty on every entry of the alignment.
+    extremity_counts : tuple of int
+        Numbers of extremities of one shape that are assigned together.
+    extremities_among : int
+        Extremities of the other shape they may be assigned to.
+    assignments : int
+        Best assignments that are kept for each count and direction.
+    remoteness_weight : float
+        Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
+    signature_share : float
+        Weight of point signatures against descriptors in the first iterations.
+    signature_steps, distance_steps, short_steps : int
+        Iterations of closest points with signatures, with descriptors alone, and after flips and compositions.
+    unchanged : float
+        Share of unchanged images at which an iteration has converged.
+    compare_every : int
+        Iterations between comparisons of the maps under way.
+    same_start, same_map : float
+        Mean distance of images, in √area, below which two starts, and two converged maps, are one.
+    pool : int
+        Most hypotheses.
+    flipped : int
+        Best hypotheses whose flips are tried.
+    flipped_columns, flipped_functions : int
+        Leading descriptor columns and Laplace–Beltrami functions whose sign is flipped.
+    composed : int
+        Best hypotheses of which triples are composed.
+    recomposed : int
+        The same in a second round, after a map of low confidence.
+    composed_variants : int
+        The same among a winner and its flips; 0 leaves symmetric variants of the winner out.
+    """
+
+    rank: int = setting(
+        30, "measured: 30 of 60 columns find the same hypotheses on 50 pairs as 50 of 100", least=4
+    )
+    start_columns: int = setting(20, "Shamai & Kimmel 2017: few columns at first", least=4)
+    off_diagonal: tuple[float, ...] = setting(
+        (0.01, 0.001, 0.0001), "docs/paper.md: the best of three is right where one is not", least=0
+    )
+    ridge: float = setting(0.001, "a tenth of off_diagonal: decides only where points do not", least=0)
+    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
+    extremities_among: int = setting(7, "one more than are assigned", least=1)
+    assignments: int = setting(
+        8, "measured: 8 per count and direction hold the right one on 86 of 86 pairs", least=1
+    )
+    remoteness_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
+    signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
+    signature_steps: int = setting(4, "most maps change little afterwards", least=0)
+    distance_steps: int = setting(8, "most maps change little afterwards", least=0)
+    short_steps: int = setting(4, "flips and compositions start near their limit", least=0)
+    unchanged: float = setting(0.99, "below the resolution of 400 samples", least=0, most=1)
+    compare_every: int = setting(2, "saves most of the iterations; the maps found are the same", least=1)
+    same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
+    same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
+    pool: int = setting(14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1)
+    flipped: int = setting(3, "ablation: no flips", least=0)
+    flipped_columns: int = setting(10, "ablation: no flips of descriptor columns", least=0)
+    flipped_functions: int = setting(20, "ablation: no flips of Laplace–Beltrami functions", least=0)
+    composed: int = setting(6, "ablation: no compositions", least=0)
+    recomposed: int = setting(10, "ablation: no second round of compositions", least=0)
+    composed_variants: int = setting(6, "ablation: no symmetric variants of the winner", least=0)
+
+
+@dataclass(frozen=True)
+class SelectionSettings(Settings):
+    """Settings of the choice among hypotheses.
+
+    Parameters
+    ----------
+    sizes : tuple of int
+        Functions in the upsampling that precedes the judgement of a hypothesis.
+    normal_functions : int
+        Functions of the smoothed surfaces whose normals are compared.
+    curvature_exponent : float
+        Energy = descriptor residual × curvature mismatch to this power.
+    oriented : float
+        Mean cosine between normals above which a map counts as orientation-preserving.
+    contender : float
+        Energy, against the least, up to which a hypothesis is refined and compared again.
+    most_contenders : int
+        Most hypotheses refined after each round of the search.
+    same_energy : float
+        Energy, against the least, up to which orientation decides among maps that agree with landmarks.
+    landmark_slack : float
+        Hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped.
+    extension_functions : int
+        Functions through which a hypothesis is extended to further vertices.
+    hopeless : float
+        Misfit after a stage of the refinement, against the least, from which a map is given up.
+    same_map : float
+        Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
+    energy_exponent : float
+        Score of a refined map = misfit × energy to this power.
+    rival_distance : float
+        Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
+    most_alternatives : int
+        Most alternatives in the result.
+    """
+
+    sizes: tuple[int, ...] = setting(
+        tuple(range(20, 51, 5)), "Melzi et al. 2019: grow in steps of 5", least=4
+    )
+    normal_functions: int = setting(40, "measured: threshold and number chosen together on 50 pairs", least=4)
+    curvature_exponent: float = setting(
+        2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
+    )
+    oriented: float = setting(
+        0.3, "measured on 50 pairs: right maps above 0.54, wrong sides below 0", least=0, most=1
+    )
+    contender: float = setting(3.0, "measured on 86 pairs: the right map has the least energy", least=1)
+    most_contenders: int = setting(6, "ablation: no contest", least=1)
+    same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
+    landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
+    extension_functions: int = setting(50, "the last of sizes", least=4)
+    hopeless: float = setting(
+        1.15, "measured on 14 pairs: saves a third of the refinement and loses no map", least=1
+    )
+    same_map: float = setting(0.02, "one limb that is turned", least=0)
+    energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
+
+
+@dataclass(frozen=True)
+class RefinementSettings(Settings):
+    """Settings of the refinements.
+
+    Parameters
+    ----------
+    sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
+        Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
+        two. After each stage, maps that fit much worse than the best are given up.
+    position_unit : float
+        Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
+    normal_weight : float
+        Weight of normals.
+    registration_steps, smooth_registration_steps : int
+        Steps of the non-rigid registration that ends "joint", and that ends "smooth".
+    distance_steps : int
+        Iterations of the plain descriptor alignment on the refinement vertices; two on all vertices follow.
+    laplace_first : tuple of int
+        Functions from which "laplace_icp" grows; each is tried.
+    laplace_choice : int
+        Functions at which the best of these is chosen.
+    laplace_step : int
+        Functions added in each step.
+    laplace_steps_at_once : int
+        If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
+        many iterations: the paper as it is written.
+    """
+
+    sizes_without_positions: tuple[int, ...] = setting(
+        (20, 40, 70, 100, 140), "Melzi et al. 2019, in larger steps", least=4
+    )
+    sizes_with_positions: tuple[int, ...] = setting(
+        (50, 75, 100), "ablation: no positions and normals", least=4
+    )
+    final_sizes: tuple[int, ...] = setting((125, 150, 200), "ablation: no positions and normals", least=4)
+    position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
+    normal_weight: float = setting(0.3, "measured with position_unit", least=0)
+    registration_steps: int = setting(4, "ablation: no registration", least=0)
+    smooth_registration_steps: int = setting(8, "docs/benchmarks.md, smoothness", least=0)
+    distance_steps: int = setting(15, "docs/paper.md: more change little", least=0)
+    laplace_first: tuple[int, ...] = setting(
+        (15, 20, 30, 40), "docs/paper.md: the best of four heals most", least=2
+    )
+    laplace_choice: int = setting(50, "docs/paper.md", least=2)
+    laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
+    laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+
+@dataclass(frozen=True)
+class OutcomeSettings(Settings):
+    """Bounds of the measures that make an outcome.
+
+    Parameters
+    ----------
+    covered : float
+        A target vertex this near to an image along edges, in √area, is covered.
+    normal_functions : int
+        Functions of the smoothed surfaces whose normals are compared.
+    tie : float
+        Score of a rival, against the map returned, below which nothing decides between them.
+    mirror_tie : float
+        The same for a map of the other side where either is allowed; the poses alone may differ as much.
+    poor_misfit, poor_residual, poor_stretch : float
+        Values above which a map is poor.
+    poor_orientation : float
+        Value below which a map is poor.
+    large_component : float
+        Share of the area in components left out from which the match is partial.
+    """
+
+    covered: float = setting(0.05, "the spacing of the search vertices", least=0)
+    normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
+    tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
+    mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
+    poor_misfit: float = setting(0.66, "docs/benchmarks.md, confidence: noise and other kinds", least=0)
+    poor_residual: float = setting(0.38, "docs/benchmarks.md, confidence: noise and other kinds", least=0)
+    poor_stretch: float = setting(1.3, "docs/benchmarks.md, confidence: limbs that stretch", least=1)
+    poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
+    large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
+
+
+@dataclass(frozen=True)
+class Config(Settings):
+    """Settings of `prepare` and `match`; the defaults are those that the benchmarks recommend.
 
     Parameters
     ----------
     n_columns : int
-        Distance columns p for each shape.
+        Number p of distance columns for each shape.
     rank : int
-        Rank k of the distance basis and length of the descriptor.
+        Rank k of the distance basis, and length of the descriptor.
     n_functions : int
         Laplace–Beltrami functions for each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
+    engine : {"fast_marching", "exact", "heat", "dijkstra"}, optional
+        How geodesic distances are computed; by default fast marching on meshes, Dijkstra on point clouds and graphs.
     n_search : int
-        Vertices of each shape on which starts are tried and compared.
+        Vertices of each shape on which hypotheses are tried and compared.
     n_refine : int
         Source vertices on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
-        Choose among automatic starts and those given, or only among those given. Automatic ones are tried in both
-        cases, so that the result can tell when one of them fits better.
+        Choose among automatic hypotheses and those given, or only among those given.
+    search_rivals : bool
+        With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
+        quality reports when one of them fits better. It takes as long as an automatic match.
     refinement : {"none", "laplace_icp", "joint", "smooth"}
-        After the alignment of distance descriptors: nothing (the paper's plain method), post-processing like the
-        paper's, see `refine.by_laplace_icp`, or spectral upsampling joint with descriptors, coordinates and normals;
-        "smooth" is "joint" with more care, and time, for a map that is smooth and nearly one to one.
+        After the alignment of distance descriptors: nothing (the paper's plain method); post-processing like the
+        paper's; or spectral upsampling joint with signatures, positions and normals. "smooth" is "joint" with more
+        steps, for a map that is smooth and nearly one to one.
     orientation : {"preserve", "reverse", "any"}
-        Whether the map should keep the side of the surface that looks outward, turn it inside out (mirror), or
-        whichever fits better.
+        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
+        better.
+    preparation : PreparationSettings
+    search : SearchSettings
+    selection : SelectionSettings
+    refining : RefinementSettings
+    outcome : OutcomeSettings
+        Fine settings of each stage.
+
+    Examples
+    --------
+    >>> Config(rank=30, n_columns=60).search.pool
+    14
+    >>> Config.from_dict({"rank": 30, "search": {"pool": 20}}).search.pool
+    20
     """
 
-    n_columns: int = 100
-    rank: int = 50
-    n_functions: int = 200
-    weights: Weighting = "area"
-    n_search: int = 400
-    n_refine: int = 1000
-    hypotheses: Hypotheses = "all"
-    refinement: Refinement = "joint"
-    orientation: Orientation = "preserve"
+    n_columns: int = setting(100, "Shamai & Kimmel 2017: p = 2 k", least=8)
+    rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
+    n_functions: int = setting(200, "Melzi et al. 2019: 200 functions at 5 000 vertices", least=20)
+    weights: Weighting = setting("area", "docs/paper.md, deviations: area weights")
+    engine: EngineName | None = setting(
+        None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"
+    )
+    n_search: int = setting(400, "measured on 50 pairs: 400 as good as 600, 300 fails on 1", least=100)
+    n_refine: int = setting(
+        1000, "measured on 50 pairs: 1.63 against 1.59 with all vertices, twice as fast", least=100
+    )
+    hypotheses: Hypotheses = setting(
+        "all", "a hint can be wrong; an automatic hypothesis that fits better wins"
+    )
+    search_rivals: bool = setting(
+        True, "the quality of a map from a hint is to tell whether another fits better"
+    )
+    refinement: Refinement = setting("joint", "ablation: refinement")
+    orientation: Orientation = setting("preserve", "ablation: either orientation")
+    preparation: PreparationSettings = setting(PreparationSettings())
+    search: SearchSettings = setting(SearchSettings())
+    selection: SelectionSettings = setting(SelectionSettings())
+    refining: RefinementSettings = setting(RefinementSettings())
+    outcome: OutcomeSettings = setting(OutcomeSettings())
 
     def __post_init__(self) -> None:
-        for name, allowed in _CHOICES.items():
-            if getattr(self, name) not in allowed:
-                raise SettingError(
-                    f"{name} = {getattr(self, name)!r} is not one of {', '.join(map(repr, allowed))}"
-                )
-        for name, least in _LEAST.items():
-            value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
-                raise SettingError(f"{name} = {value!r} is not an integer of at least {least}")
+        super().__post_init__()
         if self.n_refine < 2 * self.n_functions:
             raise SettingError(
                 f"n_refine = {self.n_refine} is below 2 n_functions = {2 * self.n_functions}: too few for the fit"
@@ -84,25 +372,31 @@ class Config:
             raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
 
     @classmethod
-    def from_file(cls, path: str | Path) -> Config:
-        """Read settings from a TOML file; an unknown key is a `SettingError` that lists the known ones."""
+    def from_file(cls, path: str | Path) -> Self:
+        """Read settings from a TOML file, stages as tables; an unknown key is a `SettingError` that lists the known."""
         with Path(path).open("rb") as file:
             values = tomllib.load(file)
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(values) - set(known))
-        if unknown:
-            raise SettingError(f"{path}: unknown setting {', '.join(unknown)}; known are {', '.join(known)}")
-        return cls(**values)
+        try:
+            return cls.from_dict(values)
+        except SettingError as error:
+            raise SettingError(f"{path}: {error}") from None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
-        return asdict(self)
+    def differs_in_preparation(self, other: Config) -> str | None:
+        """Name the first setting of `prepare` in which two configurations differ; None if there is none."""
+        names = (
+            "n_columns",
+            "rank",
+            "n_functions",
+            "weights",
+            "engine",
+            "n_search",
+            "n_refine",
+            "preparation",
+        )
+        return next((name for name in names if getattr(self, name) != getattr(other, name)), None)
 
-
-_CHOICES = {
-    "weights": ("area", "uniform"),
-    "hypotheses": ("all", "given"),
-    "refinement": ("none", "laplace_icp", "joint", "smooth"),
-    "orientation": ("preserve", "reverse", "any"),
-}
-_LEAST = {"n_columns": 8, "rank": 4, "n_functions": 20, "n_search": 100, "n_refine": 100}
+    def for_size(self, n: int) -> Self:
+        """Reduce what a shape of n vertices cannot provide."""
+        columns = min(self.n_columns, n // 2)
+        rank = min(self.rank, columns // 2 if columns < self.n_columns else self.rank)
+        return replace(self, n_columns=columns, rank=rank, n_functions=max(20, min(self.n_functions, n // 4)))

@@ -3,72 +3,76 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
-from isomatch.correspondence import UNMATCHED, Correspondence
-from isomatch.descriptors import (
-    GeodesicDistanceDescriptor,
-    geodesic_distance_descriptor,
-    mean_curvature,
-    standardised,
+from isomatch.correspondence import (
+    UNMATCHED,
+    Correspondence,
+    PrecisePoints,
+    SignedPoints,
+    SurfaceIndex,
+    VertexCells,
 )
-from isomatch.errors import SettingError
-from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.matching.body import body_of
+from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
+from isomatch.errors import MeshError, SettingError
+from isomatch.geodesics import (
+    DistanceEngine,
+    MetricSpace,
+    RestrictedEngine,
+    distance_engine,
+    euclidean_farthest_points,
+    farthest_point_sampling,
+    nearest_along_edges,
+    peripheral_vertex,
+)
+from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import Config
-from isomatch.matching.features import (
-    extremal_points,
-    point_signatures,
-    spread_vertices,
-    surface_cells,
-)
-from isomatch.matching.nearest import Cells
+from isomatch.matching.extremities import extremal_points
+from isomatch.matching.signatures import point_signatures
 from isomatch.surfaces import Graph, Mesh, Surface
-
-FEATURE_SPACING = 0.25  # in √area: keeps fingers from displacing hands
-FEATURE_LIMIT = 8
-LARGE_COMPONENT = 0.05  # share of the area at which a component left out is worth a warning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PreparedShape:
     """One shape, ready to be matched.
 
+    All vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
+
     Parameters
     ----------
-    mesh : Mesh, PointCloud or Graph
+    surface : Mesh, PointCloud or Graph
         The user's shape, untouched.
     body : Mesh, PointCloud or Graph
-        What is matched: the largest connected component, a mesh welded and wound outward, centred, of unit area.
-        Lengths below are in its units.
+        What is matched: the largest connected component, n_body vertices; a mesh welded and wound outward; centred, of
+        unit area. Lengths below are in its units.
     body_vertex : (n,) array of int
-        Body vertex of each vertex of ``mesh``; −1 for those left out.
-    mesh_vertex : (n_body,) array of int
-        Vertex of ``mesh`` of each body vertex.
+        Body vertex of each vertex of ``surface``; −1 for those left out.
+    user_vertex : (n_body,) array of int
+        Vertex of ``surface`` of each body vertex.
     scale : float
-        √area of the body in mesh units: what a length of 1 in the body is worth.
+        √area of the body in the user's units: what a length of 1 in the body is worth.
     distances : DistanceBasis
         Geodesic distance basis of the body, rank k.
     laplace : LaplaceBasis
         Laplace–Beltrami basis of the body, K functions.
-    samples : (p,) array of int
-        Farthest point samples, vertices of the body.
+    column_vertices : (p,) array of int
+        Farthest point samples from which distances were computed.
     columns : (p, n_body) array of float32
-        Geodesic distances from each sample.
-    features : (q,) array of int
-        Extremal points of the body.
-    feature_columns : (q, n_body) array of float
         Geodesic distances from each of them.
-    spread : (r,) array of int
-        Body vertices evenly spread in space; every prefix is.
+    extremities : (q,) array of int
+        Extremal points of the body.
+    extremity_columns : (q, n_body) array of float
+        Geodesic distances from each of them.
+    sample_vertices : (r,) array of int
+        Vertices evenly spread in space; every prefix is.
     config : Config
-        The settings used; smaller than those asked for where a small mesh cannot provide them (``notes`` say so).
+        The settings used; smaller than those asked for where a small shape cannot provide them (``notes`` say so).
     requested : Config
         The settings asked for.
     seed : int
@@ -76,23 +80,23 @@ class PreparedShape:
     left_out : float
         Share of the area in components other than the body.
     notes : tuple of str
-        What was left out or mended.
+        What was repaired or left out.
     seconds : float
-        How long it took.
+        Time the preparation took.
     """
 
-    mesh: Surface
+    surface: Surface
     body: Surface
     body_vertex: IntArray
-    mesh_vertex: IntArray
+    user_vertex: IntArray
     scale: float
     distances: DistanceBasis
     laplace: LaplaceBasis
-    samples: IntArray
-    columns: np.ndarray[tuple[int, int], np.dtype[np.float32]]
-    features: IntArray
-    feature_columns: FloatArray
-    spread: IntArray
+    column_vertices: IntArray
+    columns: Float32Array
+    extremities: IntArray
+    extremity_columns: FloatArray
+    sample_vertices: IntArray
     config: Config
     requested: Config
     seed: int
@@ -101,7 +105,7 @@ class PreparedShape:
     seconds: float
 
     def __repr__(self) -> str:
-        return f"PreparedShape({self.mesh!r}, {self.distances!r}, {self.laplace!r})"
+        return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
 
     @property
     def triangles(self) -> Mesh | None:
@@ -120,77 +124,83 @@ class PreparedShape:
 
     @cached_property
     def intrinsic_scale(self) -> float:
-        """Average distance between two points: the unit in which distances of two shapes are compared."""
+        """The unit in which distances of two shapes are compared: by default the average between two points."""
+        if self.config.preparation.distance_unit == "user":
+            return 1.0 / self.scale
         return float(self.body.vertex_areas @ self.average_distance)
 
     def mean_distance(self, a: IntArray, b: IntArray) -> float:
-        """Mean low-rank geodesic distance between body vertices of two lists, in √area; O(k) a pair."""
+        """Mean low-rank geodesic distance between vertices of two lists, in √area; O(k) a pair."""
         apart = np.maximum(self.distances.distance(a, b), 0.0)
         return float(np.where(a == b, 0.0, apart).mean())
 
     @cached_property
-    def cloud(self) -> GeodesicDistanceDescriptor:
-        """Geodesic distance descriptors of the body, in units of the intrinsic scale."""
+    def points(self) -> SignedPoints:
+        """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
         descriptor = geodesic_distance_descriptor(self.distances)
-        return GeodesicDistanceDescriptor(
-            descriptor.coordinates / np.sqrt(self.intrinsic_scale), descriptor.signature
-        )
+        signs = descriptor.signature
+        if not self.config.preparation.block_diagonal:
+            signs = np.ones_like(signs)
+        return SignedPoints(descriptor.coordinates / np.sqrt(self.intrinsic_scale), signs)
 
     @cached_property
     def signatures(self) -> FloatArray:
-        """(n_body, 23) wave kernel signatures, and curvatures of a mesh: points and graphs have (n_body, 20)."""
-        return point_signatures(self.triangles, self.laplace)
+        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see `point_signatures`."""
+        return point_signatures(self.triangles, self.laplace, self.config.preparation)
 
     @cached_property
     def curvature(self) -> FloatArray:
-        """(n_body,) signed mean curvature of the body low-passed to 100 functions, of mean 0 and variance 1 in the areas.
+        """(n_body,) signed mean curvature of the smoothed body, of mean 0 and variance 1 in the areas.
 
         0 where there are no triangles.
         """
-        mesh = self.triangles
-        if mesh is None:
+        if self.triangles is None:
             return np.zeros(self.body.n_vertices)
-        return standardised(mean_curvature(mesh, self.laplace, 100)[:, None], mesh.vertex_areas)[:, 0]
+        curvature = mean_curvature(
+            self.triangles, self.laplace, self.config.preparation.judged_curvature_functions
+        )
+        return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
 
     @cached_property
-    def cells(self) -> Cells:
-        """Partition of the body around spread vertices, for nearest neighbours.
+    def index(self) -> SurfaceIndex:
+        """Triangles and cells of the body, for nearest vertices and points.
 
-        With c centres a query costs c distances by matrix product and those of about eight cells of n / c vertices,
-        four times slower each: least for c = √(32 n).
+        With c cells a query costs c distances by matrix product and those of about eight cells of n / c vertices, four
+        times slower each: least for c = √(32 n).
         """
-        return surface_cells(self.body, self.spread[: int(np.sqrt(32 * self.body.n_vertices))])
+        centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
+        number = np.zeros(self.body.n_vertices, dtype=np.int64)
+        number[centres] = np.arange(len(centres))
+        owner = number[nearest_along_edges(self.body, centres)[1]]
+        return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
-    def lifted(
-        self,
-        target: PreparedShape,
-        image: IntArray,
-        corners: IntArray | None = None,
-        barycentric: FloatArray | None = None,
-    ) -> Correspondence:
-        """Express a map of bodies in the users' own indices.
+    def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
+        """Carry values (n_body, ...) on the body to the user's vertices (n, ...); ``missing`` off the body."""
+        values = np.asarray(values)
+        padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing, dtype=values.dtype)])
+        lifted: AnyArray = padded[self.body_vertex]  # −1, for vertices left out, picks the last row
+        return lifted
 
-        ``image`` (n_body,), ``corners`` (n_body, 3) and ``barycentric`` (n_body, 3) refer to body vertices of the target.
-        """
-        if corners is None or barycentric is None:
-            corners, barycentric = (
-                np.repeat(image[:, None], 3, axis=1),
-                np.tile([1.0, 0.0, 0.0], (len(image), 1)),
-            )
-        vertices, faces = (
-            np.concatenate([target.mesh_vertex[found], np.full((1, *found.shape[1:]), UNMATCHED)])
-            for found in (image, corners)
-        )
-        rows = self.body_vertex  # −1, for vertices left out, picks the last row
-        return Correspondence(
-            vertices[rows],
-            target.mesh.n_vertices,
-            faces[rows],
-            np.vstack([barycentric, [1.0, 0.0, 0.0]])[rows],
-        )
+    def restrict(self, values: AnyArray) -> AnyArray:
+        """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
+        restricted: AnyArray = np.asarray(values)[self.user_vertex]
+        return restricted
+
+    def correspondence(self, target: PreparedShape, image: IntArray | PrecisePoints) -> Correspondence:
+        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices."""
+        points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
+        corners = self.lift(target.user_vertex[points.corners], UNMATCHED)
+        weights = self.lift(points.barycentric)
+        weights[self.body_vertex < 0] = [1.0, 0.0, 0.0]
+        return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
 
 
-def prepare(surface: Surface, config: Config | None = None, seed: int = 0) -> PreparedShape:
+def prepare(
+    surface: Surface,
+    config: Config | None = None,
+    seed: int = 0,
+    distances: MetricSpace | None = None,
+) -> PreparedShape:
     """Compute everything about one shape that matching needs.
 
     Parameters
@@ -202,63 +212,67 @@ def prepare(surface: Surface, config: Config | None = None, seed: int = 0) -> Pr
         Settings.
     seed : int
         Draws where sampling starts, and seeds the eigensolver.
+    distances : (n, n) array, callable or DistanceEngine, optional
+        Your own distances between the vertices of ``surface``, in its units, in place of ``config.engine``; see
+        `distance_engine`. Finite within the main component.
 
     Returns
     -------
     PreparedShape
-        Its ``notes`` tell what was mended or left out.
+        Its ``notes`` report what was repaired or left out.
 
     Raises
     ------
     MeshError
         If the mesh has no faces, coordinates that are not finite, faces that refer to missing vertices, or fewer
-        than 50 usable vertices.
+        than 50 usable vertices; or if the given distances do not fit it.
+    SettingError
+        If the seed is negative, or the shape has no engine of that name.
 
     Notes
     -----
-    About 0.5 s for 5 000 vertices and 4 s for 28 000 on one thread; half of it is the Laplace–Beltrami basis. Two shapes
-    are prepared at once by `match`. 8 n (K + k) + 4 n p bytes are kept.
+    About 0.5 s for 5 000 vertices and 4 s for 28 000 on one thread; half of it is the Laplace–Beltrami basis. `match`
+    prepares two shapes at once. 8 n (K + k) + 4 n p bytes are kept.
     """
     started = time.perf_counter()
     config = config or Config()
     if seed < 0:
         raise SettingError(f"seed = {seed} is negative; give 0 or more")
-    found = body_of(surface)
+    found = body_of(surface, config.preparation.graph_average_distance)
     body, notes = found.surface, found.notes
-    requested, config = config, _fitting(config, body.n_vertices)
+    requested, config = config, config.for_size(body.n_vertices)
     if config != requested:
         notes += (
             f"small shape of {body.n_vertices} vertices: {config.n_columns} columns, rank {config.rank}, "
             f"{config.n_functions} functions",
         )
+    fine = config.preparation
     with serial_blas():
-        engine = distance_engine(body)
+        engine = distance_engine(body, config.engine)
+        if distances is not None:
+            engine = _given(distances, surface, found)
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
-        distances = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
+        basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
         laplace = laplace_basis(body, config.n_functions, seed)
-        features, feature_columns = extremal_points(
-            body, engine, distances @ body.vertex_areas, FEATURE_SPACING, FEATURE_LIMIT
+        extremities, extremity_columns = extremal_points(
+            body, engine, basis @ body.vertex_areas, fine.extremity_spacing, fine.n_extremities
         )
         count = min(max(config.n_search, config.n_refine), body.n_vertices)
-        spread = (
-            spread_vertices(body.vertices, body.vertex_areas, count)
-            if not isinstance(body, Graph)
-            else farthest_point_sampling(engine, count, int(sampling.vertices[0])).vertices
-        )
+        samples = _evenly_spread(body, engine, count, int(sampling.vertices[0]))
     return PreparedShape(
-        mesh=surface,
+        surface=surface,
         body=body,
         body_vertex=found.body_vertex,
-        mesh_vertex=found.mesh_vertex,
+        user_vertex=found.user_vertex,
         scale=found.scale,
-        distances=distances,
+        distances=basis,
         laplace=laplace,
-        samples=sampling.vertices,
+        column_vertices=sampling.vertices,
         columns=sampling.columns.astype(np.float32),
-        features=features,
-        feature_columns=feature_columns,
-        spread=spread,
+        extremities=extremities,
+        extremity_columns=extremity_columns,
+        sample_vertices=samples,
         config=config,
         requested=requested,
         seed=seed,
@@ -268,12 +282,20 @@ def prepare(surface: Surface, config: Config | None = None, seed: int = 0) -> Pr
     )
 
 
-def _fitting(config: Config, n: int) -> Config:
-    """Reduce what a small mesh cannot provide."""
-    columns = min(config.n_columns, n // 2)
-    return replace(
-        config,
-        n_columns=columns,
-        rank=min(config.rank, columns // 2 if columns < config.n_columns else config.rank),
-        n_functions=max(20, min(config.n_functions, n // 4)),
-    )
+def _given(distances: MetricSpace, surface: Surface, found: Body) -> DistanceEngine:
+    """Restrict distances given for all of the user's vertices to the body."""
+    engine = distance_engine(distances)
+    if engine.n_points != surface.n_vertices:
+        raise MeshError(
+            f"the given distances are between {engine.n_points} points, the shape has {surface.n_vertices} vertices; "
+            "give one row for each vertex of the shape"
+        )
+    return RestrictedEngine(engine, found.user_vertex, found.scale)
+
+
+def _evenly_spread(body: Surface, engine: DistanceEngine, count: int, start: int) -> IntArray:
+    """Farthest points in space, from the one farthest from the centroid; along the edges of a graph, without space."""
+    if isinstance(body, Graph):
+        return farthest_point_sampling(engine, count, start).vertices
+    centred = body.vertices - np.average(body.vertices, axis=0, weights=body.vertex_areas)
+    return euclidean_farthest_points(centred, count, int((centred**2).sum(axis=1).argmax()))

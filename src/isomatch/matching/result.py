@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching.config import Settings
+from isomatch.matching.config import MatchSettings
 
 
 class Outcome(Enum):
@@ -135,6 +135,8 @@ class MatchResult:
         Geodesic engine that ran.
     origin : str
         Where the winning hypothesis came from.
+    reason : str
+        Why it won; empty for a baseline, which has no other.
     config : Config or the settings of a baseline
         Settings used.
     seed : int
@@ -149,7 +151,8 @@ class MatchResult:
     notes: tuple[str, ...]
     engine: str
     origin: str
-    config: Settings
+    reason: str
+    config: MatchSettings
     seed: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -172,6 +175,7 @@ class MatchResult:
             "notes": list(self.notes),
             "engine": self.engine,
             "origin": self.origin,
+            "reason": self.reason,
             "config": self.config.to_dict(),
             "seed": self.seed,
         }

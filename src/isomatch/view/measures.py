@@ -6,15 +6,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import isfinite, isnan
 
-from isomatch.matching import MatchResult, Outcome
-from isomatch.matching.quality import (
-    MIRROR_TIE,
-    POOR_MISFIT,
-    POOR_ORIENTATION,
-    POOR_RESIDUAL,
-    POOR_STRETCH,
-    TIE,
-)
+from isomatch.matching import MatchResult, Outcome, OutcomeSettings
+
+BOUNDS = OutcomeSettings()
 
 
 @dataclass(frozen=True)
@@ -65,7 +59,7 @@ MEASURES = {
         "0: one shape; 0.4: right, of two people",
         "How far corresponding points are apart when shape, curvature and position are compared at once. "
         "0 is the same shape; about 0.4 is a right map between two different people.",
-        most=POOR_MISFIT,
+        most=BOUNDS.poor_misfit,
     ),
     "rival": Measure(
         "next best map",
@@ -73,7 +67,7 @@ MEASURES = {
         "1 is a tie, large is clear",
         "How much more speaks against the best different map than against this one. 1 is a tie, as for left and right of "
         "a symmetric shape; below 1 the other fits better; none: no other came near.",
-        least=TIE,
+        least=BOUNDS.tie,
     ),
     "mirrored": Measure(
         "mirror image",
@@ -81,7 +75,7 @@ MEASURES = {
         "1 is a tie, above 1.5 is clear",
         "How much more speaks against the best map that turns the surface the other way, where either way was allowed. "
         "Poses alone make a difference of up to 1.5; none: no such map came near, or only one way was allowed.",
-        least=MIRROR_TIE,
+        least=BOUNDS.mirror_tie,
     ),
     "distortion_mean": Measure(
         "distortion, mean",
@@ -115,7 +109,7 @@ MEASURES = {
         "1 keeps the outside, −1 inverts it",
         "Whether the map keeps the outside of the surface outside: near 1 it does, near −1 (right where that is "
         "wanted) it is a mirror image, between them it is twisted.",
-        least=POOR_ORIENTATION,
+        least=BOUNDS.poor_orientation,
     ),
     "residual": Measure(
         "descriptor residual",
@@ -123,14 +117,14 @@ MEASURES = {
         "of √(average distance)",
         "How badly the distances from each point to all others agree on the two shapes. Large: their proportions "
         "differ, or the map is wrong.",
-        most=POOR_RESIDUAL,
+        most=BOUNDS.poor_residual,
     ),
     "stretch": Measure(
         "stretch of edges",
         "{:.2f}",
         "mean square, 1 for an isometry",
         "What the map does to the source's edges: 1 keeps their lengths, more means stretches and tears.",
-        most=POOR_STRETCH,
+        most=BOUNDS.poor_stretch,
     ),
     "landmark_error": Measure(
         "landmark error",

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.matching.nearest import Cells, nearest_in_cells, nearest_rows
+from isomatch.correspondence import VertexCells, nearest_in_cells, nearest_rows
 
 
 def brute_force(candidates, queries):
@@ -76,7 +76,7 @@ def test_cells_give_the_answer_of_brute_force(dimension):
     candidates = rng.standard_normal((900, dimension)) / np.arange(1, dimension + 1) + 1e3
     queries = np.vstack([candidates[::7], rng.standard_normal((200, dimension)) + 1e3])
     centres = rng.choice(900, 30, replace=False)
-    cells = Cells.of(centres, rng.integers(30, size=900))
+    cells = VertexCells.of(centres, rng.integers(30, size=900))
     found = nearest_in_cells(candidates, queries, cells)
     apart = ((queries[:, None] - candidates) ** 2).sum(axis=2)
     np.testing.assert_allclose(apart[np.arange(len(queries)), found], apart.min(axis=1), rtol=1e-9, atol=1e-9)
@@ -85,5 +85,5 @@ def test_cells_give_the_answer_of_brute_force(dimension):
 
 def test_equal_candidates_in_different_cells_give_the_first():
     candidates = np.repeat(np.random.default_rng(0).standard_normal((50, 5)), 2, axis=0)
-    cells = Cells.of(np.arange(0, 100, 10), np.random.default_rng(1).integers(10, size=100))
+    cells = VertexCells.of(np.arange(0, 100, 10), np.random.default_rng(1).integers(10, size=100))
     assert (nearest_in_cells(candidates, candidates, cells) == np.repeat(np.arange(0, 100, 2), 2)).all()

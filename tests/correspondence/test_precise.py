@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from isomatch.correspondence import nearest_points
 from isomatch.datasets import example_pair
-from isomatch.matching.precise import nearest_points
 from shapes import flat_grid
 
 

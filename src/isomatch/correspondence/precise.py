@@ -1,6 +1,8 @@
-"""From the nearest vertex to the nearest point: images inside the target's triangles."""
+"""Precise images: the nearest point inside the triangles around the nearest vertex."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -9,60 +11,79 @@ from scipy.sparse import csr_array
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 
-CHUNK = 2048
+CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
 
 
-def nearest_points(
-    of_target: FloatArray, of_source: FloatArray, faces: IntArray, image: IntArray
-) -> tuple[IntArray, FloatArray]:
-    """Find the nearest point of the target's triangles around the nearest vertex.
+class PrecisePoints(NamedTuple):
+    """Points on the triangles of a surface.
 
     Parameters
     ----------
-    of_target : (n_t, d) array of float
-        Coordinates of the target's vertices; its triangles are flat in these d dimensions.
-    of_source : (n_s, d) array of float
-        Coordinates of the points to be mapped.
-    faces : (m_t, 3) array of int
-        The target's faces.
-    image : (n_s,) array of int
-        Nearest target vertex of each point.
+    corners : (m, 3) array of int
+        Vertices of the triangle that holds each point.
+    barycentric : (m, 3) array of float
+        Their weights: not negative, sum 1.
+    """
+
+    corners: IntArray
+    barycentric: FloatArray
+
+    @classmethod
+    def at_vertices(cls, vertices: IntArray) -> PrecisePoints:
+        """Take vertices (m,) themselves."""
+        return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
+
+    def interpolation(self, n_vertices: int) -> csr_array:
+        """(m, n) matrix whose product with values at the n vertices interpolates them at the points."""
+        rows = np.repeat(np.arange(len(self.corners)), 3)
+        entries = (self.barycentric.ravel(), (rows, self.corners.ravel()))
+        return csr_array(entries, shape=(len(self.corners), n_vertices))
+
+
+def nearest_points(
+    coordinates: FloatArray, queries: FloatArray, faces: IntArray, nearest_vertex: IntArray
+) -> PrecisePoints:
+    """Find the nearest point of the triangles around the nearest vertex.
+
+    Parameters
+    ----------
+    coordinates : (n, d) array of float
+        Coordinates of the vertices. Triangles are flat in these d dimensions.
+    queries : (m, d) array of float
+        Points whose nearest points are sought.
+    faces : (f, 3) array of int
+        The triangles.
+    nearest_vertex : (m,) array of int
+        Nearest vertex of each query; the first corner of the result.
 
     Returns
     -------
-    corners : (n_s, 3) array of int
-        Target vertices of the triangle that holds the nearest point; the vertex itself first.
-    barycentric : (n_s, 3) array of float
-        Its weights.
+    PrecisePoints
+        m points. Without triangles, the nearest vertices themselves.
 
     Notes
     -----
     Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around
-    the nearest vertex. About 6 n_s faces, 5 d operations each.
+    the nearest vertex. About 6 m faces, 5 d operations each.
     """
-    start, order = fans(faces, len(of_target))
-    corners = np.repeat(image[:, None], 3, axis=1)
-    barycentric = np.tile([1.0, 0.0, 0.0], (len(image), 1))
+    start, order = faces_around_vertices(faces, len(coordinates))
+    points = PrecisePoints.at_vertices(nearest_vertex)
 
     def chunk(first: int) -> None:
         rows = slice(first, first + CHUNK)
-        _nearest(of_target, of_source[rows], faces, start, order, corners[rows], barycentric[rows])
+        _nearest(
+            coordinates, queries[rows], faces, start, order, points.corners[rows], points.barycentric[rows]
+        )
 
-    parallel_map(chunk, range(0, len(image), CHUNK))
-    return corners, barycentric
+    parallel_map(chunk, range(0, len(nearest_vertex), CHUNK))
+    return points
 
 
-def fans(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
+def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
     """Faces around each vertex a: ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each."""
     start = np.zeros(n_vertices + 1, dtype=np.int64)
     np.cumsum(np.bincount(faces.ravel(), minlength=n_vertices), out=start[1:])
     return start, np.argsort(faces.ravel(), kind="stable")
-
-
-def interpolation(corners: IntArray, barycentric: FloatArray, n_target: int) -> csr_array:
-    """(n_s, n_t) matrix of a precise map: its product with values at the target's vertices pulls them back."""
-    rows = np.repeat(np.arange(len(corners)), 3)
-    return csr_array((barycentric.ravel(), (rows, corners.ravel())), shape=(len(corners), n_target))
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})

@@ -1,13 +1,13 @@
-"""First maps from landmarks and functions: against the same least squares solved plainly, one column at a time."""
+"""Alignments from points and functions: against the same least squares solved plainly, one column at a time."""
 
 import numpy as np
 import pytest
 
-from isomatch.descriptors import GeodesicDistanceDescriptor
-from isomatch.matching.initial import (
-    images_from_rotation,
-    rotation_from_functions,
-    rotations_from_landmarks,
+from isomatch.correspondence import (
+    SignedPoints,
+    alignment_from_functions,
+    alignments_from_points,
+    nearest_under_rotation,
 )
 
 
@@ -15,7 +15,7 @@ def cloud(seed, n=60, k=30):
     rng = np.random.default_rng(seed)
     signature = np.where(rng.random(k) < 0.2, 1.0, -1.0)
     signature[0] = 1
-    return GeodesicDistanceDescriptor(rng.normal(size=(n, k)) / (1 + np.arange(k)), signature)
+    return SignedPoints(rng.normal(size=(n, k)) / (1 + np.arange(k)), signature)
 
 
 def solved_plainly(y, x, y_signs, x_signs, s):
@@ -34,15 +34,15 @@ def solved_plainly(y, x, y_signs, x_signs, s):
 def test_landmarks_solve_the_penalised_least_squares():
     target, source = cloud(0), cloud(1)
     at_target, at_source = np.array([[1, 5, 9, 20, 33], [2, 3, 4, 5, 6]]), np.array([[7, 2, 0, 11, 40]] * 2)
-    found = rotations_from_landmarks(target, source, at_target, at_source)
+    found = alignments_from_points(source, target, at_source, at_target)
     assert found.shape == (2, 20, 20)
     s = (target.coordinates[:, :20] ** 2).sum(axis=1).mean()
     for h in range(2):
         expected = solved_plainly(
             target.coordinates[at_target[h], :20],
             source.coordinates[at_source[h], :20],
-            target.signature,
-            source.signature,
+            target.signs,
+            source.signs,
             s,
         )
         np.testing.assert_allclose(found[h], expected, atol=1e-9)
@@ -51,8 +51,8 @@ def test_landmarks_solve_the_penalised_least_squares():
 def test_real_never_mixes_with_imaginary():
     target, source = cloud(2), cloud(3)
     points = np.arange(10)[None]
-    found = rotations_from_landmarks(target, source, points, points)[0]
-    mixed = np.not_equal.outer(target.signature[:20], source.signature[:20])
+    found = alignments_from_points(source, target, points, points)[0]
+    mixed = np.not_equal.outer(target.signs[:20], source.signs[:20])
     assert mixed.any()
     assert not found[mixed].any()
 
@@ -61,11 +61,11 @@ def test_signs_of_columns_are_recovered_from_five_points():
     """The whole use of landmarks: eigenvectors come with either sign."""
     target = cloud(4)
     flips = np.random.default_rng(4).choice([-1.0, 1.0], 30)
-    source = GeodesicDistanceDescriptor(target.coordinates * flips, target.signature)
+    source = SignedPoints(target.coordinates * flips, target.signs)
     points = np.arange(5)[None]
-    found = rotations_from_landmarks(target, source, points, points)[0]
+    found = alignments_from_points(source, target, points, points)[0]
     np.testing.assert_array_equal(np.sign(np.diag(found))[:8], flips[:8])
-    image = images_from_rotation(target, source, found)
+    image = nearest_under_rotation(source, target, found)
     np.testing.assert_array_equal(image[:5], np.arange(5))
     assert (image == np.arange(60)).mean() > 0.8
 
@@ -75,13 +75,13 @@ def test_functions_solve_the_same_problem_in_coefficients():
     rng = np.random.default_rng(5)
     f_target, f_source = rng.normal(size=(60, 8)), rng.normal(size=(70, 8))
     a_target, a_source = rng.random(60), rng.random(70)
-    found = rotation_from_functions(target, source, f_target, f_source, a_target, a_source)
+    found = alignment_from_functions(source, target, f_source, f_target, a_source, a_target)
     y, x = (
         (f_target * a_target[:, None]).T @ target.coordinates,
         (f_source * a_source[:, None]).T @ source.coordinates,
     )
     s = (y[:, :20] ** 2).sum(axis=1).mean()
-    expected = solved_plainly(y[:, :20], x[:, :20], target.signature, source.signature, s)
+    expected = solved_plainly(y[:, :20], x[:, :20], target.signs, source.signs, s)
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
@@ -89,4 +89,4 @@ def test_functions_solve_the_same_problem_in_coefficients():
 def test_fewer_columns_than_twenty(k):
     target = cloud(7, k=k)
     points = np.arange(6)[None]
-    assert rotations_from_landmarks(target, target, points, points).shape == (1, k, k)
+    assert alignments_from_points(target, target, points, points).shape == (1, k, k)

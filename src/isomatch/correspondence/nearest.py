@@ -13,9 +13,6 @@ from isomatch._threads import parallel_map
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
 
-Coordinates = tuple[FloatArray, FloatArray]
-"""Of all target and all source body vertices, in one space: images are nearest neighbours."""
-
 
 def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     """For each query row, the index of the nearest candidate row; the first of equals.
@@ -51,8 +48,8 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """A partition of the vertices of a surface around some centres.
+class VertexCells:
+    """A partition of the vertices of a surface into cells, each around a centre.
 
     Parameters
     ----------
@@ -68,14 +65,14 @@ class Cells:
     members: IntArray
 
     @classmethod
-    def of(cls, centres: IntArray, owner: IntArray) -> Cells:
+    def of(cls, centres: IntArray, owner: IntArray) -> VertexCells:
         """Group vertices by the number of the centre that owns them, (n,)."""
         start = np.zeros(len(centres) + 1, dtype=np.int64)
         np.cumsum(np.bincount(owner, minlength=len(centres)), out=start[1:])
         return cls(centres, start, np.argsort(owner, kind="stable"))
 
 
-def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: Cells) -> IntArray:
+def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
     """Give the answer of `nearest_rows`, where candidates are the vertices of a surface in smooth coordinates.
 
     Parameters
@@ -83,7 +80,7 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: Cells) 
     candidates : (n, d) array of float
         Coordinates of every vertex.
     queries : (m, d) array of float
-    cells : Cells
+    cells : VertexCells
         Any partition of the vertices; compact cells make it fast.
 
     Returns

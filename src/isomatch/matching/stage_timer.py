@@ -12,7 +12,7 @@ logger = logging.getLogger(__name__)
 Progress = Callable[[str], Any]
 
 
-class Clock:
+class StageTimer:
     """Times the stages of a match, one after the other.
 
     Parameters

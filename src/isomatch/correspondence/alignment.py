@@ -1,0 +1,133 @@
+"""The orthogonal map that aligns two signed point clouds: known points (Procrustes), or none (closest points)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence.signed_points import SignedPoints
+
+NULL_DIRECTION = (
+    1e-9  # rounding: singular values below this share of the largest leave the rotation undetermined
+)
+
+
+def signed_procrustes(source: SignedPoints, target: SignedPoints) -> FloatArray:
+    """Find the orthogonal C that minimises ‖T C − S‖ and mixes only columns of equal sign.
+
+    Parameters
+    ----------
+    source, target : SignedPoints
+        The same m points on both shapes, row by row, with k_s and k_t columns. Stacks (..., m, k) are aligned one by
+        one.
+
+    Returns
+    -------
+    (..., k_t, k_s) array of float
+        C, orthogonal within each block of equal signs, so that inner products are kept. Where a block has more
+        columns on one side, or the points leave a direction undetermined, C is a partial isometry: the direction is
+        dropped.
+
+    Notes
+    -----
+    Schönemann 1966, once for each sign. O(m k²).
+
+    Examples
+    --------
+    >>> x = SignedPoints(np.array([[1.0, 2.0], [3.0, -1.0]]), np.array([1.0, -1.0]))
+    >>> mirrored = SignedPoints(x.coordinates * [1.0, -1.0], x.signs)
+    >>> signed_procrustes(mirrored, x)
+    array([[ 1.,  0.],
+           [ 0., -1.]])
+    """
+    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates  # (..., k_t, m) (..., m, k_s)
+    rotation = np.zeros_like(cross)
+    for sign in (1.0, -1.0):
+        block = (..., *np.ix_(target.signs == sign, source.signs == sign))
+        if cross[block].size:
+            u, scale, v = np.linalg.svd(cross[block], full_matrices=False)
+            held = scale > NULL_DIRECTION * np.maximum(scale[..., :1], np.finfo(float).tiny)
+            rotation[block] = (u * held[..., None, :]) @ v
+    return rotation
+
+
+def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> float:
+    """Root mean square of ‖t C − s‖ over the rows (m,) of two clouds."""
+    difference = target.coordinates @ rotation - source.coordinates
+    return float(np.sqrt((difference**2).sum(axis=1).mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A map between two clouds and the rotation that goes with it.
+
+    Parameters
+    ----------
+    target_row : (m_source,) array of int
+        Row of the target cloud for each row of the source cloud.
+    rotation : (k_t, k_s) array of float
+        C, with target · C ≈ source.
+    residual : float
+        See `alignment_residual`.
+    """
+
+    target_row: IntArray
+    rotation: FloatArray
+    residual: float
+
+
+def iterative_closest_points(
+    source: SignedPoints,
+    target: SignedPoints,
+    starts: IntArray,
+    max_iterations: int,
+    extra: tuple[FloatArray, FloatArray] | None = None,
+    unchanged: float = 0.99,
+) -> list[Alignment]:
+    """Alternate the best rotation and the nearest neighbours, from several first maps at once.
+
+    Parameters
+    ----------
+    source, target : SignedPoints
+        m_s and m_t points.
+    starts : (h, m_s) array of int
+        First maps: target row of each source row.
+    max_iterations : int
+        Most iterations.
+    extra : pair of (m_s, q) and (m_t, q) arrays, optional
+        Further coordinates of source and target for the nearest neighbours. The rotation leaves them alone.
+    unchanged : float
+        A map with at least this share of unchanged images has converged.
+
+    Returns
+    -------
+    list of Alignment
+        One for each first map.
+
+    Notes
+    -----
+    Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖. O(m_t m_s k) for each iteration and first map.
+    """
+    images, moving = starts.copy(), np.arange(len(starts))
+    source_extra, target_extra = (
+        (np.empty((len(source.coordinates), 0)), np.empty((len(target.coordinates), 0)))
+        if extra is None
+        else extra
+    )
+    fixed = np.hstack([source.coordinates, source_extra])
+    for _ in range(max_iterations):
+        previous = images[moving]
+        turned = target.coordinates @ signed_procrustes(source, target.at(previous))
+        for i, points in zip(moving, turned):
+            images[i] = _nearest(np.hstack([points, target_extra]), fixed)
+        moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
+    rotations = signed_procrustes(source, target.at(images))
+    return [Alignment(i, c, alignment_residual(source, target.at(i), c)) for i, c in zip(images, rotations)]
+
+
+def _nearest(candidates: FloatArray, queries: FloatArray) -> IntArray:
+    """Row of the candidate nearest to each query, for few of both."""
+    scores = queries @ candidates.T - 0.5 * np.einsum("ij,ij->i", candidates, candidates)
+    return np.asarray(scores.argmax(axis=1))

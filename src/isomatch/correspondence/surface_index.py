@@ -1,0 +1,33 @@
+"""Nearest vertices and nearest points of one surface, in whatever coordinates its vertices are given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence.nearest import VertexCells, nearest_in_cells
+from isomatch.correspondence.precise import PrecisePoints, nearest_points
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceIndex:
+    """What of a surface speeds up searches in any smooth coordinates of its n vertices.
+
+    Parameters
+    ----------
+    faces : (f, 3) array of int
+        Triangles; none for points and graphs.
+    cells : VertexCells
+        Partition of the vertices into compact cells.
+    """
+
+    faces: IntArray
+    cells: VertexCells
+
+    def vertices(self, coordinates: FloatArray, queries: FloatArray) -> IntArray:
+        """Vertex (m,) nearest to each query (m, d), given coordinates (n, d); see `nearest_in_cells`."""
+        return nearest_in_cells(coordinates, queries, self.cells)
+
+    def points(self, coordinates: FloatArray, queries: FloatArray) -> PrecisePoints:
+        """Nearest point on the triangles around the nearest vertex, see `nearest_points`; that vertex comes first."""
+        return nearest_points(coordinates, queries, self.faces, self.vertices(coordinates, queries))

@@ -1,0 +1,138 @@
+"""Evidence for a map: energies that tell it from its mirror image and from half-turned variants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch._threads import parallel_map
+from isomatch.correspondence import SampledBasis, alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.search import Hypothesis
+from isomatch.surfaces import vertex_normals
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A hypothesis after upsampling, and the evidence for it.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Where it came from.
+    target_row : (m_s,) array of int
+        Upsampled map of the search vertices.
+    energy : float
+        See `energy_of`; with the descriptor columns of the search.
+    orientation : float
+        See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
+        has no normals.
+    landmark_error : float
+        Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
+    """
+
+    hypothesis: Hypothesis
+    target_row: IntArray
+    energy: float
+    orientation: float
+    landmark_error: float
+
+
+class Judge:
+    """Judges hypotheses; those of equal maps share the evidence, which is computed once."""
+
+    def __init__(self, pair: ShapePair, hints: Hints) -> None:
+        self._pair = pair
+        self._landmarks = hints.landmarks
+        self._judged: dict[bytes, Candidate] = {}
+
+    def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
+        """Return the candidate that each hypothesis makes; the order is kept."""
+        keys = [hypothesis.target_row.tobytes() for hypothesis in hypotheses]
+        new = {key: h for key, h in zip(keys, hypotheses) if key not in self._judged}
+        self._judged |= zip(new, parallel_map(self._candidate, new.values()))
+        return [replace(self._judged[key], hypothesis=h) for key, h in zip(keys, hypotheses)]
+
+    def _candidate(self, hypothesis: Hypothesis) -> Candidate:
+        pair, settings = self._pair, self._pair.config.selection
+        spectra = pair.search_spectra
+        first, *sizes = settings.sizes
+        functional_map = spectra.functional_map(hypothesis.target_row, first)
+        target_row = spectra.image(spectra.upsampled(functional_map, sizes))
+        target_vertex = pair.target_vertices[target_row]
+        landmark_error = 0.0
+        if len(self._landmarks):
+            image = extended(pair, target_row, self._landmarks[:, 0])
+            landmark_error = pair.target.mean_distance(image, self._landmarks[:, 1])
+        return Candidate(
+            hypothesis,
+            target_row,
+            energy_of(pair, pair.source_vertices, target_vertex, pair.config.search.rank),
+            orientation_of(
+                pair.source, spectra.source, pair.target, target_vertex, settings.normal_functions
+            ),
+            landmark_error,
+        )
+
+
+def energy_of(
+    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+) -> float:
+    """Energy of a map (m,) of body vertices: descriptor residual × curvature mismatch².
+
+    The residual is that of the distance descriptors after the best rotation, in units of √(average distance): it sees
+    all but near-symmetries. These are seen by the mismatch, the mean absolute difference of the standardised signed mean
+    curvatures; 1 where a shape has none.
+    """
+    source, target = pair.source, pair.target
+    points = source.points.at(source_vertex, rank), target.points.at(target_vertex, rank)
+    residual = alignment_residual(*points, signed_procrustes(*points))
+    if not pair.oriented:
+        return residual
+    mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+    return float(residual * mismatch**pair.config.selection.curvature_exponent)
+
+
+def orientation_of(
+    source: PreparedShape, basis: SampledBasis, target: PreparedShape, target_vertex: IntArray, k: int
+) -> float:
+    """Mean cosine between the normals of the smoothed target and those of its copy drawn on the source.
+
+    Parameters
+    ----------
+    source, target : PreparedShape
+        The shapes.
+    basis : SampledBasis
+        The source's Laplace–Beltrami functions and the m vertices that are mapped.
+    target_vertex : (m,) array of int
+        Their images.
+    k : int
+        Functions of the smoothed target.
+
+    Returns
+    -------
+    float
+        Near 1 the map preserves the orientation of the faces, near −1 it reverses it. 0 where a shape has no triangles.
+    """
+    mesh, onto = source.triangles, target.triangles
+    if mesh is None or onto is None:
+        return 0.0
+    k = min(k, basis.functions.shape[1], len(target.laplace.values))
+    copy = basis.functions[:, :k] @ basis.fit(onto.vertices[target_vertex], k)
+    drawn = vertex_normals(copy, mesh.faces)[basis.vertices]
+    smooth = vertex_normals(target.laplace.low_passed(onto.vertices, k), onto.faces)[target_vertex]
+    return float(np.einsum("ij,ij->i", drawn, smooth).mean())
+
+
+def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:
+    """Extend a map of the search vertices (m_s,), through fifty functions, to source vertices (q,): target vertices."""
+    k = min(pair.config.selection.extension_functions, pair.n_functions)
+    functional_map = pair.search_spectra.functional_map(target_row, k)
+    of_source, of_target = spectral_embedding(
+        functional_map, pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
+    )
+    return pair.target.index.vertices(of_target, of_source)

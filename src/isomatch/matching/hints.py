@@ -1,0 +1,155 @@
+"""What the user knows of the map: landmarks, another method's map, functions; checked, and brought to the bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import UNMATCHED
+from isomatch.errors import DescriptorError, LandmarkError, MapError, some
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+
+FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
+
+
+@dataclass(frozen=True, eq=False)
+class Hints:
+    """What is known of a map, in vertices of the bodies; empty arrays where nothing is.
+
+    Parameters
+    ----------
+    landmarks : (m, 2) array of int
+        Landmarks on both bodies: source vertex, target vertex.
+    landmarks_off : int
+        Landmarks that were given but do not lie on both bodies.
+    known : (q, 2) array of int
+        Source vertices and their images in the initial map.
+    functions : (n_s, r) and (n_t, r) arrays of float
+        Functions on source and target that should correspond.
+    """
+
+    landmarks: IntArray
+    landmarks_off: int
+    known: IntArray
+    functions: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(
+        cls,
+        pair: ShapePair,
+        landmarks: ArrayLike | None,
+        initial_map: ArrayLike | None,
+        initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
+    ) -> Self:
+        """Check what was given to `match`.
+
+        Raises
+        ------
+        LandmarkError, MapError, DescriptorError
+            If it does not fit the shapes, or leaves fewer than 3 points on both bodies.
+        """
+        source, target = pair.source, pair.target
+        sizes = source.surface.n_vertices, target.surface.n_vertices
+        points = known = np.zeros((0, 2), dtype=np.int64)
+        off = 0
+        if landmarks is not None:
+            pairs = checked_landmarks(landmarks, *sizes)
+            points = _on_bodies(source, target, pairs)
+            off = len(pairs) - len(points)
+            if len(points) < FEWEST_POINTS:
+                raise LandmarkError(
+                    f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
+                    "are needed there"
+                )
+        if initial_map is not None:
+            image = checked_initial_map(initial_map, *sizes)
+            pairs = np.column_stack([np.arange(sizes[0]), image])
+            known = _on_bodies(source, target, pairs[image != UNMATCHED])
+            if len(known) < FEWEST_POINTS:
+                raise MapError(
+                    f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
+                    f"{FEWEST_POINTS} are needed to start anything"
+                )
+        functions = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
+        if initial_descriptors is not None:
+            functions = checked_descriptors(initial_descriptors, *sizes)
+        return cls(points, off, known, (source.restrict(functions[0]), target.restrict(functions[1])))
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is known."""
+        return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])
+
+
+def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> IntArray:
+    """Pairs of the users' vertices that lie on both bodies, as body vertices."""
+    on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
+    return on_bodies[(on_bodies >= 0).all(axis=1)]
+
+
+def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:
+    """Return landmarks as an (m, 2) integer array after checking type, shape, range and repetition."""
+    pairs = np.asarray(landmarks)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise LandmarkError(
+            f"landmarks have shape {pairs.shape} and type {pairs.dtype}; expected one row "
+            "(source vertex, target vertex) of two integers for each landmark"
+        )
+    if len(pairs) < FEWEST_POINTS:
+        raise LandmarkError(
+            f"{len(pairs)} landmarks do not fix an alignment; give at least {FEWEST_POINTS}, better 5 at extremities"
+        )
+    for column, (side, n) in enumerate((("source", n_source), ("target", n_target))):
+        bad = pairs[(pairs[:, column] < 0) | (pairs[:, column] >= n), column]
+        if len(bad):
+            raise LandmarkError(
+                f"landmarks name {side} vertices {some(bad)}, outside 0…{n - 1}; indices count from 0, "
+                "and the first column belongs to the source"
+            )
+        values, counts = np.unique(pairs[:, column], return_counts=True)
+        if (counts > 1).any():
+            raise LandmarkError(f"landmarks use {side} vertices {some(values[counts > 1])} more than once")
+    return pairs.astype(np.int64)
+
+
+def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) -> IntArray:
+    """Return an initial map as an (n_source,) integer array after checking type, length and range."""
+    image = np.asarray(getattr(initial_map, "vertices", initial_map))
+    if image.shape != (n_source,) or image.dtype.kind not in "iu":
+        raise MapError(
+            f"initial map has shape {image.shape} and type {image.dtype}; expected one integer target vertex for "
+            f"each of the {n_source} source vertices"
+        )
+    bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
+    if len(bad):
+        raise MapError(
+            f"initial map sends source vertices {some(bad)} outside the target's vertices 0…{n_target - 1}; is it "
+            "the map of the other direction?"
+        )
+    return image.astype(np.int64)
+
+
+def checked_descriptors(
+    descriptors: tuple[ArrayLike, ArrayLike], n_source: int, n_target: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return initial descriptors as (n_source, q) and (n_target, q) arrays after checking them."""
+    if len(descriptors) != 2:
+        raise DescriptorError(
+            f"initial descriptors are {len(descriptors)} arrays; expected two, of source and target"
+        )
+    source, target = (np.asarray(values, dtype=np.float64) for values in descriptors)
+    if source.ndim != 2 or target.ndim != 2 or source.shape[1:] != target.shape[1:]:
+        raise DescriptorError(
+            f"initial descriptors have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"
+        )
+    for side, values, n in (("source", source, n_source), ("target", target, n_target)):
+        if len(values) != n:
+            raise DescriptorError(f"{side} descriptors have {len(values)} rows for {n} vertices")
+        if not np.isfinite(values).all():
+            raise DescriptorError(f"{side} descriptors hold values that are not finite")
+    return source, target

@@ -1,0 +1,219 @@
+"""Many cheap hypotheses, so that the true map is among them: starts, flips and compositions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+from isomatch.correspondence import Alignment, iterative_closest_points, nearest_under_rotation
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.starts import starts_from_extremities, starts_from_hints
+
+AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A candidate map of the search vertices.
+
+    Parameters
+    ----------
+    alignment : Alignment
+        Target row of each source row, rotation and residual after iterative closest points.
+    origin : str
+        Where it came from: "extremities", "landmarks", "initial map", "descriptors", "descriptor flip",
+        "Laplace flip" or "composition".
+    flipped : bool
+        Whether it came of flips, or its own flips were tried.
+    """
+
+    alignment: Alignment
+    origin: str
+    flipped: bool = False
+
+    @property
+    def target_row(self) -> IntArray:
+        """(m_s,) target row of each source row."""
+        return self.alignment.target_row
+
+
+def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
+    """Hypotheses from what the user knows, each after iterative closest points.
+
+    Landmarks at extremities leave the front and the back of a thin body undecided, so the symmetric variants of the map
+    from landmarks come with it.
+    """
+    steps = pair.config.search.distance_steps
+    given = [
+        Hypothesis(iterative_closest_points(*pair.search_points, start[None], steps)[0], origin)
+        for start, origin in starts_from_hints(pair, hints)
+    ]
+    led = [start for start in given if start.origin == "landmarks"]
+    if not led:
+        return given
+    best = min(led, key=lambda start: start.alignment.residual)
+    return [*given, *(replace(v, origin="landmarks") for v in symmetric_variants(pair, best, given))]
+
+
+def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
+    """Collect distinct hypotheses, best residual first.
+
+    Parameters
+    ----------
+    pair : ShapePair
+        The two shapes.
+    given : list of Hypothesis
+        Maps from what the user knows.
+
+    Returns
+    -------
+    list of Hypothesis
+        Those given, maps from extremal points, flips of the leading basis functions (left and right, front and back)
+        and compositions of maps found: a ∘ b⁻¹ ∘ c reaches the fourth variant from three.
+    """
+    settings, pool = pair.config.search, _Pool(pair)
+    pool.merge(given)
+    points = pair.search_points[0].coordinates
+    share = settings.signature_share * np.sqrt((points**2).sum(axis=1).mean() / 2)
+    of_source, of_target = pair.signatures
+    signatures = share * of_source[pair.source_vertices], share * of_target[pair.target_vertices]
+    guided = pool.converged(starts_from_extremities(pair), settings.signature_steps, signatures)
+    pool.add([alignment.target_row for alignment in guided], settings.distance_steps, "extremities")
+    if pool.hypotheses:
+        pool.flip(pool.hypotheses[: settings.flipped])
+        pool.compose(settings.composed)
+    return pool.hypotheses
+
+
+def recomposed(pair: ShapePair, found: list[Hypothesis]) -> list[Hypothesis]:
+    """Compose once more, among more maps, compositions too; return those that differ from all that were found.
+
+    The right map can be composed of three that are each wrong about other limbs.
+    """
+    pool = _Pool(pair)
+    pool.merge(found)
+    pool.compose(pair.config.search.recomposed)
+    return [h for h in pool.hypotheses if h not in found and _is_new(pair, h, found)]
+
+
+def symmetric_variants(pair: ShapePair, winner: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
+    """Find what flips of one basis function, and their compositions, make of the winner, other than the maps known.
+
+    These half-turned and mirrored maps are the ones most easily mistaken for it. None if it was flipped before.
+    """
+    settings = pair.config.search
+    if winner.flipped or not settings.composed_variants:
+        return []
+    pool = _Pool(pair)
+    pool.merge([winner])
+    pool.flip([winner])  # gives mirror images
+    pool.compose(settings.composed_variants)  # and of these half turns
+    return [h for h in pool.hypotheses if _is_new(pair, h, known)]
+
+
+def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:
+    apart = pair.distances_between_maps(hypothesis.target_row, [h.target_row for h in known])
+    return bool((apart > pair.config.search.same_map).all())
+
+
+class _Pool:
+    """The best distinct hypotheses so far."""
+
+    def __init__(self, pair: ShapePair) -> None:
+        self._pair = pair
+        self._settings = pair.config.search
+        self.hypotheses: list[Hypothesis] = []
+
+    def merge(self, new: list[Hypothesis]) -> None:
+        """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
+        kept: list[Hypothesis] = []
+        for hypothesis in sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual):
+            if len(kept) < self._settings.pool and _is_new(self._pair, hypothesis, kept):
+                kept.append(hypothesis)
+        self.hypotheses = kept
+
+    def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
+        """Run iterative closest points from first maps and merge what comes of them."""
+        flipped = origin != "extremities"
+        self.merge([Hypothesis(alignment, origin, flipped) for alignment in self.converged(starts, steps)])
+
+    def flip(self, parents: list[Hypothesis]) -> None:
+        """Add what comes of turning the sign of a basis function, of either basis, in each of some maps."""
+        pair, settings = self._pair, self._settings
+        self.hypotheses = [replace(h, flipped=True) if h in parents else h for h in self.hypotheses]
+        maps = [parent.alignment for parent in parents]
+        flips = [(parent, j) for parent in maps for j in range(settings.flipped_columns)]
+        starts = parallel_map(lambda flip: _descriptor_flip(pair, *flip), flips)
+        self.add(starts, settings.distance_steps, "descriptor flip")
+        n = settings.flipped_functions
+        spectral = [_grown(pair, alignment.target_row, (n,) * 4) for alignment in maps if n]
+        turned = [(functional_map, j) for functional_map in spectral for j in range(2, n)]
+        starts = parallel_map(lambda flip: _laplace_flip(pair, *flip), turned)
+        self.add(starts, settings.short_steps, "Laplace flip")
+
+    def compose(self, count: int) -> None:
+        """Add what comes of a ∘ b⁻¹ ∘ c for triples of the best maps."""
+        best = [h.alignment.rotation for h in self.hypotheses[:count]]
+        n = range(len(best))
+        triples = [
+            (a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2
+        ]
+        composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
+        starts = parallel_map(lambda c: nearest_under_rotation(*self._pair.search_points, c), composed)
+        self.add(starts, self._settings.short_steps, "composition")
+
+    def converged(
+        self, starts: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None
+    ) -> list[Alignment]:
+        """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
+
+        Most starts lead to few maps: comparing them every other iteration saves most of the work.
+        """
+        settings = self._settings
+        alignments: list[Alignment] = []
+        for _ in range(0, steps, settings.compare_every):
+            starts = self._distinct(starts)
+            groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
+            moved = parallel_map(
+                lambda group: iterative_closest_points(
+                    *self._pair.search_points, group, settings.compare_every, extra, settings.unchanged
+                ),
+                groups,
+            )
+            alignments = [alignment for group in moved for alignment in group]
+            starts = [alignment.target_row for alignment in alignments]
+        return alignments
+
+    def _distinct(self, starts: list[IntArray]) -> list[IntArray]:
+        known = [h.target_row for h in self.hypotheses]
+        kept: list[IntArray] = []
+        for start in starts:
+            apart = self._pair.distances_between_maps(start, [*known, *kept])
+            if (apart > self._settings.same_start).all():
+                kept.append(start)
+        return kept
+
+
+def _grown(pair: ShapePair, target_row: IntArray, sizes: tuple[int, ...]) -> FloatArray:
+    """Functional map of a map of the search vertices, upsampled through some sizes."""
+    spectra = pair.search_spectra
+    return spectra.upsampled(spectra.functional_map(target_row, sizes[0]), sizes[1:])
+
+
+def _descriptor_flip(pair: ShapePair, parent: Alignment, column: int) -> IntArray:
+    rotation = parent.rotation.copy()
+    rotation[:, min(column, rotation.shape[1] - 1)] *= -1
+    return nearest_under_rotation(*pair.search_points, rotation)
+
+
+def _laplace_flip(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
+    """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
+    size, spectra = max(function + 1, 4), pair.search_spectra
+    flipped = functional_map[:size, :size].copy()
+    flipped[function] *= -1
+    sizes = range(size, len(functional_map) + 1, 2)
+    return spectra.image(spectra.upsampled(flipped, sizes))

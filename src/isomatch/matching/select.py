@@ -1,0 +1,203 @@
+"""The selector: from candidates and their evidence, plain numbers, to those worth refining, a winner and its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.matching.config import Orientation, SelectionSettings
+
+
+class Evidence(Protocol):
+    """What is known of a candidate before it is refined."""
+
+    @property
+    def energy(self) -> float:
+        """Descriptor residual × curvature mismatch²; lower is better."""
+
+    @property
+    def orientation(self) -> float:
+        """Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it."""
+
+    @property
+    def landmark_error(self) -> float:
+        """Mean error at the landmarks; 0 without any."""
+
+
+class RefinedEvidence(Protocol):
+    """What is known of a refined candidate."""
+
+    @property
+    def misfit(self) -> float:
+        """Mean distance from the images in the last coordinates; lower is better."""
+
+    @property
+    def score(self) -> float:
+        """What speaks against the map: misfit × a power of the energy; nan before the end."""
+
+    @property
+    def residual(self) -> float:
+        """Descriptor residual of the hypothesis, before any refinement."""
+
+    @property
+    def side(self) -> float:
+        """1 if the map preserves orientation, −1 if it reverses it."""
+
+    @property
+    def orientation(self) -> float:
+        """That of the candidate, before the refinement."""
+
+
+C = TypeVar("C", bound=Evidence)
+R = TypeVar("R", bound=RefinedEvidence)
+
+
+def ranked(
+    candidates: Sequence[C], orientation: Orientation, settings: SelectionSettings, landmarks: bool = False
+) -> list[C]:
+    """Order candidates, best first; with landmarks, drop those that contradict them.
+
+    First come those of the wanted orientation, then those not clearly of the other, then the rest; within each, the
+    least energy. Landmarks may ask for the other orientation: with them, the wanted one comes first only where its energy
+    is near the least.
+    """
+
+    def rank(candidate: C) -> int:
+        return _orientation_rank(candidate.orientation, orientation, settings.oriented)
+
+    if not landmarks:
+        return sorted(candidates, key=lambda c: (rank(c), c.energy))
+    slack = min((c.landmark_error for c in candidates), default=0.0) + settings.landmark_slack
+    agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
+    limit = settings.same_energy * min((c.energy for c in agreeing), default=0.0)
+
+    def clear(candidate: C) -> int:
+        return _orientation_rank(candidate.orientation, "any", settings.oriented)
+
+    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
+
+
+def contenders(
+    order: Sequence[C], orientation: Orientation, settings: SelectionSettings, rounds: int = 1
+) -> list[C]:
+    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
+
+    Where limbs touch, the orientation of a right map through few functions can be small. The refinement compares normals
+    everywhere, so all that lean to the wanted side are let in. Each round of the search adds to their number.
+    """
+    if not order:
+        return []
+    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.oriented))
+    leaning = [c for c in order if _orientation_rank(c.orientation, orientation, settings.oriented) <= side]
+    leaning.sort(key=lambda candidate: candidate.energy)
+    limit = settings.contender * leaning[0].energy
+    return [c for c in leaning if c.energy <= limit][: rounds * settings.most_contenders]
+
+
+def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
+    kept = {"preserve": cosine, "reverse": -cosine, "any": abs(cosine)}[wanted]
+    return 0 if kept > oriented else 1 if kept > 0 else 2
+
+
+def survivors(
+    fits: Sequence[R], apart: FloatArray, settings: SelectionSettings, with_normals: bool, both_sides: bool
+) -> list[tuple[int, int]]:
+    """Choose what is refined further after a stage of the refinement.
+
+    Parameters
+    ----------
+    fits : sequence of q refined candidates
+    apart : (q, q) array of float
+        Mean distance between the images of each two, in √area.
+    settings : SelectionSettings
+    with_normals : bool
+        Whether normals took part in the stage. While they do not, a twisted map may fit well: it neither sets the
+        standard nor replaces another.
+    both_sides : bool
+        Whether to keep the best of each orientation, however badly it fits.
+
+    Returns
+    -------
+    list of (int, int)
+        Indices of those kept, best first; and of the fit whose hypothesis each stands for. Of fits that coincide the best
+        is kept, for the hypothesis of least residual among those of its orientation: what comes after the joint
+        refinement does not depend on the start, but the other refinements do.
+    """
+    q = range(len(fits))
+    clear = [i for i in q if with_normals or abs(fits[i].orientation) > settings.oriented] or list(q)
+    limit = settings.hopeless * min(fits[i].misfit for i in clear)
+    order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
+    spared = {fits[i].side: i for i in reversed(order)}.values() if both_sides else []
+    kept: list[tuple[int, int]] = []
+    for i in order:
+        if fits[i].misfit > limit and i not in spared:
+            continue
+        same = next((n for n, (j, _) in enumerate(kept) if apart[i, j] <= settings.same_map), None)
+        if same is None:
+            kept.append((i, i))
+        else:
+            j, standing_for = kept[same]
+            if fits[i].side == fits[standing_for].side and fits[i].residual < fits[standing_for].residual:
+                kept[same] = j, i
+    return kept
+
+
+@dataclass(frozen=True)
+class Selection(Generic[R]):
+    """What was selected, and why.
+
+    Parameters
+    ----------
+    winner : refined candidate
+    rivals : tuple of refined candidates
+        All others, best first.
+    rival, mirrored : float
+        Score of the best rival that is another map, and of the best of the other orientation, over that of the winner;
+        1 is a tie, below 1 it fits better but was not eligible; inf if there is none.
+    reason : str
+        One sentence.
+    """
+
+    winner: R
+    rivals: tuple[R, ...]
+    rival: float
+    mirrored: float
+    reason: str
+
+
+def select(
+    fits: Sequence[R], eligible: Sequence[bool], apart: FloatArray, settings: SelectionSettings
+) -> Selection[R]:
+    """Select the eligible candidate of least score.
+
+    Parameters
+    ----------
+    fits : sequence of q refined candidates, at least one
+    eligible : sequence of q bool
+        Which of them may win. Others are rivals only.
+    apart : (q, q) array of float
+        Mean distance between the images of each two, in √area.
+    settings : SelectionSettings
+        ``rival_distance`` tells a rival from a variant of the winner.
+
+    Returns
+    -------
+    Selection
+    """
+    winner = min((i for i in range(len(fits)) if eligible[i]), key=lambda i: fits[i].score)
+    others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: fits[i].score)
+    least = max(fits[winner].score, 1e-12)
+
+    def ratio(rivals: list[int]) -> float:
+        return fits[rivals[0]].score / least if rivals else np.inf
+
+    rival = ratio([i for i in others if apart[i, winner] > settings.rival_distance])
+    mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])
+    reason = f"least misfit × energy^{settings.energy_exponent:g} of {sum(eligible)} refined hypotheses"
+    if rival < np.inf:
+        reason += f"; the best rival scores {rival:.2f} times as much"
+    return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason)

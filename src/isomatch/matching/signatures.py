@@ -1,0 +1,42 @@
+"""Point signatures: what recognises a vertex beside its distances, and sees inside from outside."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.bases import LaplaceBasis
+from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
+from isomatch.matching.config import PreparationSettings
+from isomatch.surfaces import Mesh
+
+
+def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: PreparationSettings) -> FloatArray:
+    """Wave kernel signatures, and signed mean curvatures of a mesh, each column standardised by area.
+
+    Parameters
+    ----------
+    mesh : Mesh, optional
+        The surface, n vertices; None for points and graphs, which have no curvature.
+    laplace : LaplaceBasis
+        Its Laplace–Beltrami functions.
+    settings : PreparationSettings
+        Numbers of functions, and the weight of either part.
+
+    Returns
+    -------
+    (n, 23) array of float
+        20 logarithms of the wave kernel signature, which evens out its scale, and 3 curvatures, which alone tell a
+        surface from its mirror image and a chest from a back. (n, 20) without a mesh.
+    """
+    wave = np.log(
+        wave_kernel_signature(laplace, k=settings.signature_functions)[:, :: settings.signature_step]
+    )
+    parts = [(wave, settings.wave_weight)]
+    if mesh is not None:
+        sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
+        curvatures = np.column_stack([mean_curvature(mesh, laplace, k) for k in sizes])
+        parts.append((curvatures, settings.curvature_weight))
+    return np.hstack(
+        [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
+    )

@@ -1,0 +1,131 @@
+"""First maps, all in one place: from hints, and from extremities of the shapes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import permutations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
+from isomatch.matching.config import SearchSettings
+from isomatch.matching.hints import FEWEST_POINTS, Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+
+
+def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray, str]]:
+    """First maps from what the user knows: target rows (m_s,) of the search vertices, and where each comes from."""
+    settings = pair.config.search
+    if len(hints.landmarks):
+        for penalty in settings.off_diagonal:
+            yield _from_points(pair, hints.landmarks[None], penalty)[0], "landmarks"
+    if len(hints.known):
+        yield start_from_known(pair, hints.known), "initial map"
+    if hints.functions[0].shape[1]:
+        yield start_from_functions(pair, *hints.functions), "descriptors"
+
+
+def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
+    """First maps from every assignment of extremal points: target rows (m_s,) of the search vertices."""
+    settings = pair.config.search
+    assignments = extremity_assignments(pair.source, pair.target, settings)
+    starts: list[IntArray] = []
+    for count in settings.extremity_counts:
+        group = [points for points in assignments if len(points) == count]
+        if group:
+            starts += _from_points(pair, np.array(group), settings.off_diagonal[0])
+    return starts
+
+
+def start_from_known(pair: ShapePair, known: IntArray) -> IntArray:
+    """First map from a map known at some vertices (q, 2): target rows (m_s,) of the search vertices.
+
+    Search vertices without an image take that of the nearest one that has an image, nearest in descriptors; and an image
+    between the target's search vertices goes to the nearest of them.
+    """
+    source, target = pair.search_points
+    image = np.full(pair.source.body.n_vertices, -1)
+    image[known[::-1, 0]] = known[::-1, 1]  # of vertices that were welded, the first counts
+    target_vertex = image[pair.source_vertices]
+    held = np.flatnonzero(target_vertex >= 0)
+    if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
+        held = np.arange(len(target_vertex))
+        points = pair.source.points.at(known[:, 0], len(source.signs)).coordinates
+        target_vertex = known[cKDTree(points).query(source.coordinates)[1], 1]
+    stand_in = held[cKDTree(source.coordinates[held]).query(source.coordinates)[1]]
+    images = pair.target.points.at(target_vertex[stand_in], len(target.signs)).coordinates
+    return np.asarray(cKDTree(target.coordinates).query(images)[1], dtype=np.int64)
+
+
+def start_from_functions(pair: ShapePair, of_source: FloatArray, of_target: FloatArray) -> IntArray:
+    """First map from functions on the bodies that should correspond, (n_s, q) and (n_t, q)."""
+    settings = pair.config.search
+    weights = pair.source.body.vertex_areas, pair.target.body.vertex_areas
+    rotation = alignment_from_functions(
+        pair.source.points,
+        pair.target.points,
+        of_source,
+        of_target,
+        *weights,
+        n_columns=settings.start_columns,
+        off_diagonal=settings.off_diagonal[0],
+        ridge=settings.ridge,
+    )
+    return nearest_under_rotation(*pair.search_points, rotation)
+
+
+def _from_points(pair: ShapePair, points: IntArray, off_diagonal: float) -> list[IntArray]:
+    """First maps from corresponding vertices (h, m, 2), source and target."""
+    settings = pair.config.search
+    rotations = alignments_from_points(
+        pair.source.points,
+        pair.target.points,
+        points[..., 0],
+        points[..., 1],
+        settings.start_columns,
+        off_diagonal,
+        settings.ridge,
+    )
+    return parallel_map(lambda rotation: nearest_under_rotation(*pair.search_points, rotation), rotations)
+
+
+def extremity_assignments(
+    source: PreparedShape, target: PreparedShape, settings: SearchSettings
+) -> list[IntArray]:
+    """Assign extremal points to extremal points so that their distances agree.
+
+    Returns
+    -------
+    list of (count, 2) arrays of int
+        Source and target vertices; the best of every count of points and both directions, repetitions removed.
+    """
+    found: dict[tuple[tuple[int, int], ...], None] = {}
+    for count in settings.extremity_counts:
+        for forward in (True, False):
+            a, b = (source, target) if forward else (target, source)
+            for few, among in _consistent_assignments(a, b, count, settings):
+                pairs = zip(few, among) if forward else zip(among, few)
+                found.setdefault(tuple(sorted((int(i), int(j)) for i, j in pairs)))
+    return [np.array(pairs) for pairs in found]
+
+
+def _consistent_assignments(
+    a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
+) -> Iterable[tuple[IntArray, IntArray]]:
+    """Extremities of a, the most remote first, and those of b that they are assigned to."""
+    few, among = a.extremities[:count], b.extremities[: settings.extremities_among]
+    if len(few) < count or len(among) < count:
+        return []
+    choices = np.array(list(permutations(range(len(among)), count)))  # (c, count)
+    d_few = a.extremity_columns[:count][:, few] / a.intrinsic_scale
+    d_among = b.extremity_columns[: len(among)][:, among] / b.intrinsic_scale
+    remote_few = a.average_distance[few] / a.intrinsic_scale
+    remote_among = b.average_distance[among] / b.intrinsic_scale
+    cost = np.abs(d_few - d_among[choices[:, :, None], choices[:, None, :]]).mean(axis=(1, 2))
+    cost += settings.remoteness_weight * np.abs(remote_few - remote_among[choices]).mean(axis=1)
+    best = np.argsort(cost, kind="stable")[: settings.assignments]
+    return [(few, among[choices[c]]) for c in best]

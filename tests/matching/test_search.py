@@ -1,0 +1,54 @@
+"""Half-turned and mirrored maps lead to the right one."""
+
+import numpy as np
+import pytest
+
+from isomatch.correspondence import iterative_closest_points
+from isomatch.datasets import creature, ground_truth
+from isomatch.matching import prepare_pair
+from isomatch.matching.search import Hypothesis, symmetric_variants
+
+
+def apart(pair, one, other):
+    return pair.distances_between_maps(one.target_row, [other.target_row])[0]
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A pair of symmetric bipeds, its true map and its mirror image, after iterative closest points."""
+    source, target = (creature(2000, kind="biped", symmetric=True, pose=i, triangulation=i) for i in (1, 2))
+    pair = prepare_pair(source.mesh, target.mesh)
+    maps = []
+    for mirrored in (False, True):
+        vertices = ground_truth(source, target, mirrored=mirrored).vertices[pair.source_vertices]
+        onto = pair.target.body.vertices[pair.target_vertices]
+        nearest = np.linalg.norm(pair.target.body.vertices[vertices][:, None] - onto, axis=2).argmin(axis=1)
+        maps.append(
+            Hypothesis(iterative_closest_points(*pair.search_points, nearest[None], 8)[0], "extremities")
+        )
+    return pair, *maps
+
+
+def test_symmetric_variants_of_the_mirror_image_contain_the_true_map(known):
+    pair, true, mirrored = known
+    found = symmetric_variants(pair, mirrored, [mirrored])
+    assert min(apart(pair, h, true) for h in found) < 0.03
+    assert all(apart(pair, h, mirrored) > 0.05 for h in found)
+    assert all(h.alignment is not mirrored.alignment for h in found)
+
+
+@pytest.mark.parametrize("origin", ["extremities", "initial map"])
+def test_symmetric_variants_are_new_whatever_is_known(known, origin):
+    pair, true, mirrored = known
+    winner = Hypothesis(mirrored.alignment, origin)
+    everything = [winner, true, *symmetric_variants(pair, winner, [winner, true])]
+    assert len(everything) > 3
+    assert symmetric_variants(pair, winner, everything) == []
+    for i, one in enumerate(everything):
+        for other in everything[:i]:
+            assert apart(pair, one, other) > 0.05
+
+
+def test_what_was_flipped_is_not_flipped_again(known):
+    pair, true, _ = known
+    assert symmetric_variants(pair, Hypothesis(true.alignment, "extremities", flipped=True), [true]) == []

@@ -1,0 +1,177 @@
+"""The selector on plain numbers: no shapes, no maps."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from isomatch.matching import SelectionSettings
+from isomatch.matching.select import contenders, ranked, select, survivors
+
+SETTINGS = SelectionSettings()
+
+
+@dataclass(frozen=True)
+class Found:
+    energy: float
+    orientation: float = 0.9
+    landmark_error: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    misfit: float
+    score: float = 1.0
+    orientation: float = 0.9
+    residual: float = 0.2
+
+    @property
+    def side(self):
+        return 1.0 if self.orientation >= 0 else -1.0
+
+
+def apart(n, *same):
+    """Maps that are all 0.5 apart, but for some pairs that coincide."""
+    distances = np.full((n, n), 0.5) - 0.5 * np.eye(n)
+    for i, j in same:
+        distances[i, j] = distances[j, i] = 0.001
+    return distances
+
+
+found = st.builds(
+    Found,
+    st.floats(0.01, 10),
+    st.floats(-1, 1),
+    st.sampled_from([0.0, 0.01, 0.04, 0.2]),
+)
+orientations = st.sampled_from(["preserve", "reverse", "any"])
+
+
+@given(st.lists(found, max_size=8), orientations, st.randoms())
+def test_the_order_of_the_candidates_does_not_matter(candidates, orientation, random):
+    shuffled = candidates[:]
+    random.shuffle(shuffled)
+    for landmarks in (False, True):
+        one, other = (
+            [(c.energy, abs(c.orientation)) for c in ranked(each, orientation, SETTINGS, landmarks)]
+            for each in (candidates, shuffled)
+        )
+        assert sorted(one) == sorted(other)
+        assert one[:1] == other[:1]
+
+
+@given(st.lists(found, min_size=1, max_size=8))
+def test_mirroring_everything_and_asking_for_the_mirror_image_changes_nothing(candidates):
+    mirrored = [Found(c.energy, -c.orientation, c.landmark_error) for c in candidates]
+    kept = [c.energy for c in ranked(candidates, "preserve", SETTINGS)]
+    assert kept == [c.energy for c in ranked(mirrored, "reverse", SETTINGS)]
+
+
+@given(st.lists(found, max_size=8))
+def test_without_landmarks_nothing_is_dropped(candidates):
+    assert sorted(ranked(candidates, "preserve", SETTINGS), key=repr) == sorted(candidates, key=repr)
+
+
+def test_orientation_goes_before_energy():
+    right, mixed, mirrored = Found(3.0, 0.8), Found(2.0, 0.1), Found(1.0, -0.8)
+    everything = [mirrored, mixed, right]
+    assert ranked(everything, "preserve", SETTINGS) == [right, mixed, mirrored]
+    assert ranked(everything, "reverse", SETTINGS) == [mirrored, mixed, right]
+    assert ranked(everything, "any", SETTINGS) == [mirrored, right, mixed]
+
+
+def test_what_contradicts_the_landmarks_is_dropped():
+    near, slack, far = (
+        Found(3.0, landmark_error=0.02),
+        Found(2.0, landmark_error=0.06),
+        Found(1.0, landmark_error=0.2),
+    )
+    assert ranked([near, slack, far], "preserve", SETTINGS, landmarks=True) == [slack, near]
+
+
+def test_landmarks_may_ask_for_the_mirror_image():
+    """The wanted orientation comes first only where it fits nearly as well."""
+    mirrored, near, poor = Found(1.0, -0.8), Found(1.4, 0.8), Found(1.6, 0.8)
+    assert ranked([mirrored, near], "preserve", SETTINGS, landmarks=True)[0] == near
+    assert ranked([mirrored, poor], "preserve", SETTINGS, landmarks=True)[0] == mirrored
+
+
+def test_contenders_are_of_comparable_energy_and_not_of_the_other_side():
+    best, near, weak, mirrored = Found(1.0), Found(2.9), Found(3.1), Found(0.5, -0.8)
+    order = ranked([mirrored, weak, near, best], "preserve", SETTINGS)
+    assert contenders(order, "preserve", SETTINGS) == [best, near]
+
+
+def test_a_map_that_leans_to_the_wanted_side_is_a_contender():
+    order = ranked([Found(1.0, 0.9), Found(0.8, 0.1)], "preserve", SETTINGS)
+    assert contenders(order, "preserve", SETTINGS) == [Found(0.8, 0.1), Found(1.0, 0.9)]
+
+
+def test_where_only_the_other_side_was_found_it_contends():
+    assert contenders([Found(1.0, -0.9)], "preserve", SETTINGS) == [Found(1.0, -0.9)]
+    assert contenders([], "preserve", SETTINGS) == []
+
+
+def test_each_round_adds_contenders():
+    order = [Found(1.0 + 0.01 * i) for i in range(20)]
+    assert len(contenders(order, "preserve", SETTINGS)) == SETTINGS.most_contenders
+    assert len(contenders(order, "preserve", SETTINGS, rounds=2)) == 2 * SETTINGS.most_contenders
+
+
+def test_hopeless_fits_are_given_up():
+    fits = [Fit(1.2), Fit(1.0), Fit(1.1)]
+    assert survivors(fits, apart(3), SETTINGS, True, False) == [(1, 1), (2, 2)]
+
+
+def test_the_best_of_either_side_is_spared_where_both_are_wanted():
+    fits = [Fit(1.0), Fit(3.0, orientation=-0.9), Fit(4.0, orientation=-0.9)]
+    assert survivors(fits, apart(3), SETTINGS, True, True) == [(0, 0), (1, 1)]
+    assert survivors(fits, apart(3), SETTINGS, True, False) == [(0, 0)]
+
+
+def test_a_twisted_map_sets_no_standard_while_normals_take_no_part():
+    fits = [Fit(0.5, orientation=0.1), Fit(1.0)]
+    assert survivors(fits, apart(2), SETTINGS, False, False) == [(1, 1), (0, 0)]
+    assert survivors(fits, apart(2), SETTINGS, True, False) == [(0, 0)]
+
+
+def test_of_fits_that_coincide_one_is_kept_for_the_hypothesis_of_least_residual():
+    fits = [Fit(1.0, residual=0.3), Fit(1.05, residual=0.1), Fit(1.1, residual=0.2)]
+    assert survivors(fits, apart(3, (0, 1)), SETTINGS, True, False) == [(0, 1), (2, 2)]
+
+
+def test_a_fit_of_the_other_side_lends_no_hypothesis():
+    fits = [Fit(1.0, residual=0.3), Fit(1.05, orientation=-0.9, residual=0.1)]
+    assert survivors(fits, apart(2, (0, 1)), SETTINGS, True, False) == [(0, 0)]
+
+
+def test_the_eligible_fit_of_least_score_wins():
+    fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
+    chosen = select(fits, [True, False, True], apart(3), SETTINGS)
+    assert chosen.winner is fits[2]
+    assert chosen.rivals == (fits[1], fits[0])
+    assert chosen.rival == pytest.approx(0.5), "one that may not win fits better"
+    assert chosen.mirrored == inf
+    assert "least misfit" in chosen.reason
+    assert "0.50 times" in chosen.reason
+
+
+def test_a_variant_of_the_winner_is_no_rival():
+    fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
+    chosen = select(fits, [True] * 3, apart(3, (0, 1)), SETTINGS)
+    assert (chosen.rival, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
+    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), SETTINGS)
+    assert alone.rival == inf
+    assert "rival" not in alone.reason
+
+
+@given(st.lists(st.floats(0.1, 10), min_size=1, max_size=6, unique=True), st.randoms())
+def test_the_winner_does_not_depend_on_the_order(scores, random):
+    fits = [Fit(1.0, score=score) for score in scores]
+    chosen = select(fits, [True] * len(fits), apart(len(fits)), SETTINGS)
+    assert chosen.winner.score == min(scores)
+    assert len(chosen.rivals) == len(fits) - 1
+    assert chosen.rival >= 1
