@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from scipy.linalg import polar
 
 from isomatch import Config, MatchResult, PreparedShape, match
@@ -26,7 +27,6 @@ from isomatch.evaluation import counted, geodesic_errors, metric_distortion, tru
 from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.geodesics import distance_engine
 from isomatch.matching import alignment, choice, pipeline, refine, spectral
-from isomatch.matching.nearest import Coordinates, nearest_in_cells
 from isomatch.matching.pair import Pair
 from studies import asked_for, changed
 

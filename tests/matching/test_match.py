@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -69,34 +68,6 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     truth, mesh = example_truth[source.user_vertex], example[1].mesh
     before, after = (errors(i, truth, mesh).mean() for i in (target.user_vertex[image], healed))
     assert after < min(0.2 * before, 0.012)
-
-
-def test_a_poor_map_widens_the_search(example, example_truth, prepared_example, monkeypatch):
-    module = import_module("isomatch.matching.match")
-    search, known = module.search, match(*prepared_example).map.vertices
-
-    def blind(pair, given):
-        """Find nothing near the right map; what is found counts as flipped, so that it gets no variants."""
-        found = search(pair, given)
-        right = min(found, key=lambda h: h.alignment.residual).target_row
-        apart = pair.distances_between_maps(right, [h.target_row for h in found])
-        return [replace(h, flipped=True) for h, away in zip(found, apart) if away > 0.1]
-
-    stages = []
-    monkeypatch.setattr(module, "search", blind)
-    found = match(*prepared_example, progress=stages.append)
-    assert (found.outcome, found.origin) == (Outcome.CONVERGED, "composition")
-    assert errors(found.map.vertices, known, example[1].mesh).mean() < 0.005
-    assert any("the first map was poor" in note for note in found.notes)
-    monkeypatch.setattr(module, "recomposed", lambda pair, found: [])
-    alone = match(*prepared_example)
-    assert alone.outcome is Outcome.LOW_CONFIDENCE
-    assert alone.notes == ()
-    again = ["search", "selection", "refinement", "quality"]
-    assert stages == ["prepare", *again, *again]
-    assert sum(found.timings[stage] for stage in set(stages)) == pytest.approx(
-        found.timings["total"], rel=0.1
-    )
 
 
 @pytest.mark.parametrize("n_functions", [20, 33, 50])

@@ -47,8 +47,3 @@ def test_symmetric_variants_are_new_whatever_is_known(known, origin):
     for i, one in enumerate(everything):
         for other in everything[:i]:
             assert apart(pair, one, other) > 0.05
-
-
-def test_what_was_flipped_is_not_flipped_again(known):
-    pair, true, _ = known
-    assert symmetric_variants(pair, Hypothesis(true.alignment, "extremities", flipped=True), [true]) == []

@@ -115,10 +115,9 @@ def test_where_only_the_other_side_was_found_it_contends():
     assert contenders([], "preserve", SETTINGS) == []
 
 
-def test_each_round_adds_contenders():
+def test_there_is_a_limit_to_the_contenders():
     order = [Found(1.0 + 0.01 * i) for i in range(20)]
     assert len(contenders(order, "preserve", SETTINGS)) == SETTINGS.most_contenders
-    assert len(contenders(order, "preserve", SETTINGS, rounds=2)) == 2 * SETTINGS.most_contenders
 
 
 def test_hopeless_fits_are_given_up():

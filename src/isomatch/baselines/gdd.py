@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Surface
 
-PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform"}
+PLAIN: dict[str, Any] = {"hypotheses": "given", "search_rivals": False, "weights": "uniform"}
 
 
 def gdd(
@@ -29,7 +29,7 @@ def gdd(
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. At least one hint is needed.
     config : Config, optional
-        Settings; of these, hypotheses, refinement and weights are those of the paper in any case.
+        Settings; of these, hypotheses, refinement, weights and the search of rivals are those of the paper in any case.
 
     Returns
     -------
@@ -45,8 +45,8 @@ def gdd(
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
     and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided; flips of the
-    first map that agree with the landmarks are tried as well, and judged as `match` judges. `match` also tries automatic
-    starts, to measure the rival: its seconds are not the paper's.
+    first map that agree with the landmarks are tried as well, and judged as `match` judges. No automatic rivals are
+    searched for.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)
@@ -64,7 +64,7 @@ def gdd_post(
     """Match by geodesic distance descriptors, then post-process in the Laplace–Beltrami basis.
 
     Everything is as for `gdd`. In the paper the post-processing is iterative closest points with an orthogonal functional
-    map; here the map grows from few functions to ``n_functions`` of the settings, see `refine.by_laplace_icp`.
+    map; here the map grows from few functions to ``n_functions`` of the settings, see `laplace_icp_embedding`.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

@@ -116,17 +116,13 @@ class Task:
         points = target.index.points(embedding.target, embedding.source)
         self.timer.start("quality")
         quality = measure_quality(self.pair, points, self.hints.landmarks)
-        left_out = max(source.left_out, target.left_out)
-        notes = (
-            f"{side}: {note}" for side, s in (("source", source), ("target", target)) for note in s.notes
-        )
         return MatchResult(
             map=source.correspondence(target, points),
-            outcome=outcome_of(quality, left_out, config.orientation, self.pair.config.outcome),
+            outcome=outcome_of(self.pair, quality, config.orientation),
             quality=quality,
             alternatives=(),
             timings=self.timer.stop(),
-            notes=(*notes, NOT_JUDGED),
+            notes=(*self.pair.notes, NOT_JUDGED),
             engine=source.distances.engine,
             origin=origin,
             reason="",

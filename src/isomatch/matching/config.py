@@ -97,7 +97,7 @@ class SearchSettings(Settings):
     signature_share : float
         Weight of point signatures against descriptors in the first iterations.
     signature_steps, distance_steps, short_steps : int
-        Iterations of closest points with signatures, with descriptors alone, and after flips and compositions.
+        Iterations of closest points with signatures, with descriptors alone, and after flips.
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
@@ -108,14 +108,13 @@ class SearchSettings(Settings):
         Most hypotheses.
     flipped : int
         Best hypotheses whose flips are tried.
-    flipped_columns, flipped_functions : int
-        Leading descriptor columns and Laplace–Beltrami functions whose sign is flipped.
-    composed : int
-        Best hypotheses of which triples are composed.
-    recomposed : int
-        The same in a second round, after a map of low confidence.
+    flipped_functions : int
+        Leading Laplace–Beltrami functions whose sign is flipped.
+    variants_of_landmarks : bool
+        Whether flips of the map from landmarks, and compositions of them, are tried too. Landmarks at extremities leave
+        the front and the back of a thin body undecided.
     composed_variants : int
-        The same among a winner and its flips; 0 leaves symmetric variants of the winner out.
+        Best of these flips of which triples are composed.
     """
 
     rank: int = setting(
@@ -135,18 +134,16 @@ class SearchSettings(Settings):
     signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
     signature_steps: int = setting(4, "most maps change little afterwards", least=0)
     distance_steps: int = setting(8, "most maps change little afterwards", least=0)
-    short_steps: int = setting(4, "flips and compositions start near their limit", least=0)
+    short_steps: int = setting(4, "flips start near their limit", least=0)
     unchanged: float = setting(0.99, "below the resolution of 400 samples", least=0, most=1)
     compare_every: int = setting(2, "saves most of the iterations; the maps found are the same", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
     same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
     pool: int = setting(14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1)
     flipped: int = setting(3, "ablation: no flips", least=0)
-    flipped_columns: int = setting(10, "ablation: no flips of descriptor columns", least=0)
-    flipped_functions: int = setting(20, "ablation: no flips of Laplace–Beltrami functions", least=0)
-    composed: int = setting(6, "ablation: no compositions", least=0)
-    recomposed: int = setting(10, "ablation: no second round of compositions", least=0)
-    composed_variants: int = setting(6, "ablation: no symmetric variants of the winner", least=0)
+    flipped_functions: int = setting(20, "ablation: no flips", least=0)
+    variants_of_landmarks: bool = setting(True, "docs/paper.md, deviations: flips of the start not tried")
+    composed_variants: int = setting(6, "docs/paper.md, deviations: flips of the start not tried", least=0)
 
 
 @dataclass(frozen=True)
@@ -166,7 +163,7 @@ class SelectionSettings(Settings):
     contender : float
         Energy, against the least, up to which a hypothesis is refined and compared again.
     most_contenders : int
-        Most hypotheses refined after each round of the search.
+        Most hypotheses that are refined.
     same_energy : float
         Energy, against the least, up to which orientation decides among maps that agree with landmarks.
     landmark_slack : float

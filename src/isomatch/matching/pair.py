@@ -86,6 +86,16 @@ class ShapePair:
         """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
         return self.source.triangles is not None and self.target.triangles is not None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was repaired or left out of either shape."""
+        return tuple(f"{side}: {note}" for side in ("source", "target") for note in getattr(self, side).notes)
+
+    @property
+    def left_out(self) -> float:
+        """Largest share of the area of either shape in components that are not matched."""
+        return max(self.source.left_out, self.target.left_out)
+
     @cached_property
     def _target_row_distances(self) -> FloatArray:
         """Geodesic distances between the target's search vertices, in √area, (m_t, m_t)."""

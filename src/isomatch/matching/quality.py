@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from isomatch._arrays import IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import nearest_along_edges
-from isomatch.matching.config import Orientation, OutcomeSettings
+from isomatch.matching.config import Orientation
 from isomatch.matching.evidence import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Outcome, Quality
@@ -78,38 +78,32 @@ def _stretch(source: Surface, target: Surface, pull_back: csr_array) -> float:
     return float(images / lengths)
 
 
-def outcome_of(
-    quality: Quality,
-    left_out: float,
-    wanted: Orientation,
-    settings: OutcomeSettings,
-    hinted: bool = False,
-) -> Outcome:
+def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False) -> Outcome:
     """Sum up the evidence.
 
     Parameters
     ----------
+    pair : ShapePair
+        The two shapes; the bounds are those of its settings.
     quality : Quality
-    left_out : float
-        Largest share of the area of either shape in components that were not matched.
     wanted : {"preserve", "reverse", "any"}
-    settings : OutcomeSettings
-        Bounds.
+        What the map should do with the orientation of the faces.
     hinted : bool
         Whether hints were given: they may have led to the orientation that was not wanted.
     """
+    bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
     kept = sign * quality.orientation
-    turned = hinted and kept < -settings.poor_orientation
+    turned = hinted and kept < -bounds.poor_orientation
     poor = (
-        quality.misfit > settings.poor_misfit
-        or quality.residual > settings.poor_residual
-        or quality.stretch > settings.poor_stretch
-        or (kept < settings.poor_orientation and not turned)
+        quality.misfit > bounds.poor_misfit
+        or quality.residual > bounds.poor_residual
+        or quality.stretch > bounds.poor_stretch
+        or (kept < bounds.poor_orientation and not turned)
         or quality.rival < 1.0
     )
     if poor:
         return Outcome.LOW_CONFIDENCE
-    if quality.rival < settings.tie or quality.mirrored < settings.mirror_tie or turned:
+    if quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned:
         return Outcome.SYMMETRY_AMBIGUOUS
-    return Outcome.PARTIAL if left_out > settings.large_component else Outcome.CONVERGED
+    return Outcome.PARTIAL if pair.left_out > bounds.large_component else Outcome.CONVERGED

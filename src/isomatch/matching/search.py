@@ -1,4 +1,4 @@
-"""Many cheap hypotheses, so that the true map is among them: starts, flips and compositions."""
+"""Many cheap hypotheses, so that the true map is among them: starts, and flips of the best."""
 
 from __future__ import annotations
 
@@ -25,15 +25,11 @@ class Hypothesis:
     alignment : Alignment
         Target row of each source row, rotation and residual after iterative closest points.
     origin : str
-        Where it came from: "extremities", "landmarks", "initial map", "descriptors", "descriptor flip",
-        "Laplace flip" or "composition".
-    flipped : bool
-        Whether it came of flips, or its own flips were tried.
+        Where it came from: "extremities", "landmarks", "initial map", "descriptors" or "flip".
     """
 
     alignment: Alignment
     origin: str
-    flipped: bool = False
 
     @property
     def target_row(self) -> IntArray:
@@ -53,7 +49,7 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
         for start, origin in starts_from_hints(pair, hints)
     ]
     led = [start for start in given if start.origin == "landmarks"]
-    if not led:
+    if not led or not pair.config.search.variants_of_landmarks:
         return given
     best = min(led, key=lambda start: start.alignment.residual)
     return [*given, *(replace(v, origin="landmarks") for v in symmetric_variants(pair, best, given))]
@@ -72,8 +68,8 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     Returns
     -------
     list of Hypothesis
-        Those given, maps from extremal points, flips of the leading basis functions (left and right, front and back)
-        and compositions of maps found: a ∘ b⁻¹ ∘ c reaches the fourth variant from three.
+        Those given, maps from extremal points, and flips of the best of them, which exchange left and right or front
+        and back.
     """
     settings, pool = pair.config.search, _Pool(pair)
     pool.merge(given)
@@ -85,33 +81,18 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     pool.add([alignment.target_row for alignment in guided], settings.distance_steps, "extremities")
     if pool.hypotheses:
         pool.flip(pool.hypotheses[: settings.flipped])
-        pool.compose(settings.composed)
     return pool.hypotheses
 
 
-def recomposed(pair: ShapePair, found: list[Hypothesis]) -> list[Hypothesis]:
-    """Compose once more, among more maps, compositions too; return those that differ from all that were found.
+def symmetric_variants(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
+    """Find what flips of one basis function, and their compositions, make of a hypothesis, other than the maps known.
 
-    The right map can be composed of three that are each wrong about other limbs.
+    Flips give mirror images. A composition a ∘ b⁻¹ ∘ c of them gives half turns, the maps most easily mistaken for it.
     """
     pool = _Pool(pair)
-    pool.merge(found)
-    pool.compose(pair.config.search.recomposed)
-    return [h for h in pool.hypotheses if h not in found and _is_new(pair, h, found)]
-
-
-def symmetric_variants(pair: ShapePair, winner: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
-    """Find what flips of one basis function, and their compositions, make of the winner, other than the maps known.
-
-    These half-turned and mirrored maps are the ones most easily mistaken for it. None if it was flipped before.
-    """
-    settings = pair.config.search
-    if winner.flipped or not settings.composed_variants:
-        return []
-    pool = _Pool(pair)
-    pool.merge([winner])
-    pool.flip([winner])  # gives mirror images
-    pool.compose(settings.composed_variants)  # and of these half turns
+    pool.merge([hypothesis])
+    pool.flip([hypothesis])
+    pool.compose(pair.config.search.composed_variants)
     return [h for h in pool.hypotheses if _is_new(pair, h, known)]
 
 
@@ -138,22 +119,15 @@ class _Pool:
 
     def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""
-        flipped = origin != "extremities"
-        self.merge([Hypothesis(alignment, origin, flipped) for alignment in self.converged(starts, steps)])
+        self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
     def flip(self, parents: list[Hypothesis]) -> None:
-        """Add what comes of turning the sign of a basis function, of either basis, in each of some maps."""
-        pair, settings = self._pair, self._settings
-        self.hypotheses = [replace(h, flipped=True) if h in parents else h for h in self.hypotheses]
-        maps = [parent.alignment for parent in parents]
-        flips = [(parent, j) for parent in maps for j in range(settings.flipped_columns)]
-        starts = parallel_map(lambda flip: _descriptor_flip(pair, *flip), flips)
-        self.add(starts, settings.distance_steps, "descriptor flip")
-        n = settings.flipped_functions
-        spectral = [_grown(pair, alignment.target_row, (n,) * 4) for alignment in maps if n]
-        turned = [(functional_map, j) for functional_map in spectral for j in range(2, n)]
-        starts = parallel_map(lambda flip: _laplace_flip(pair, *flip), turned)
-        self.add(starts, settings.short_steps, "Laplace flip")
+        """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
+        pair, n = self._pair, self._settings.flipped_functions
+        grown = [_grown(pair, parent.target_row, (n,) * 4) for parent in parents if n]
+        flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
+        starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
+        self.add(starts, self._settings.short_steps, "flip")
 
     def compose(self, count: int) -> None:
         """Add what comes of a ∘ b⁻¹ ∘ c for triples of the best maps."""
@@ -164,7 +138,7 @@ class _Pool:
         ]
         composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
         starts = parallel_map(lambda c: nearest_under_rotation(*self._pair.search_points, c), composed)
-        self.add(starts, self._settings.short_steps, "composition")
+        self.add(starts, self._settings.short_steps, "flip")
 
     def converged(
         self, starts: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None
@@ -204,13 +178,7 @@ def _grown(pair: ShapePair, target_row: IntArray, sizes: tuple[int, ...]) -> Flo
     return spectra.upsampled(spectra.functional_map(target_row, sizes[0]), sizes[1:])
 
 
-def _descriptor_flip(pair: ShapePair, parent: Alignment, column: int) -> IntArray:
-    rotation = parent.rotation.copy()
-    rotation[:, min(column, rotation.shape[1] - 1)] *= -1
-    return nearest_under_rotation(*pair.search_points, rotation)
-
-
-def _laplace_flip(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
+def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
     """Turn one function of the leading block, and grow the map again to the size it had, two functions at a time."""
     size, spectra = max(function + 1, 4), pair.search_spectra
     flipped = functional_map[:size, :size].copy()

@@ -81,13 +81,11 @@ def ranked(
     return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
 
 
-def contenders(
-    order: Sequence[C], orientation: Orientation, settings: SelectionSettings, rounds: int = 1
-) -> list[C]:
+def contenders(order: Sequence[C], orientation: Orientation, settings: SelectionSettings) -> list[C]:
     """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
 
     Where limbs touch, the orientation of a right map through few functions can be small. The refinement compares normals
-    everywhere, so all that lean to the wanted side are let in. Each round of the search adds to their number.
+    everywhere, so all that lean to the wanted side are let in.
     """
     if not order:
         return []
@@ -95,7 +93,7 @@ def contenders(
     leaning = [c for c in order if _orientation_rank(c.orientation, orientation, settings.oriented) <= side]
     leaning.sort(key=lambda candidate: candidate.energy)
     limit = settings.contender * leaning[0].energy
-    return [c for c in leaning if c.energy <= limit][: rounds * settings.most_contenders]
+    return [c for c in leaning if c.energy <= limit][: settings.most_contenders]
 
 
 def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
