@@ -8,7 +8,7 @@ import pytest
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-FOUNDATION = {"errors", "_arrays", "_memory", "_settings", "_threads"}
+FOUNDATION = {"errors", "_arrays", "_memory", "_renamed", "_settings", "_threads"}
 SURFACES = FOUNDATION | {"surfaces"}
 GEODESICS = SURFACES | {"geodesics"}
 BASES = GEODESICS | {"bases"}
