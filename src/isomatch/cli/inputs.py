@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch import Config, Correspondence, LandmarkError, MapError
+from isomatch import Config, Correspondence, LandmarkError
 from isomatch._arrays import IntArray
+from isomatch._files import opened
 from isomatch.errors import FormatError, MissingFileError
 
 
@@ -22,7 +23,9 @@ def read_landmarks(path: Path) -> IntArray:
 def read_pairs(path: Path, what: str, whose: str) -> IntArray:
     """Read pairs of 0-based vertices, one a line, comma or blank separated, ``#`` comments."""
     pairs = []
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    with opened(path) as file:
+        lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -38,12 +41,7 @@ def read_pairs(path: Path, what: str, whose: str) -> IntArray:
 
 def read_initial_map(path: Path, n_target: int) -> IntArray:
     """Read the target vertex of each source vertex, from text or ``.npz``; −1 where unknown."""
-    if not path.exists():
-        raise MissingFileError(f"{path}: no such file; check the name and the folder")
-    try:
-        return Correspondence.load(path, n_target).vertices
-    except MapError as error:
-        raise MapError(f"{path}: {error}") from None
+    return Correspondence.load(path, n_target).vertices
 
 
 def read_config(path: Path | None) -> Config | None:
@@ -52,6 +50,8 @@ def read_config(path: Path | None) -> Config | None:
         return None
     try:
         return Config.from_file(path)
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: no such file; check the name and the folder") from None
     except (ValueError, TypeError) as error:
         message = str(error)
         where = "" if message.startswith(str(path)) else f"{path}: "

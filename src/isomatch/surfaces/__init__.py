@@ -4,8 +4,8 @@ from typing import TypeAlias
 
 from isomatch.surfaces.check import check
 from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.io import read_mesh, read_point_cloud, write_mesh
-from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
@@ -14,8 +14,10 @@ Surface: TypeAlias = Mesh | PointCloud | Graph
 """Whatever has geodesic distances of its own and can be matched."""
 
 __all__ = [
+    "FORMATS",
     "Graph",
     "Mesh",
+    "MeshFormat",
     "MeshReport",
     "PointCloud",
     "Repair",
@@ -24,5 +26,6 @@ __all__ = [
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "vertex_normals",
     "write_mesh",
 ]

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._files import opened, replaced
+from isomatch.errors import DescriptorError, FormatError
 from isomatch.surfaces.io import obj, off, ply, stl
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
@@ -18,19 +19,30 @@ from isomatch.surfaces.point_cloud import PointCloud
 
 @dataclass(frozen=True)
 class MeshFormat:
-    """How one format is read and written, and which options of `write_mesh` it has."""
+    """How one format is read and written.
+
+    Parameters
+    ----------
+    read : callable
+        Makes a mesh of the bytes of a file and its name, which is for messages.
+    write : callable
+        Makes bytes of a mesh and of those options of `write_mesh` that the format has, by keyword.
+    options : frozenset of str
+        Names of these options: ``"binary"``, ``"colors"``.
+    """
 
     read: Callable[[bytes, str], Mesh]
     write: Callable[..., bytes]
     options: frozenset[str] = frozenset()
 
 
-FORMATS = {
+FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write),
     ".obj": MeshFormat(obj.read, obj.write, frozenset({"colors"})),
     ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
     ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
 }
+"""The format of each suffix, which is in lower case and has its dot. An entry more is one more format."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -52,6 +64,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
     Raises
     ------
+    MissingFileError
+        If there is no such file.
     FormatError
         If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that
         format; the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
@@ -71,13 +85,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """
     path = Path(path)
     mesh_format = _format_of(path)
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FormatError(f"{path}: no such file; check the name and the folder") from None
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
-    return mesh_format.read(data, str(path))
+    with opened(path) as file:
+        return mesh_format.read(file.read(), str(path))
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
@@ -97,7 +106,7 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
 
     Raises
     ------
-    FormatError
+    MissingFileError, FormatError
         As `read_mesh`.
     MeshError
         If the points are no point cloud; see `PointCloud`.
@@ -141,8 +150,10 @@ def write_mesh(
     FormatError
         If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be
         written to.
+    DescriptorError
+        If the colours do not fit the mesh.
     MeshError
-        If the colours do not fit the mesh, or the mesh does not fit the format.
+        If the mesh does not fit the format.
 
     Notes
     -----
@@ -167,7 +178,15 @@ def write_mesh(
     for option in sorted(options.keys() - mesh_format.options):
         able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
         raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
-    _replace(path, mesh_format.write(mesh, **options))
+    data = mesh_format.write(mesh, **options)
+    try:
+        with replaced(path) as file:
+            file.write(data)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FormatError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
+        ) from None
 
 
 def _format_of(path: Path) -> MeshFormat:
@@ -181,23 +200,8 @@ def _format_of(path: Path) -> MeshFormat:
 def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
     array = np.asarray(colors)
     if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
-        raise MeshError(
+        raise DescriptorError(
             f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
             "red, green, blue from 0 to 255 for each vertex"
         )
     return array
-
-
-def _replace(path: Path, data: bytes) -> None:
-    final = path.resolve()  # a link keeps pointing at the file it names
-    unfinished = final.with_name(f".{final.name}.{os.getpid()}.unfinished")
-    try:
-        unfinished.write_bytes(data)
-        unfinished.replace(final)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise FormatError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
-        ) from None
-    finally:
-        unfinished.unlink(missing_ok=True)
