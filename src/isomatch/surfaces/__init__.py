@@ -1,4 +1,4 @@
-"""What is matched: meshes, point clouds and graphs; their files, defects and repair."""
+"""Surfaces: meshes, point clouds and graphs; their files, their defects, and repair."""
 
 from typing import TypeAlias
 
@@ -11,7 +11,7 @@ from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
 
 Surface: TypeAlias = Mesh | PointCloud | Graph
-"""Whatever has geodesic distances of its own and can be matched."""
+"""Any of the three: a space with geodesic distances that can be matched."""
 
 __all__ = [
     "FORMATS",

@@ -1,4 +1,4 @@
-"""Read and write a mesh file; the suffix of its name says the format."""
+"""Reading and writing of mesh files. The suffix of the name determines the format."""
 
 from __future__ import annotations
 
@@ -42,38 +42,38 @@ FORMATS: dict[str, MeshFormat] = {
     ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
     ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
 }
-"""The format of each suffix, which is in lower case and has its dot. An entry more is one more format."""
+"""The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from an OFF, OBJ, PLY or STL file.
 
-    Vertices keep the order and number of the file, so that an index means the same vertex here and there.
-    Polygons are split into fans of triangles, in order. A file of points without faces gives a mesh of 0
-    faces. Whether the surface is sound is not judged here; see `check`.
+    The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
+    split into fans of triangles, in order. A file without faces gives a mesh of 0 faces. The surface is not examined
+    for defects; see `check`.
 
     Parameters
     ----------
     path : path_like
-        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+        File with suffix ``.off``, ``.obj``, ``.ply`` or ``.stl``, in upper or lower case.
 
     Returns
     -------
     Mesh
-        Vertices in the file's units.
+        The mesh, in the units of the file.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FormatError
-        If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that
-        format; the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+        If the suffix is unknown, or the file cannot be opened, is cut short, or is not of that format. A message
+        about its content starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
 
     Notes
     -----
-    Linear time; the file is held in memory. STL stores no connectivity: corners at exactly equal positions
-    become one vertex, numbered in order of first appearance.
+    Linear time; the file is read into memory. STL files do not store connectivity: corners at exactly the same position
+    become one vertex, and vertices are numbered in order of first appearance.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
-    r"""Read the vertices of a file as a point cloud; faces, if it has any, are passed over.
+    r"""Read the vertices of a file as a point cloud; faces are ignored.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
     Returns
     -------
     PointCloud
-        Points in the file's units and order.
+        The points, in the units and order of the file.
 
     Raises
     ------
     MissingFileError, FormatError
         As `read_mesh`.
     MeshError
-        If the points are no point cloud; see `PointCloud`.
+        If the points do not make a point cloud; see `PointCloud`.
 
     Examples
     --------
@@ -129,36 +129,35 @@ def write_mesh(
     binary: bool | None = None,
     colors: ArrayLike | None = None,
 ) -> None:
-    """Write a mesh to an OFF, OBJ, PLY or STL file, replacing the file if there is one.
+    """Write a mesh to an OFF, OBJ, PLY or STL file; an existing file is replaced.
 
-    The file is written beside its final place and then renamed, so an interrupted write leaves the old file
+    The data is written to a temporary file, which is then renamed, so an interrupted write leaves an existing file
     intact.
 
     Parameters
     ----------
     path : path_like
-        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+        File with suffix ``.off``, ``.obj``, ``.ply`` or ``.stl``, in upper or lower case.
     mesh : Mesh
-        What to write.
+        The mesh.
     binary : bool, optional
-        PLY and STL only: binary (the default there) or text.
+        For PLY and STL only: whether to write binary (the default) or text.
     colors : (n, 3) array_like of uint8, optional
-        PLY and OBJ only: red, green and blue of each vertex, 0…255.
+        For PLY and OBJ only: red, green and blue of each vertex, 0…255.
 
     Raises
     ------
     FormatError
-        If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be
-        written to.
+        If the suffix is unknown, the format does not have a requested option, or the file cannot be written.
     DescriptorError
         If the colours do not fit the mesh.
     MeshError
-        If the mesh does not fit the format.
+        If the format cannot represent the mesh.
 
     Notes
     -----
-    Coordinates are written so that `read_mesh` returns the same float64 numbers, except in binary STL, which
-    holds float32. STL also loses the order of the vertices and those that no face uses.
+    `read_mesh` returns exactly the same float64 coordinates, except from binary STL, which stores float32. STL also
+    loses the order of the vertices, and vertices that no face uses.
 
     Examples
     --------
@@ -202,6 +201,6 @@ def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
     if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
         raise DescriptorError(
             f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
-            "red, green, blue from 0 to 255 for each vertex"
+            "red, green and blue from 0 to 255 per vertex"
         )
     return array
