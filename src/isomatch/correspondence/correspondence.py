@@ -1,4 +1,4 @@
-"""The answer: a map from the vertices of one surface to another, as an operator."""
+"""The map from the vertices of one surface to another, as an operator on values at vertices."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correspondence:
-    """A map source → target.
+    """A map from a source to a target, source → target.
 
     Parameters
     ----------
     vertices : (n_source,) array of int
-        Target vertex of each source vertex; −1 where unmatched.
+        Target vertex of each source vertex; −1 if unmatched.
     n_target : int
         Number of target vertices.
     faces : (n_source, 3) array of int, optional
-        Target vertices of the triangle that holds the precise image; −1 where unmatched. By default the vertex
-        itself, three times.
+        Corners of the target triangle that contains the precise image; −1 if unmatched. By default the target vertex
+        three times.
     barycentric : (n_source, 3) array of float, optional
-        Weights of the three; not negative, sum 1. By default (1, 0, 0).
+        Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Correspondence:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n_source, n_target), the shape of the map as a matrix."""
+        """(n_source, n_target): the shape of the map as a matrix."""
         return len(self.vertices), self.n_target
 
     @property
@@ -107,7 +107,7 @@ class Correspondence:
         return self.vertices >= 0
 
     def pull_back(self, values: ArrayLike) -> FloatArray:
-        """Carry values from the target to the source.
+        """Pull values back from the target to the source.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class Correspondence:
         Returns
         -------
         (n_source,) or (n_source, q) array of float
-            Interpolated at the precise image; ``nan`` where unmatched.
+            Values interpolated at the precise images; ``nan`` where unmatched.
 
         Raises
         ------
@@ -140,7 +140,7 @@ class Correspondence:
         return self.pull_back(values)
 
     def then(self, other: Correspondence) -> Correspondence:
-        """Compose on vertices: source → target of this map → target of the other."""
+        """Compose two maps on vertices: the source of this map → the target of the other. Precise images are lost."""
         if len(other.vertices) != self.n_target:
             raise MapError(
                 f"cannot compose {self!r} with {other!r}: the first ends on {self.n_target} vertices, the second "
@@ -150,7 +150,7 @@ class Correspondence:
         return Correspondence(image, other.n_target)
 
     def reversed(self) -> Correspondence:
-        """Turn around: for each target vertex the first source vertex mapped to it, −1 for none."""
+        """Return the map target → source: the first source vertex mapped to each target vertex, −1 if there is none."""
         back = np.full(self.n_target, UNMATCHED, dtype=np.int64)
         source = np.flatnonzero(self.matched)[::-1]
         back[self.vertices[source]] = source

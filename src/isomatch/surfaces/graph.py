@@ -62,7 +62,7 @@ class Graph:
         _require(
             np.isfinite(measure) & (measure > 0), "vertices {} have weights that are not positive numbers"
         )
-        order = np.lexsort([given, ends[:, 1], ends[:, 0]])
+        order = np.lexsort([given, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
         ends, given = ends[order], given[order]
         first = np.ones(len(ends), dtype=bool)
         first[1:] = (ends[1:] != ends[:-1]).any(axis=1)

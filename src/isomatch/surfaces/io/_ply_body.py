@@ -165,4 +165,5 @@ def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[
 
 def _struct_code(count_type: np.dtype[np.generic]) -> str:
     order = ">" if count_type.byteorder == ">" else "<"
+    # numpy may call 32-bit integers "l", which has 64 bits or another alignment in struct
     return order + count_type.char.replace("l", "i").replace("L", "I")
