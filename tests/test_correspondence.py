@@ -221,6 +221,16 @@ def test_npz_that_holds_no_map(tmp_path, content):
         Correspondence.load(path)
 
 
+@pytest.mark.parametrize(("offset", "value"), [(8, 1), (10, 99)], ids=["encrypted", "unknown compression"])
+def test_npz_that_zipfile_does_not_read(tmp_path, precise, offset, value):
+    precise.save(tmp_path / "map.npz")
+    content = bytearray((tmp_path / "map.npz").read_bytes())
+    content[content.find(b"PK\x01\x02") + offset] = value  # of the first entry in the central directory
+    (tmp_path / "map.npz").write_bytes(content)
+    with pytest.raises(FormatError, match=r"map\.npz: not a map"):
+        Correspondence.load(tmp_path / "map.npz")
+
+
 @given(st.data())
 @settings(max_examples=300, deadline=None)
 def test_a_damaged_npz_gives_the_map_or_a_named_error(tmp_path_factory, data):
