@@ -1,6 +1,7 @@
 """The house: which room may import which, who may print, and that every public name says what it is."""
 
 import ast
+import importlib
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-FOUNDATION = {"errors", "_arrays", "_memory", "_settings", "_threads"}
+FOUNDATION = {"errors", "_array_file", "_arrays", "_files", "_memory", "_renamed", "_settings", "_threads"}
 SURFACES = FOUNDATION | {"surfaces"}
 GEODESICS = SURFACES | {"geodesics"}
 BASES = GEODESICS | {"bases"}
@@ -75,6 +76,74 @@ def test_a_room_imports_only_rooms_before_it(path):
     allowed = MAY_IMPORT[room_of(path)]
     wrong = [f"line {line}: {room}" for room, line in imported_rooms(path) if room not in allowed]
     assert not wrong, f"{room_of(path)} may import {sorted(allowed)}"
+
+
+def side_doors(room, source):
+    """Imports of a file that reach into another room, past the names in its ``__all__``."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            modules, names = [alias.name for alias in node.names], []
+        elif isinstance(node, ast.ImportFrom):
+            modules, names = [node.module], [alias.name for alias in node.names]
+        else:
+            continue
+        for module in modules:
+            package, *rest = module.split(".")
+            if package != "isomatch" or not rest or rest[0] == room or rest[0] in FOUNDATION:
+                continue
+            public = importlib.import_module(f"isomatch.{rest[0]}").__all__
+            if len(rest) > 1 or not set(names) <= set(public):
+                yield f"line {node.lineno}: {module} {', '.join(names)}".rstrip()
+
+
+INSIDERS = {
+    "baselines/eigenfunction_matching.py",
+    "baselines/functional_maps.py",
+    "baselines/generalised_stress.py",
+    "baselines/gmds.py",
+    "baselines/gromov_wasserstein.py",
+    "baselines/laplace_nearest_neighbours.py",
+    "baselines/spectral_gmds.py",
+    "baselines/spectral_gradient_fields.py",
+    "baselines/task.py",
+    "baselines/zoomout.py",
+    "cli/match.py",
+    "datasets/creatures.py",
+    "datasets/example.py",
+    "datasets/tessellation.py",
+    "datasets/truth.py",
+    "descriptors/curvature.py",
+    "evaluation/benchmark.py",
+    "evaluation/bijectivity.py",
+    "evaluation/remembering.py",
+    "matching/choice.py",
+    "matching/refine.py",
+    "paper/distortion_table.py",
+    "paper/princeton_curves.py",
+    "paper/voronoi.py",
+    "view/measures.py",
+}
+"""Files that still reach into another room; a file that no longer does must leave this list."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=name, marks=[pytest.mark.xfail(strict=True)] if name in INSIDERS else [])
+        for path, name in ((path, path.relative_to(PACKAGE).as_posix()) for path in FILES)
+    ],
+)
+def test_a_room_is_entered_by_its_front_door(path):
+    found = list(side_doors(room_of(path), path.read_text(encoding="utf-8")))
+    assert not found, "import public names from `isomatch.<room>`; export what is missing there"
+
+
+def test_the_checker_sees_side_doors():
+    source = (
+        "from isomatch.surfaces.mesh import Mesh\nfrom isomatch.surfaces import Mesh\n"
+        "import isomatch.bases.build\nfrom isomatch.bases import signs\nfrom isomatch.view.camera import camera_of\n"
+    )
+    assert [line.split(":")[0] for line in side_doors("view", source)] == ["line 1", "line 3", "line 4"]
 
 
 def test_the_checker_sees_imports():

@@ -1,11 +1,13 @@
 """A map is an operator from values on the target to values on the source."""
 
+import contextlib
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isomatch import Correspondence, FormatError, MapError
+from isomatch import Correspondence, DescriptorError, FormatError, MapError, MissingFileError
 
 
 @st.composite
@@ -77,13 +79,16 @@ def test_composition_of_maps_that_do_not_meet():
         Correspondence([0, 3], 4).then(Correspondence([0, 1, 2], 5))
 
 
+def assert_equal(one, other):
+    assert one.n_target == other.n_target
+    for name in ("vertices", "faces", "barycentric"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
 @pytest.mark.parametrize("n_target", [None, 5])
 def test_round_trip_through_npz(tmp_path, precise, n_target):
     precise.save(tmp_path / "map.npz")
-    loaded = Correspondence.load(tmp_path / "map.npz", n_target)
-    assert loaded.n_target == 5
-    for name in ("vertices", "faces", "barycentric"):
-        np.testing.assert_array_equal(getattr(loaded, name), getattr(precise, name))
+    assert_equal(Correspondence.load(tmp_path / "map.npz", n_target), precise)
 
 
 def test_npz_tells_its_direction(tmp_path, precise):
@@ -92,11 +97,11 @@ def test_npz_tells_its_direction(tmp_path, precise):
         assert str(stored["direction"]) == "source -> target"
 
 
-@pytest.mark.parametrize("image", [[0, 2, 4, -1], [3], [-1, -1]])
+@pytest.mark.parametrize("image", [[0, 2, 4, -1], [3], [-1, -1], []])
 def test_round_trip_through_text(tmp_path, image):
     Correspondence(image, 7).save(tmp_path / "map.txt")
     loaded = Correspondence.load(tmp_path / "map.txt")
-    np.testing.assert_array_equal(loaded.vertices, image)
+    np.testing.assert_array_equal(loaded.vertices, np.array(image, dtype=int))
     assert loaded.n_target == 7, "read from the header, not guessed from the largest index"
     text = (tmp_path / "map.txt").read_text(encoding="utf-8")
     assert "source -> target" in text
@@ -115,30 +120,157 @@ def test_npz_with_the_vertices_alone(tmp_path):
     np.testing.assert_array_equal(loaded.faces, [[1, 1, 1], [0, 0, 0]])
 
 
-@pytest.mark.parametrize("suffix", [".txt", ".npz"])
-def test_file_that_is_no_map(tmp_path, suffix):
-    path = tmp_path / f"map{suffix}"
-    path.write_text("once upon a time", encoding="utf-8")
-    with pytest.raises(FormatError, match=rf"map{suffix}: not a map .*one target index a line"):
+def arrays_of_0_1(precise):
+    """What isomatch 0.1 wrote into an .npz file: no format version."""
+    return {
+        "direction": np.array("source -> target"),
+        "vertices": precise.vertices,
+        "n_target": precise.n_target,
+        "faces": precise.faces,
+        "barycentric": precise.barycentric,
+    }
+
+
+def test_files_of_version_0_1_are_read(tmp_path, precise):
+    np.savez_compressed(tmp_path / "map.npz", **arrays_of_0_1(precise))
+    assert_equal(Correspondence.load(tmp_path / "map.npz"), precise)
+    (tmp_path / "map.txt").write_text(
+        "# isomatch map, source -> target\n# 2 source vertices, 7 target vertices\n"
+        "# line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched\n4\n-1\n"
+    )
+    assert_equal(Correspondence.load(tmp_path / "map.txt"), Correspondence([4, -1], 7))
+
+
+def test_files_of_a_newer_version_are_refused(tmp_path, precise):
+    precise.save(tmp_path / "map.txt")
+    text = (tmp_path / "map.txt").read_text()
+    (tmp_path / "map.txt").write_text(text.replace("format version 1", "format version 2"))
+    np.savez(tmp_path / "map.npz", format_version=2, anything=0)
+    for name in ("map.txt", "map.npz"):
+        with pytest.raises(FormatError, match=rf"{name}: has format version 2, .* up to 1; upgrade isomatch"):
+            Correspondence.load(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vertices": None}, "it has no array 'vertices'"),
+        (
+            {"vertices": np.array([0.0, 2, 4, -1])},
+            r"vertices has shape \(4,\) and type float64, not integers",
+        ),
+        ({"vertices": np.array([[0, 2, 4, -1]])}, r"vertices has shape \(1, 4\)"),
+        ({"vertices": np.array([0, 2, 5, -1])}, "source vertices 2 are mapped outside"),
+        ({"n_target": np.array([5, 5])}, r"n_target has shape \(2,\) .* of shape \(\)"),
+        ({"n_target": 2.5}, "n_target has .* type float64, not integers"),
+        ({"n_target": -1}, "n_target = -1 is not a number of target vertices"),
+        ({"faces": None}, "it has no array 'faces'"),
+        ({"faces": np.full((4, 3), 5)}, r"outside the target's 0…4"),
+        ({"faces": np.zeros((3, 3), dtype=int)}, r"faces has shape \(3, 3\) .* of shape \(4, 3\)"),
+        ({"faces": np.zeros((4, 3))}, "faces has .* type float64"),
+        ({"barycentric": np.full((4, 3), np.nan)}, "barycentric has entries that are not finite"),
+        ({"barycentric": np.ones((4, 3))}, "sum to 1"),
+        ({"direction": "target -> source"}, "its direction is 'target -> source'"),
+        ({"format_version": "new"}, "format_version has .* not integers"),
+    ],
+)
+def test_contents_are_checked_before_they_are_used(tmp_path, precise, change, message):
+    arrays = {
+        name: value for name, value in {**arrays_of_0_1(precise), **change}.items() if value is not None
+    }
+    np.savez(tmp_path / "map.npz", **arrays)
+    with pytest.raises(FormatError, match=rf"map\.npz: .*({message})"):
+        Correspondence.load(tmp_path / "map.npz")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("once upon a time", r":1: 'once upon a time' is not a target vertex; write one 0-based"),
+        ("# mine\n2\n1.5 # half\n", r":3: '1.5' is not a target vertex"),
+        ("1\n\x00\n", r":2: '\\x00' is not a target vertex"),
+        ("", ": no target vertices; write one"),
+        ("# nothing\n", ": no target vertices"),
+        ("1\n-2\n", ": source vertices 1 are mapped outside"),
+        (f"{10**30}\n1\n", ": source vertices 0 are mapped outside|: a map needs one integer"),
+        (
+            "# isomatch map, source -> target\n# 3 source vertices, 2 target vertices\n0\n1\n",
+            ": 2 lines for the 3",
+        ),
+        (
+            "# isomatch map, source -> target\n# 1 source vertices, 2 target vertices\n2\n",
+            ": source vertices 0 are",
+        ),
+    ],
+)
+def test_texts_that_are_no_map(tmp_path, text, message):
+    (tmp_path / "map.txt").write_text(text)
+    with pytest.raises(FormatError, match=rf"map\.txt({message})"):
+        Correspondence.load(tmp_path / "map.txt")
+
+
+@pytest.mark.parametrize("content", [b"", b"once upon a time", "one array", "pickled"])
+def test_npz_that_holds_no_map(tmp_path, content):
+    path = tmp_path / "map.npz"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        with path.open("wb") as file:
+            np.save(file, np.arange(3) if content == "one array" else np.array([{}]), allow_pickle=True)
+    with pytest.raises(FormatError, match=r"map\.npz: not a map \(.*\); expected a file written by Corresp"):
         Correspondence.load(path)
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(FormatError, match=r"nowhere\.txt: not a map"):
-        Correspondence.load(tmp_path / "nowhere.txt")
+@pytest.mark.parametrize(("offset", "value"), [(8, 1), (10, 99)], ids=["encrypted", "unknown compression"])
+def test_npz_that_zipfile_does_not_read(tmp_path, precise, offset, value):
+    precise.save(tmp_path / "map.npz")
+    content = bytearray((tmp_path / "map.npz").read_bytes())
+    content[content.find(b"PK\x01\x02") + offset] = value  # of the first entry in the central directory
+    (tmp_path / "map.npz").write_bytes(content)
+    with pytest.raises(FormatError, match=r"map\.npz: not a map"):
+        Correspondence.load(tmp_path / "map.npz")
+
+
+@given(st.data())
+@settings(max_examples=300, deadline=None)
+def test_a_damaged_npz_gives_the_map_or_a_named_error(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("damaged") / "map.npz"
+    whole = Correspondence([2, 0, -1], 3)
+    whole.save(path)
+    content = bytearray(path.read_bytes())
+    start = data.draw(st.integers(0, len(content)))
+    content[start : start + data.draw(st.integers(0, 6))] = data.draw(st.binary(max_size=4))
+    path.write_bytes(content)
+    with contextlib.suppress(FormatError):
+        assert Correspondence.load(path).shape[0] == 3
 
 
 @pytest.mark.parametrize("suffix", [".txt", ".npz"])
-def test_empty_file(tmp_path, suffix):
-    (tmp_path / f"map{suffix}").write_bytes(b"")
-    with pytest.raises(FormatError, match=f"map{suffix}"):
-        Correspondence.load(tmp_path / f"map{suffix}")
+def test_missing_file(tmp_path, suffix):
+    with pytest.raises(
+        MissingFileError, match=rf"nowhere\{suffix}: no such file; check the name and the folder"
+    ):
+        Correspondence.load(tmp_path / f"nowhere{suffix}")
+    (tmp_path / f"folder{suffix}").mkdir()
+    with pytest.raises(FormatError, match=rf"folder\{suffix}: cannot be opened"):
+        Correspondence.load(tmp_path / f"folder{suffix}")
 
 
-def test_binary_file_called_text(tmp_path):
-    (tmp_path / "map.txt").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(FormatError, match=r"map\.txt: not a map"):
-        Correspondence.load(tmp_path / "map.txt")
+@pytest.mark.parametrize("name", ["map.txt", "map.npz"])
+def test_an_interrupted_save_leaves_the_earlier_file(tmp_path, precise, monkeypatch, name):
+    precise.save(tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+
+    def stop(file, *args, **kwargs):
+        file.write(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savetxt", stop)
+    monkeypatch.setattr(np, "savez_compressed", stop)
+    with pytest.raises(KeyboardInterrupt):
+        Correspondence([0], 1).save(tmp_path / name)
+    assert (tmp_path / name).read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 @pytest.mark.parametrize(
@@ -160,7 +292,7 @@ def test_precise_images_of_another_length():
 
 
 def test_values_of_the_wrong_side():
-    with pytest.raises(MapError, match=r"the target has 4 vertices; pull_back .* use reversed\(\)"):
+    with pytest.raises(DescriptorError, match=r"shape \(2,\), .* the 4 target vertices; .* use reversed\(\)"):
         Correspondence([0, 1], 4).pull_back([1.0, 2.0])
 
 
@@ -185,7 +317,9 @@ def test_repr_tells_direction_and_what_is_missing():
         ([[0, 1, 2]], None, "both or neither"),
         ([[0, 1, 3]], [[1.0, 0.0, 0.0]], r"outside the target's 0…2"),
         ([[0, 1, 2]], [[5.0, 0.0, 0.0]], "sum to 1"),
-        ([[0, 1, 2]], [[-0.5, 1.0, 0.5]], "must not be negative"),
+        ([[0, 1, 2]], [[-0.5, 1.0, 0.5]], "not negative"),
+        ([[0, 1, 2]], [[np.nan, 0.5, 0.5]], "must be numbers"),
+        ([[0, 1, 1.5]], [[1.0, 0.0, 0.0]], "faces have type float64, expected integers"),
         ([[0, 1, 2]] * 2, [[1.0, 0.0, 0.0]] * 2, "one row of three"),
     ],
 )
@@ -199,7 +333,14 @@ def test_fractions_are_no_vertices():
         Correspondence([0.9, 1.9], 2)
 
 
-def test_map_of_another_target(tmp_path):
-    Correspondence([0, 1], 3).save(tmp_path / "map.npz")
-    with pytest.raises(FormatError, match="a target of 3 vertices, not 4"):
-        Correspondence.load(tmp_path / "map.npz", n_target=4)
+@pytest.mark.parametrize("name", ["map.txt", "map.npz"])
+def test_map_of_another_target(tmp_path, name):
+    Correspondence([0, 1], 3).save(tmp_path / name)
+    with pytest.raises(FormatError, match=f"{name}: is a map onto a target of 3 vertices, not 4"):
+        Correspondence.load(tmp_path / name, n_target=4)
+
+
+def test_what_was_given_for_unmatched_vertices_is_of_no_account():
+    f = Correspondence([1, -1], 2, [[1, 0, 0], [9, 9, 9]], [[0.5, 0.5, 0], [np.nan, 0, 0]])
+    np.testing.assert_array_equal(f.faces, [[1, 0, 0], [-1, -1, -1]])
+    np.testing.assert_array_equal(f.pull_back([2.0, 4.0]), [3.0, np.nan])

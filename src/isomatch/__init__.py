@@ -1,5 +1,8 @@
 """Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone."""
 
+from typing import TYPE_CHECKING
+
+from isomatch._renamed import old_names
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -89,3 +92,6 @@ __all__ = [
     "wave_kernel_signature",
     "write_mesh",
 ]
+
+if not TYPE_CHECKING:  # a type checker still reports names that never were
+    __getattr__ = old_names(__name__)

@@ -1,4 +1,4 @@
-"""Names for the array types in signatures; shapes are in the docstrings."""
+"""Names of the array types in signatures. The docstrings give the shapes."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The memory budget: large allocations are estimated first and refused with an alternative."""
+"""The memory budget: large allocations are estimated first, and refused with an alternative if they exceed it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ GIB = 2**30
 
 
 def memory_budget() -> int:
-    """Bytes one step may allocate: ``ISOMATCH_MEMORY_BUDGET`` in GiB if set, otherwise half the machine's memory."""
+    """Return how many bytes one step may allocate.
+
+    This is ``ISOMATCH_MEMORY_BUDGET``, in GiB, if it is set, and otherwise half the memory of the machine.
+    """
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if wanted:
         try:
@@ -21,12 +24,22 @@ def memory_budget() -> int:
             ) from None
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (AttributeError, ValueError, OSError):
+    except (AttributeError, ValueError, OSError):  # systems that do not report their memory
         return 4 * GIB
 
 
 def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
-    """Raise `MemoryBudgetError` if an allocation is over budget; ``instead`` tells what to do."""
+    """Raise `MemoryBudgetError` if an allocation exceeds the budget.
+
+    Parameters
+    ----------
+    n_bytes : float
+        Estimated size of the allocation.
+    purpose : str
+        What needs it, for the message.
+    instead : str
+        What the user can do instead, for the message.
+    """
     budget = memory_budget()
     if n_bytes > budget:
         raise MemoryBudgetError(

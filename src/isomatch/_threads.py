@@ -1,4 +1,4 @@
-"""How many threads to use, and the one way to use them: independent items, results in order."""
+"""The number of threads, and how they are used: independent items run in parallel, results keep their order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ R = TypeVar("R")
 
 
 def n_threads() -> int:
-    """Threads to use: ``ISOMATCH_NUM_THREADS`` if set, otherwise the processors this process may run on."""
+    """Return the number of threads to use.
+
+    This is ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise the number of processors that this process may use.
+    """
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
         if not wanted.isdigit() or int(wanted) < 1:
@@ -30,10 +33,10 @@ def n_threads() -> int:
 
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Apply a function that releases the interpreter lock to every item; the order of results is kept.
+    """Apply a function to every item, on several threads, and return the results in the order of the items.
 
-    Results do not depend on the number of threads, because items share nothing. Called from within an item, it
-    runs in that item's thread.
+    The function should release the interpreter lock. Items must not share anything that is written, so that the
+    results do not depend on the number of threads. A call from within an item runs in the thread of that item.
     """
     todo = list(items)
     workers = min(n_threads(), len(todo))
@@ -55,7 +58,7 @@ _inside = local()
 
 
 class _SerialBlas:
-    """Re-entrant: the first thread in limits BLAS to one thread, the last one out restores it."""
+    """A context that several threads may be in at once: the first one limits BLAS, the last one lifts the limit."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -81,7 +84,7 @@ class _SerialBlas:
 
 
 serial_blas = _SerialBlas()
-"""Context in which matrix products use one thread, so that threads can be given to independent items instead.
+"""Context in which matrix products use one thread, so that `parallel_map` can use all of them for its items.
 
-It makes results independent of the number of threads, and avoids the stalls of nested thread pools.
+The results then do not depend on the number of threads, and nested thread pools do not stall one another.
 """

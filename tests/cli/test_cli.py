@@ -150,7 +150,7 @@ def run_with(shapes, out, option, file):
         ("--landmarks", "1 2\n3 4\n", "2 landmarks do not fix"),
         ("--initial-map", "0\n1\n", "initial map has shape (2,)"),
         ("--initial-map", "0\n999999\n", "source vertices 1 are mapped outside"),
-        ("--initial-map", "a\n", "not a map"),
+        ("--initial-map", "a\n", "given:1: 'a' is not a target vertex"),
         ("--config", "colour = 3\n", "unknown setting colour"),
         ("--config", "rank = \n", "given: Invalid value"),
         ("--config", "rank = 1000\n", "exceeds n_columns"),
@@ -167,7 +167,7 @@ def test_bad_input_files_are_named(shapes, tmp_path, capsys, option, content, co
 @pytest.mark.parametrize("option", ["--landmarks", "--initial-map", "--config"])
 def test_missing_input_files_are_named(shapes, tmp_path, capsys, option):
     assert run_with(shapes, tmp_path / "out", option, tmp_path / "absent") == 1
-    assert "absent: no such file" in one_line(capsys)
+    assert "absent: no such file; check the name and the folder" in one_line(capsys)
 
 
 def test_bad_shapes_and_folders_are_named(shapes, tmp_path, capsys):

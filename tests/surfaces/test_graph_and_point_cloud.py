@@ -119,7 +119,7 @@ def test_neighbours_must_be_some():
 )
 def test_points_without_an_area(points):
     with pytest.raises(
-        MeshError, match="no local triangles, hence no areas: they lie in a line or at few places"
+        MeshError, match="cannot be triangulated locally, so they have no areas: they lie on a line or at few"
     ):
         _ = PointCloud(points).vertex_areas
 

@@ -100,7 +100,7 @@ NO_PLACE = "a.ply:1: "
         (["comment none"], NO_PLACE + "expected an element 'vertex'.*found no x, y, z"),
         (
             [*XYZ, "element face 0", "property int material"],
-            NO_PLACE + "expected the faces' list vertex_indices or",
+            NO_PLACE + "expected the list vertex_indices or vertex_index of the faces",
         ),
         (
             [*XYZ, "element tristrips 0", "property list int int v"],

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.errors import FormatError, MeshError
+from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
 from isomatch.surfaces import Mesh, read_mesh, write_mesh
 from isomatch.surfaces.io import FORMATS
 from zoo import grid, torus, zoo
@@ -118,7 +118,7 @@ def test_refused_writes(tmp_path, name, options, message):
 
 @pytest.mark.parametrize("colors", [BLACK_TO_WHITE[:3], BLACK_TO_WHITE.astype(float)])
 def test_colours_that_do_not_fit(tmp_path, colors):
-    with pytest.raises(MeshError, match=r"expected \(12, 3\) and uint8"):
+    with pytest.raises(DescriptorError, match=r"expected \(12, 3\) and uint8"):
         write_mesh(tmp_path / "a.ply", grid(3, 4), colors=colors)
 
 
@@ -140,11 +140,10 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "shape.off"
     write_mesh(path, grid(2, 2))
 
-    def stop(self, data):
-        self.touch()
+    def stop(self, target):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pathlib.Path.write_bytes", stop)
+    monkeypatch.setattr("pathlib.Path.replace", stop)
     with pytest.raises(KeyboardInterrupt):
         write_mesh(path, grid(3, 3))
     assert_same(read_mesh(path), grid(2, 2))
@@ -152,7 +151,7 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_missing_files_and_folders(tmp_path):
-    with pytest.raises(FormatError, match=r"absent\.off: no such file"):
+    with pytest.raises(MissingFileError, match=r"absent\.off: no such file; check the name and the folder"):
         read_mesh(tmp_path / "absent.off")
     (tmp_path / "folder.off").mkdir()
     with pytest.raises(FormatError, match=r"folder\.off: cannot be opened"):

@@ -19,7 +19,7 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative, MatchResult
 from isomatch.view import position_colours, report, write_report
 from isomatch.view.colours import to_screen
-from isomatch.view.measures import MEASURES, taken
+from isomatch.view.measures import MEASURES, quality_measures
 from isomatch.view.scene import scene_of
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
@@ -145,7 +145,7 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     assert page.by_id("outcome")["text"] == "Low confidence"
     assert page.by_id("advice")["text"] == result.outcome.advice
     rows = [row["text"] for row in page.all("tr")]
-    for start in ("misfit0.71at most 0.66 (not kept)", "next best mapnoneat least 1.05 ×"):
+    for start in ("misfit0.71at most 0.66 (violated)", "next best mapnoneat least 1.05 ×"):
         assert any(row.startswith(start) for row in rows)
     assert any(row.startswith("orientation0.98at least 0.65Whether") for row in rows)
     for row in ("rank48", "seed17", "total2.50", "geodesic enginefast_marching", "winning startlaplace flip"):
@@ -159,7 +159,7 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     assert "Grey: 7 source vertices" in soft
     assert "Source: left out <7> vertices" in soft
     assert "--landmarks" in soft
-    assert "thinned out" not in soft
+    assert "simplified" not in soft
 
 
 def test_pictures_are_embedded(page):
@@ -195,7 +195,7 @@ def lengths(points, edges):
     return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
 
 
-def test_a_large_shape_is_thinned_out_and_its_vertices_stay_what_they_are(pair):
+def test_a_large_shape_is_simplified_and_its_vertices_stay_what_they_are(pair):
     source, target, truth = pair
     whole = scene_of(source, target, {"map": truth})
     thin = scene_of(source, target, {"map": truth}, most=600)
@@ -216,18 +216,18 @@ def test_a_large_shape_is_thinned_out_and_its_vertices_stay_what_they_are(pair):
     np.testing.assert_array_equal(unpacked(thin["maps"][0]["images"], "<i4"), truth.vertices[index])
 
 
-def test_the_report_tells_that_a_shape_was_thinned_out(pair, result, tmp_path, monkeypatch):
+def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "scene_of", lambda *shapes: scene_of(*shapes, most=3000))
     converged = dataclasses.replace(result, outcome=Outcome.CONVERGED, alternatives=(), map=pair[2], notes=())
     (tmp_path / "still.png").write_bytes(b"a picture")
     write_report(tmp_path / "report.html", *pair[:2], converged, picture=tmp_path / "still.png")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     told = " ".join(element["text"] for element in page.all("p"))
-    assert re.search(r"target is thinned out to [\d,]+ of its 3,242 vertices", told)
-    assert "source is thinned" not in told
+    assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
+    assert "source is simplified" not in told
     assert "--landmarks" not in told
-    assert "No different map" in told
-    assert "Nothing was mended" in told
+    assert "No other map" in told
+    assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == "Converged"
     assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"
 
@@ -237,12 +237,12 @@ def test_every_measure_of_quality_has_words():
     assert all(measure.name and measure.meaning.endswith(".") for measure in MEASURES.values())
 
 
-def test_a_mirror_image_that_was_asked_for_does_not_speak_against_the_map(result):
+def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
     mirrored = dataclasses.replace(result.quality, orientation=-0.98)
     for wanted, against in (("preserve", True), ("reverse", False)):
         config = dataclasses.replace(result.config, orientation=wanted)
-        told = taken(dataclasses.replace(result, quality=mirrored, config=config))
-        assert [bad for measure, _, bad in told if measure.name == "orientation"] == [against]
+        measured = quality_measures(dataclasses.replace(result, quality=mirrored, config=config))
+        assert [bad for measure, _, bad in measured if measure.name == "orientation"] == [against]
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node")

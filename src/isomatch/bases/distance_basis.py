@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -13,14 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
+from isomatch._array_file import ArrayFile, save_arrays
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.pairs import pair_distances
 from isomatch.bases.signs import fix_signs
-from isomatch.errors import FormatError, MeshError, SettingError, some
+from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import MetricSpace, Sampling
 
 Weighting = Literal["area", "uniform"]
 
+FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
 NULL_VALUE = 1e-12  # eigenvalues below this share of the largest carry no distance
 
 
@@ -143,40 +142,40 @@ class DistanceBasis:
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file; an earlier file is replaced only once the new one is complete."""
-        path = Path(path)
         held_out = {} if self.held_out is None else vars(self.held_out)
         arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            try:
-                np.savez(file, allow_pickle=False, **arrays)
-                file.close()
-                os.replace(file.name, path)
-            except BaseException:
-                os.unlink(file.name)
-                raise
+        save_arrays(path, FORMAT_VERSION, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> DistanceBasis:
-        """Read what `save` wrote; `FormatError` if it is something else."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                held_out = None
-                if "held_out_vertices" in data:
-                    held_out = Sampling(data["held_out_vertices"], data["held_out_columns"])
-                return cls(
-                    vectors=data["vectors"],
-                    values=data["values"],
-                    weights=data["weights"],
-                    method=str(data["method"]),
-                    engine=str(data["engine"]),
-                    samples=data["samples"],
-                    held_out=held_out,
-                )
-        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise FormatError(
-                f"{path}: not a distance basis ({error}); expected a file written by DistanceBasis.save"
-            ) from error
+        """Read what `save` wrote, in this version of isomatch or an earlier one.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), holds something else, or was written by an isomatch that is
+            too new.
+        """
+        file = ArrayFile.read(path, "a distance basis", "DistanceBasis.save", FORMAT_VERSION)
+        vectors = file.floats("vectors", None, None)
+        n, k = vectors.shape
+        weights = file.floats("weights", n)
+        if (weights <= 0).any():
+            file.refuse("weights has entries that are not positive")
+        held_out = None
+        if "held_out_vertices" in file:
+            vertices = file.integers("held_out_vertices", None, n=n)
+            held_out = Sampling(vertices, file.floats("held_out_columns", len(vertices), n))
+        return cls(
+            vectors=vectors,
+            values=file.floats("values", k),
+            weights=weights,
+            method=file.text("method"),
+            engine=file.text("engine"),
+            samples=file.integers("samples", None, n=n),
+            held_out=held_out,
+        )
 
     def _indices(self, i: ArrayLike) -> IntArray:
         """Vertex indices as integers; compiled loops check no bounds."""

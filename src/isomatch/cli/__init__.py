@@ -1,4 +1,4 @@
-"""The command line: one file for each verb."""
+"""The command line: one file for each command."""
 
 from __future__ import annotations
 
@@ -26,26 +26,29 @@ DONE, BAD, MISUSED, INTERRUPTED = 0, 1, 2, 130
 
 app = App(
     name="isomatch",
-    help="Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone.",
+    help=(
+        "Point-to-point correspondence between near-isometric surfaces. Maps are found from geodesic distances, "
+        "curvature and spectral signatures, and refined with vertex positions and normals."
+    ),
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for verb in (match, basis, distance, check, repair, demo, bench, paper, info):
-    app.command(verb)
+for each in (match, basis, distance, check, repair, demo, bench, paper, info):
+    app.command(each)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb.
+    """Run one command.
 
     Parameters
     ----------
     argv : sequence of str, optional
-        Arguments after the program's name; by default those of the process.
+        Arguments after the name of the program; by default those of the process.
 
     Returns
     -------
     int
-        Exit code: 0 done, 1 the input or the result is bad, 2 wrong usage.
+        Exit code: 0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
     """
     try:
         command, bound, _ = app.parse_args(
@@ -60,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         where = f"{error.filename}: " if error.filename else ""
-        return _complain(f"{where}{reason}; check the name, the folder and who may write there", BAD)
+        return _complain(f"{where}{reason}; check the name, the folder and its permissions", BAD)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return DONE

@@ -1,4 +1,4 @@
-"""``isomatch check``: whether a mesh is fit for matching."""
+"""``isomatch check``: whether a mesh is suitable for matching."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from isomatch.cli.terminal import say, say_json
 
 
 def check(file: Path, /, *, json: bool = False) -> None:
-    """Report the defects of a mesh; exit code 1 if it cannot be used.
+    """Report the defects of a mesh. The exit code is 1 if it cannot be used for matching.
 
     Parameters
     ----------
     file : Path
         Mesh: .off, .obj, .ply or .stl.
     json : bool
-        Print one JSON object and nothing else.
+        Print a single JSON object and nothing else.
     """
     report = isomatch.check(isomatch.read_mesh(file))
     if json:

@@ -1,4 +1,4 @@
-"""``isomatch demo``: match the shipped pair and measure the result against its exact truth."""
+"""``isomatch demo``: match the shipped pair and compare the result with the exact ground truth."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import isomatch
 from isomatch.cli.outputs import ResultFolder, say_files
 from isomatch.cli.terminal import progress, say, say_table
 
-N_JUDGED = 500  # source vertices, drawn with seed 0, whose images are compared with the exact truth
+N_JUDGED = 500  # source vertices, drawn with seed 0, whose images are compared with the ground truth
 
 
 def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("demo")) -> None:
-    """Match two poses of an animal without any hint, and compare with the exact truth.
+    """Match two poses of an animal without landmarks, and compare the map with the exact ground truth.
 
     Parameters
     ----------
     output : Path
-        Folder for map.npz, map.txt, result.json, demo.png and report.html; earlier ones are replaced.
+        Folder for map.npz, map.txt, result.json, demo.png and report.html. Existing files are replaced.
     """
     from isomatch.datasets import example_pair, ground_truth
     from isomatch.evaluation import geodesic_errors
@@ -33,7 +33,7 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
     folder.claim(force=True)
     with progress() as stage:
         result = isomatch.match(source.mesh, target.mesh, progress=stage)
-        stage("truth")
+        stage("comparing")
         truth = ground_truth(source, target).vertices
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
@@ -45,10 +45,10 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
             result,
             names=("standing", "running"),
             titles=(
-                f"source, {source.mesh.n_vertices} vertices, in the colours of their images",
+                f"source, {source.mesh.n_vertices} vertices, coloured by their images",
                 f"target, {target.mesh.n_vertices} vertices",
             ),
-            facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the exact truth"},
+            facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"},
         )
     say(f"{result.outcome.value}: {result.outcome.advice}", "bold")
     say_table(
@@ -65,7 +65,7 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
                 f"{result.timings['total']:.2f} s",
                 f"{source.mesh.n_vertices} → {target.mesh.n_vertices} vertices",
             ),
-            ("everything", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
+            ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
         ]
     )
     say_files(folder.files)

@@ -1,4 +1,4 @@
-"""``isomatch info``: what a bug report should tell."""
+"""``isomatch info``: versions and settings for bug reports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def info(*, json: bool = False) -> None:
     Parameters
     ----------
     json : bool
-        Print one JSON object and nothing else.
+        Print a single JSON object and nothing else.
     """
     facts = {
         "isomatch": isomatch.__version__,
@@ -38,7 +38,7 @@ def info(*, json: bool = False) -> None:
         "platform": platform.platform(),
         "threads": n_threads(),
         "blas": _blas(),
-        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ beside each module",
+        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ next to each module",
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
     if json:

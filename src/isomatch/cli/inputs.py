@@ -1,4 +1,4 @@
-"""Read what the user gives beside the shapes: landmarks, an initial map, settings."""
+"""Read the inputs other than shapes: landmarks, an initial map, settings."""
 
 from __future__ import annotations
 
@@ -6,23 +6,30 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch import Config, Correspondence, LandmarkError, MapError
+from isomatch import Config, Correspondence, LandmarkError
 from isomatch._arrays import IntArray
+from isomatch._files import opened
 from isomatch.errors import FormatError, MissingFileError
 
 
 def read_landmarks(path: Path) -> IntArray:
-    """Read pairs of 0-based vertices (source, target); see `read_pairs`."""
+    """Read pairs of 0-based vertex indices (source, target); see `read_pairs`."""
     pairs = read_pairs(path, "a landmark", "of the source and of the target")
     if not len(pairs):
-        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices a line")
+        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices on each line")
     return pairs
 
 
 def read_pairs(path: Path, what: str, whose: str) -> IntArray:
-    """Read pairs of 0-based vertices, one a line, comma or blank separated, ``#`` comments."""
+    """Read pairs of 0-based vertex indices.
+
+    Each line has one pair, separated by a comma or blanks; ``#`` starts a comment. ``what`` a pair is and ``whose``
+    vertices it names is for the message.
+    """
     pairs = []
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    with opened(path) as file:
+        lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -37,21 +44,18 @@ def read_pairs(path: Path, what: str, whose: str) -> IntArray:
 
 
 def read_initial_map(path: Path, n_target: int) -> IntArray:
-    """Read the target vertex of each source vertex, from text or ``.npz``; −1 where unknown."""
-    if not path.exists():
-        raise MissingFileError(f"{path}: no such file; check the name and the folder")
-    try:
-        return Correspondence.load(path, n_target).vertices
-    except MapError as error:
-        raise MapError(f"{path}: {error}") from None
+    """Read the target vertex of each source vertex from text or ``.npz``; −1 if unknown."""
+    return Correspondence.load(path, n_target).vertices
 
 
 def read_config(path: Path | None) -> Config | None:
-    """Read settings from a TOML file, if one is given."""
+    """Read settings from a TOML file; None if there is no file."""
     if path is None:
         return None
     try:
         return Config.from_file(path)
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: no such file; check the name and the folder") from None
     except (ValueError, TypeError) as error:
         message = str(error)
         where = "" if message.startswith(str(path)) else f"{path}: "

@@ -1,4 +1,4 @@
-"""``isomatch match``: two files in, a folder with their map out."""
+"""``isomatch match``: match two files and write a folder with their map."""
 
 from __future__ import annotations
 
@@ -41,26 +41,27 @@ def match(
     output : Path
         Folder for map.npz, map.txt, result.json, map.png and report.html.
     landmarks : Path
-        Two columns of 0-based vertex indices (source, target), comma or blank separated, # comments.
+        Text file with two columns of 0-based vertex indices (source, target), separated by a comma or blanks; # starts
+        a comment.
     initial_map : Path
-        A first map to start from: one 0-based target index per line (-1: unknown), or a map.npz.
+        A map to start from: a text file with one 0-based target index per line (-1: unknown), or a map.npz.
     refinement : str
-        How the map is made precise: joint (default), smooth, laplace_icp (like the paper), none.
+        How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
     orientation : str
-        Which side of the surfaces the map keeps outward: preserve (default), reverse, any.
+        Whether the map preserves orientation: preserve (default), reverse (a mirror image), or any.
     config : Path
-        These and all other settings in a TOML file; see isomatch.Config.
+        TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
     seed : int
-        Seed of sampling and eigensolver.
+        Seed of the sampling and of the eigensolver.
     json : bool
-        Print one JSON object and nothing else.
+        Print a single JSON object and nothing else.
     force : bool
-        Replace an earlier result in the folder.
+        Replace an existing result in the folder.
     """
     folder = ResultFolder(output)
     settings = read_config(config) or isomatch.Config()
-    said: dict[str, Any] = {"refinement": refinement, "orientation": orientation}
-    settings = replace(settings, **{name: value for name, value in said.items() if value is not None})
+    options: dict[str, Any] = {"refinement": refinement, "orientation": orientation}
+    settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
     pairs = None if landmarks is None else read_landmarks(landmarks)
     with progress() as stage:
         stage("reading")
@@ -72,12 +73,12 @@ def match(
         )
         stage("writing")
         given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
-        told = {what: str(path) for what, path in given.items() if path is not None}
+        facts = {what: str(path) for what, path in given.items() if path is not None}
         record = folder.write(result, {"source": str(source), "target": str(target)})
         stage("drawing")
         names = source.name, target.name
         titles = f"source: {source.name}", f"target: {target.name}"
-        folder.draw(*shapes, result, names=names, titles=titles, facts=told)
+        folder.draw(*shapes, result, names=names, titles=titles, facts=facts)
     if json:
         say_json(record)
         return

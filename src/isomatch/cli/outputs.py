@@ -1,4 +1,4 @@
-"""Write and sum up a match."""
+"""Write the files of a match, and print a summary."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from isomatch.cli.terminal import json_text, say, say_table
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """Where the files of one match go.
+    """The folder for the files of one match.
 
     Parameters
     ----------
     folder : Path
-        The folder; made if it is not there.
+        Its path; it is created if it does not exist.
     picture : str
-        Name of the picture.
+        File name of the picture.
     """
 
     folder: Path
@@ -27,7 +27,7 @@ class ResultFolder:
 
     @property
     def files(self) -> dict[str, str]:
-        """Path of each file, by what it is."""
+        """Path of each file, by its kind."""
         names = {
             "map": "map.npz",
             "text": "map.txt",
@@ -38,16 +38,16 @@ class ResultFolder:
         return {what: str(self.folder / name) for what, name in names.items()}
 
     def claim(self, force: bool) -> None:
-        """Make the folder; refuse, unless forced, if it holds a result."""
-        taken = [path for path in self.files.values() if Path(path).exists()]
-        if taken and not force:
+        """Create the folder; refuse to replace an existing result unless forced."""
+        existing = [path for path in self.files.values() if Path(path).exists()]
+        if existing and not force:
             raise IsomatchError(
-                f"{taken[0]}: already exists and would be lost; choose another folder with -o, or pass --force"
+                f"{existing[0]}: already exists and would be replaced; choose another folder with -o, or pass --force"
             )
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def write(self, result: MatchResult, more: dict[str, Any]) -> dict[str, Any]:
-        """Write all that is not to be looked at; return what is in ``result.json``."""
+        """Write the map and ``result.json``; return the contents of the latter."""
         record = {"isomatch": __version__, **more, **result.to_dict(), "files": self.files}
         result.map.save(self.files["map"])
         result.map.save(self.files["text"])
@@ -64,8 +64,8 @@ class ResultFolder:
         titles: tuple[str, str],
         facts: dict[str, Any],
     ) -> None:
-        """Write picture and report: ``titles`` under the shapes of the picture, ``facts`` about the run in the report."""
-        from isomatch.view import draw_map, write_report  # matplotlib is slow to import
+        """Draw the picture, with ``titles`` below the shapes, and write the report, with ``facts`` about the run."""
+        from isomatch.view import draw_map, write_report  # imports matplotlib, which is slow
 
         picture = self.files["picture"]
         draw_map(source, target, result.map, picture, titles=titles)
@@ -77,7 +77,7 @@ _STYLES = {Outcome.CONVERGED: "bold green", Outcome.LOW_CONFIDENCE: "bold red"}
 
 
 def say_result(result: MatchResult) -> None:
-    """Print outcome, quality, timings and notes."""
+    """Print the outcome, the quality, the timings and the notes."""
     say(f"{result.outcome.value}: {result.outcome.advice}", _STYLES.get(result.outcome, "bold yellow"))
     say(f"{result.map!r}, from {result.origin}")
     say("")
@@ -89,12 +89,14 @@ def say_result(result: MatchResult) -> None:
 
 
 def say_files(files: dict[str, str]) -> None:
-    """Print what was written."""
+    """Print which files were written."""
     say("wrote " + ", ".join(files.values()))
 
 
 def _quality_rows(result: MatchResult) -> list[tuple[str, str, str]]:
-    """Name, value and unit of every measure that was taken."""
-    from isomatch.view.measures import taken  # with the room comes matplotlib, which is slow to import
+    """Give the name, value and unit of every measure of quality."""
+    from isomatch.view import quality_measures  # imports matplotlib, which is slow
 
-    return [(measure.name, measure.value(number), measure.unit) for measure, number, _ in taken(result)]
+    return [
+        (measure.name, measure.value(number), measure.unit) for measure, number, _ in quality_measures(result)
+    ]

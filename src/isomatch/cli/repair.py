@@ -1,4 +1,4 @@
-"""``isomatch repair``: mend a mesh and say what became of every vertex."""
+"""``isomatch repair``: mend a mesh and write index maps between the old and the new vertices."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def repair(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     force: bool = False,
 ) -> None:
-    """Mend a mesh: weld, remove what is no surface, wind the faces outward.
+    """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
 
-    Writes the mended mesh and, beside it, NAME.index.npz with vertex_index (original vertex of each new one),
-    new_index (new vertex of each original one, -1: removed) and face_index (original face of each new one).
+    Writes the mended mesh and, next to it, NAME.index.npz with vertex_index (original vertex of each new vertex),
+    new_index (new vertex of each original vertex, -1 if removed) and face_index (original face of each new face).
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def repair(
     output : Path
         File for the mended mesh.
     force : bool
-        Replace earlier files.
+        Replace existing files.
     """
     index = output.with_suffix(".index.npz")
     for path in (output, index):

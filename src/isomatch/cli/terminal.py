@@ -1,4 +1,4 @@
-"""What the verbs say: tables on standard output, progress on standard error."""
+"""Output of the commands: text, tables and JSON on standard output, progress on standard error."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rich.table import Table
 
 
 def say(text: str, style: str = "") -> None:
-    """Print a line, never broken."""
+    """Print a text without breaking its lines."""
     Console(highlight=False).print(escape(text), style=style, soft_wrap=True)
 
 
 def say_table(rows: Iterable[tuple[str, str, str]]) -> None:
-    """Print rows of name, value and remark."""
+    """Print a table with rows of name, value and remark."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
@@ -31,12 +31,12 @@ def say_table(rows: Iterable[tuple[str, str, str]]) -> None:
 
 
 def say_json(value: Any) -> None:
-    """Print exactly one JSON object."""
+    """Print a value as one JSON object."""
     sys.stdout.write(json_text(value))
 
 
 def json_text(value: Any) -> str:
-    """Write plain values as JSON; numbers that are not finite, which JSON does not know, become null."""
+    """Format plain values as JSON. Numbers that are not finite become null, because JSON does not have them."""
     return json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -52,7 +52,7 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str], None]]:
-    """Show the current stage on standard error while it is a terminal; give the function that names the stage."""
+    """Show the current stage on standard error if that is a terminal; give the function that sets the stage."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield lambda stage: None

@@ -1,35 +1,45 @@
-"""The answer: a map from the vertices of one surface to another, as an operator."""
+"""The map from the vertices of one surface to another, as an operator on values at vertices."""
 
 from __future__ import annotations
 
-import zipfile
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch.errors import FormatError, MapError, some
+from isomatch._array_file import FIRST_VERSION, ArrayFile, require_known_version, save_arrays
+from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._files import opened, replaced
+from isomatch.errors import DescriptorError, FormatError, MapError, some
 
 UNMATCHED = -1
+FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
+
+_DIRECTION = "source -> target"
+_HEADER = re.compile(
+    r"# isomatch map(?:, format version (?P<version>\d+))?,.*\n"
+    r"# (?P<n_source>\d+) source vertices, (?P<n_target>\d+) target vertices"
+)
+_LINES = "write one 0-based target vertex on each line, -1 where unmatched"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correspondence:
-    """A map source → target.
+    """A map from a source to a target, source → target.
 
     Parameters
     ----------
     vertices : (n_source,) array of int
-        Target vertex of each source vertex; −1 where unmatched.
+        Target vertex of each source vertex; −1 if unmatched.
     n_target : int
         Number of target vertices.
     faces : (n_source, 3) array of int, optional
-        Target vertices of the triangle that holds the precise image; −1 where unmatched. By default the vertex
-        itself, three times.
+        Corners of the target triangle that contains the precise image; −1 if unmatched. By default the target vertex
+        three times.
     barycentric : (n_source, 3) array of float, optional
-        Weights of the three; not negative, sum 1. By default (1, 0, 0).
+        Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
 
     Examples
     --------
@@ -60,6 +70,8 @@ class Correspondence:
                 f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape "
                 f"{given.shape}"
             )
+        if n_target < 0:
+            raise MapError(f"n_target = {n_target} is not a number of target vertices")
         image = np.array(given, dtype=np.int64)
         bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
         if len(bad):
@@ -73,8 +85,7 @@ class Correspondence:
             corners = np.repeat(image[:, None], 3, axis=1)
             weights = np.tile([1.0, 0.0, 0.0], (len(image), 1))
         else:
-            corners, weights = np.array(faces, dtype=np.int64), np.array(barycentric, dtype=np.float64)
-            _require_precise(corners, weights, image, n_target)
+            corners, weights = _precise(np.asarray(faces), np.array(barycentric, np.float64), image, n_target)
         for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -87,7 +98,7 @@ class Correspondence:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n_source, n_target), the shape of the map as a matrix."""
+        """(n_source, n_target): the shape of the map as a matrix."""
         return len(self.vertices), self.n_target
 
     @property
@@ -96,7 +107,7 @@ class Correspondence:
         return self.vertices >= 0
 
     def pull_back(self, values: ArrayLike) -> FloatArray:
-        """Carry values from the target to the source.
+        """Pull values back from the target to the source.
 
         Parameters
         ----------
@@ -106,12 +117,17 @@ class Correspondence:
         Returns
         -------
         (n_source,) or (n_source, q) array of float
-            Interpolated at the precise image; ``nan`` where unmatched.
+            Values interpolated at the precise images; ``nan`` where unmatched.
+
+        Raises
+        ------
+        DescriptorError
+            If the number of rows is not that of the target's vertices.
         """
         rows = np.asarray(values, dtype=np.float64)
         if rows.shape[:1] != (self.n_target,):
-            raise MapError(
-                f"values have {rows.shape[:1]} rows, the target has {self.n_target} vertices; "
+            raise DescriptorError(
+                f"values have shape {rows.shape}, expected one row for each of the {self.n_target} target vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
         weights = self.barycentric.reshape(-1, 3, *(1,) * (rows.ndim - 1))
@@ -124,7 +140,7 @@ class Correspondence:
         return self.pull_back(values)
 
     def then(self, other: Correspondence) -> Correspondence:
-        """Compose on vertices: source → target of this map → target of the other."""
+        """Compose two maps on vertices: the source of this map → the target of the other. Precise images are lost."""
         if len(other.vertices) != self.n_target:
             raise MapError(
                 f"cannot compose {self!r} with {other!r}: the first ends on {self.n_target} vertices, the second "
@@ -134,69 +150,120 @@ class Correspondence:
         return Correspondence(image, other.n_target)
 
     def reversed(self) -> Correspondence:
-        """Turn around: for each target vertex the first source vertex mapped to it, −1 for none."""
+        """Return the map target → source: the first source vertex mapped to each target vertex, −1 if there is none."""
         back = np.full(self.n_target, UNMATCHED, dtype=np.int64)
         source = np.flatnonzero(self.matched)[::-1]
         back[self.vertices[source]] = source
         return Correspondence(back, len(self.vertices))
 
     def save(self, path: str | Path) -> None:
-        """Write ``.npz`` (everything) or text (``.txt``: target vertex of each source vertex, header with ``#``)."""
+        """Write everything to an ``.npz`` file, or the vertices alone to a text file (any other suffix).
+
+        Line i of the text, counted from 0 and without the header, is the target vertex of source vertex i. An
+        earlier file is replaced only once the new one is complete.
+        """
         path = Path(path)
         if path.suffix == ".npz":
-            np.savez_compressed(
-                path,
-                direction=np.array("source -> target"),
-                vertices=self.vertices,
-                n_target=self.n_target,
-                faces=self.faces,
-                barycentric=self.barycentric,
-            )
+            arrays = {"direction": np.array(_DIRECTION), **vars(self)}
+            save_arrays(path, FORMAT_VERSION, arrays, compressed=True)
             return
         header = (
-            "isomatch map, source -> target\n"
+            f"isomatch map, format version {FORMAT_VERSION}, {_DIRECTION}\n"
             f"{len(self.vertices)} source vertices, {self.n_target} target vertices\n"
             "line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched"
         )
-        np.savetxt(path, self.vertices, fmt="%d", header=header)
+        with replaced(path) as file:
+            np.savetxt(file, self.vertices, fmt="%d", header=header)
 
     @classmethod
     def load(cls, path: str | Path, n_target: int | None = None) -> Correspondence:
-        """Read what `save` wrote, or any text file with one 0-based target vertex a line.
+        """Read what `save` wrote, or any text file with one 0-based target vertex on each line.
 
-        ``n_target`` is needed for text files that do not tell it in their header; by default the largest index + 1.
+        Parameters
+        ----------
+        path : path_like
+            An ``.npz`` file, or text (any other suffix). Files of earlier versions of isomatch are read too.
+        n_target : int, optional
+            Number of target vertices. A file that names another number is refused; for a file that names none the
+            default is its largest index + 1.
+
+        Returns
+        -------
+        Correspondence
+            The map source → target.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), holds no map or one onto another target, or was written by an
+            isomatch that is too new.
         """
         path = Path(path)
-        try:
-            if path.suffix == ".npz":
-                with np.load(path, allow_pickle=False) as data:
-                    stored = int(data["n_target"]) if "n_target" in data else n_target
-                    if n_target is not None and stored != n_target:
-                        raise ValueError(f"it was made for a target of {stored} vertices, not {n_target}")
-                    if stored is None:
-                        stored = int(data["vertices"].max(initial=-1)) + 1
-                    optional = [data.get(key) for key in ("faces", "barycentric")]
-                    return cls(data["vertices"], stored, *optional)
-            if n_target is None:
-                head = path.read_text(encoding="utf-8").split(" target vertices", 1)
-                n_target = int(head[0].rsplit(" ", 1)[-1]) if len(head) == 2 else None
-            words = [line.split("#", 1)[0] for line in path.read_text(encoding="utf-8").splitlines()]
-            image = np.array([word for word in words if word.strip()], dtype=np.int64)
-            if not len(image):
-                raise ValueError("the file is empty")
-        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        stored, arrays = _read_arrays(path) if path.suffix == ".npz" else _read_text(path)
+        if stored is None:
+            stored = int(arrays["vertices"].max(initial=-1)) + 1 if n_target is None else n_target
+        elif n_target not in (None, stored):
             raise FormatError(
-                f"{path}: not a map ({error}); expected an .npz with 'vertices', or one target index a line"
-            ) from error
-        return cls(image, int(image.max(initial=-1)) + 1 if n_target is None else n_target)
+                f"{path}: is a map onto a target of {stored} vertices, not {n_target}; give the map of these two shapes"
+            )
+        try:
+            return cls(n_target=stored, **arrays)
+        except MapError as error:
+            raise FormatError(f"{path}: {error}") from None
 
 
-def _require_precise(corners: IntArray, weights: FloatArray, image: IntArray, n_target: int) -> None:
-    """Raise `MapError` unless corners and weights are precise images of the matched vertices."""
-    if corners.shape != (len(image), 3) or weights.shape != (len(image), 3):
+def _read_arrays(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
+    """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
+    file = ArrayFile.read(path, "a map", "Correspondence.save", FORMAT_VERSION)
+    if "direction" in file and file.text("direction") != _DIRECTION:
+        file.refuse(f"its direction is {file.text('direction')!r}, not {_DIRECTION!r}")
+    arrays: dict[str, AnyArray] = {"vertices": file.integers("vertices", None)}
+    if "faces" in file or "barycentric" in file:
+        arrays["faces"] = file.integers("faces", len(arrays["vertices"]), 3)
+        arrays["barycentric"] = file.floats("barycentric", len(arrays["vertices"]), 3)
+    return int(file.integers("n_target")) if "n_target" in file else None, arrays
+
+
+def _read_text(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
+    """Read the number of target vertices, if the header has it, and the vertices of a map from a text file."""
+    with opened(path) as file:
+        text = file.read().decode("utf-8-sig", errors="replace")
+    header = _HEADER.match(text)
+    if header:
+        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT_VERSION)
+    image = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        word = line.partition("#")[0].strip()
+        if not word:
+            continue
+        try:
+            image.append(int(word))
+        except ValueError:
+            raise FormatError(f"{path}:{number}: {word[:40]!r} is not a target vertex; {_LINES}") from None
+    if header and len(image) != int(header["n_source"]):
+        raise FormatError(
+            f"{path}: {len(image)} lines for the {header['n_source']} source vertices of its header; "
+            "it is cut short or was edited, copy it again or remove the header"
+        )
+    if not (header or image):
+        raise FormatError(f"{path}: no target vertices; {_LINES}")
+    vertices: AnyArray = np.array(image) if image else np.zeros(0, dtype=np.int64)
+    return int(header["n_target"]) if header else None, {"vertices": vertices}
+
+
+def _precise(
+    faces: AnyArray, weights: FloatArray, image: IntArray, n_target: int
+) -> tuple[IntArray, FloatArray]:
+    """Return corners and weights once they are precise images of the matched vertices; `MapError` if they are not."""
+    if faces.shape != (len(image), 3) or weights.shape != (len(image), 3):
         raise MapError("faces and barycentric must both have one row of three for each source vertex")
-    held = image >= 0
+    if faces.size and faces.dtype.kind not in "iu":
+        raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
+    corners, held = faces.astype(np.int64), image >= 0
     if ((corners[held] < 0) | (corners[held] >= n_target)).any():
         raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
-    if (weights[held] < -1e-9).any() or (np.abs(weights[held].sum(axis=1) - 1) > 1e-6).any():
-        raise MapError("barycentric weights must not be negative and must sum to 1 in each row")
+    sums = weights[held].sum(axis=1)
+    if not ((weights[held] >= -1e-9).all() and (np.abs(sums - 1) <= 1e-6).all()):  # true of nan as well
+        raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
+    corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
+    return corners, weights

@@ -1,21 +1,23 @@
-"""What is matched: meshes, point clouds and graphs; their files, defects and repair."""
+"""Surfaces: meshes, point clouds and graphs; their files, their defects, and repair."""
 
 from typing import TypeAlias
 
 from isomatch.surfaces.check import check
 from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.io import read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
 
 Surface: TypeAlias = Mesh | PointCloud | Graph
-"""Whatever has geodesic distances of its own and can be matched."""
+"""Any of the three: a space with geodesic distances that can be matched."""
 
 __all__ = [
+    "FORMATS",
     "Graph",
     "Mesh",
+    "MeshFormat",
     "MeshReport",
     "PointCloud",
     "Repair",

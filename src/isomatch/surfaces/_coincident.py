@@ -1,4 +1,4 @@
-"""Which points are at exactly the same place."""
+"""Points at exactly the same position."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from isomatch._arrays import AnyArray, IntArray
 
 
 def first_equal(points: AnyArray) -> IntArray:
-    """For each point, the first point at exactly the same position.
+    """Find, for each point, the first point at exactly the same position.
 
     Parameters
     ----------
     points : (n, d) array
-        Positions, or any rows. A point with a NaN equals no other point.
+        Positions, or rows of any other kind. A row that contains NaN is equal to no other.
 
     Returns
     -------
     (n,) array of int
-        Index of the first equal point, at most the point's own index.
+        Index of the first equal point; the point's own index if no earlier one is equal.
 
     Notes
     -----
-    O(n log n) time. Equality is exact, so that it is transitive and never merges what a user kept apart.
+    O(n log n) time. Equality is exact, because equality up to a tolerance is not transitive, and could merge points
+    that are meant to be different.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Edges of a triangle list, and the faces that meet there: plain arrays, no pointers."""
+"""The edges of a list of triangles and the faces that meet at them, as arrays."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from isomatch._arrays import BoolArray, IntArray
 
 @dataclass(frozen=True)
 class EdgeTable:
-    """Edges of m sound faces. Side 3 f + i of face f runs from its corner i to its corner i + 1.
+    """The edges of m sound faces. Side 3 f + i of face f goes from its corner i to its corner i + 1.
 
     Parameters
     ----------
     ends : (e, 2) array of int
-        Vertices of each edge, smaller first, in lexicographic order.
+        Vertices of each edge, the smaller index first, in lexicographic order.
     n_faces : (e,) array of int
-        How many faces meet at each edge.
+        Number of faces that meet at each edge.
     meetings : (k, 2) array of int
-        Pairs of sides that lie on one edge; r sides there give r - 1 pairs, a chain.
+        Pairs of sides on the same edge. The r sides of an edge form a chain of r - 1 pairs.
     edge_of_meeting : (k,) array of int
         The edge of each pair.
     same_direction : (k,) array of bool
-        Whether the two sides run the same way, so that their faces look to opposite sides.
+        Whether the two sides have the same direction, so that their faces are wound inconsistently.
     """
 
     ends: IntArray
@@ -37,13 +37,13 @@ class EdgeTable:
 
     @property
     def is_pair(self) -> BoolArray:
-        """(k,) meetings on an edge of exactly two faces."""
+        """(k,) which meetings are at an edge of exactly two faces."""
         pair: BoolArray = self.n_faces[self.edge_of_meeting] == 2
         return pair
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Sort the sides of sound faces into edges, in O(m log m) time."""
+    """Group the sides of sound faces into edges, in O(m log m) time."""
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     keys = np.minimum(start, end) * n_vertices + np.maximum(start, end)
     order = np.argsort(keys, kind="stable")
@@ -72,9 +72,9 @@ def linked(pairs: IntArray, n_nodes: int) -> tuple[int, IntArray]:
 
 
 def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
-    """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 where no face is.
+    """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 for a vertex without faces.
 
-    Two corners at a vertex are in one fan when their faces meet at an edge of that vertex.
+    Two corners at a vertex are in the same fan if their faces share an edge of that vertex.
     """
     here, there = edges.meetings.T
     same = edges.same_direction

@@ -1,4 +1,4 @@
-"""Which faces cannot be part of a surface: the judgement that check reports and repair acts on."""
+"""Faces that cannot be part of a surface: `check` reports them, `repair` removes them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isomatch.surfaces._coincident import first_equal
 
 @dataclass(frozen=True)
 class UnsoundFaces:
-    """One mask over the faces per defect; a face has at most one of them, the first that applies."""
+    """One mask over the faces for each defect. Of several defects of a face only the first counts."""
 
     out_of_range: BoolArray
     non_finite: BoolArray
@@ -26,9 +26,9 @@ class UnsoundFaces:
 
 
 def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
-    """Find the faces that cannot be part of a surface; any array content is accepted.
+    """Find the faces that cannot be part of a surface. The arrays may contain anything.
 
-    A duplicate has the same three vertices as an earlier face, in any order; the earlier face is none.
+    A duplicate has the same three vertices as an earlier face, in any order. The earlier face is not a duplicate.
     """
     out_of_range: BoolArray = np.any((faces < 0) | (faces >= len(vertices)), axis=1)
     good: BoolArray = np.logical_not(out_of_range)

@@ -1,4 +1,4 @@
-"""The order of a face's corners: which side of the surface it looks to, and how to make all faces agree."""
+"""The winding of faces, that is the order of their corners, which defines the outer side: how to make it consistent."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from isomatch.surfaces._edges import edge_table, linked
 
 
 def faces_to_rewind(vertices: FloatArray, faces: IntArray) -> BoolArray:
-    """Find the faces to rewind, (m,), so that orientable pieces are consistent, and outward when closed.
+    """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if closed.
 
-    A piece is connected through edges of exactly two faces. Each face has two copies, as it is and rewound;
-    copies that agree across an edge are linked. The pieces of this double cover are the consistent windings
-    of the pieces of the surface: two for an orientable piece, one for a one-sided piece, which is left as
-    it is.
+    A piece is a set of faces connected through edges of exactly two faces. In the orientation double cover each face
+    has two copies, one as it is and one rewound, and copies with consistent winding are linked across an edge. An
+    orientable piece gives two components of this cover, its two consistent windings. A one-sided piece gives one
+    component, and is left as it is.
     """
     m = len(faces)
     edges = edge_table(faces, len(vertices))
@@ -43,9 +43,10 @@ def faces_to_rewind(vertices: FloatArray, faces: IntArray) -> BoolArray:
 
 
 def signed_volumes(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Signed volume between each face and the mean vertex, (m,), in units of the largest coordinate cubed.
+    """Compute the signed volume of the tetrahedron of each face and the mean vertex, (m,).
 
-    Their sum over a closed surface is positive when its faces look outward.
+    The unit is the cube of the largest coordinate. The sum over a closed surface is positive if its faces are oriented
+    outward.
     """
     if not len(faces):
         return np.zeros(0)

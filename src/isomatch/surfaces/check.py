@@ -1,4 +1,4 @@
-"""Find what is wrong with a mesh, in whole-array operations that accept any array content."""
+"""Examine a mesh for defects. All operations are on whole arrays, which may contain anything."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from isomatch.surfaces.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 
 
 def check(mesh: Mesh) -> MeshReport:
-    """Report every defect of a mesh that matters for distances and matching.
+    """Report every defect of a mesh that affects distances or matching.
 
     Parameters
     ----------
     mesh : Mesh
-        Any mesh; its arrays may hold anything.
+        Any mesh; its arrays may contain anything.
 
     Returns
     -------
     MeshReport
-        ``fatal``, ``warnings`` and ``ok`` sum it up; ``print(report)`` shows a table.
+        ``fatal``, ``warnings`` and ``ok`` summarise it; ``print(report)`` shows a table.
 
     Notes
     -----
@@ -34,7 +34,7 @@ def check(mesh: Mesh) -> MeshReport:
 
     Examples
     --------
-    A tetrahedron with one vertex too many:
+    A tetrahedron and a vertex that no face uses:
 
     >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]]
     >>> report = check(Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
@@ -49,7 +49,7 @@ def check(mesh: Mesh) -> MeshReport:
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[faces] = True
     finite = np.isfinite(mesh.vertices).all(axis=1)
-    # Squares of coordinates of any magnitude are finite after division by the largest one.
+    # Dividing by the largest coordinate keeps squares and products from overflowing.
     scale = float(np.abs(mesh.vertices[used]).max(initial=0.0)) or 1.0
     points = np.where(used[:, None], mesh.vertices, 0.0) / scale
     areas, flatness = _areas_and_flatness(points, faces)
@@ -95,7 +95,7 @@ class _Components:
         areas: FloatArray,
         points: FloatArray,
     ) -> _Components:
-        """Measure the connected components that have faces, the one of largest area first."""
+        """Measure the connected components that have faces, largest area first."""
         _, label = linked(edges.ends, len(points))
         names, label_used = np.unique(label[used], return_inverse=True)
         sizes = np.bincount(label_used, minlength=len(names))
@@ -114,7 +114,10 @@ class _Components:
 
 
 def _areas_and_flatness(points: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Area of each face, and its smallest altitude over its longest edge (0 for a point), both (m,)."""
+    """Compute the area of each face, and the ratio of its smallest altitude to its longest edge, both (m,).
+
+    The ratio is 0 if all three corners coincide. It is twice the area over the square of the longest edge.
+    """
     a, b, c = (points[faces[:, i]] for i in range(3))
     doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
@@ -123,11 +126,14 @@ def _areas_and_flatness(points: FloatArray, faces: IntArray) -> tuple[FloatArray
 
 
 def _boundary_lengths(points: FloatArray, boundary: IntArray, scale: float) -> FloatArray:
-    """Length of each connected piece of boundary, longest first, times the scale of the points."""
+    """Compute the length of each connected piece of the boundary, longest first.
+
+    The points are in units of ``scale``, the lengths are not.
+    """
     vertices, ends = np.unique(boundary, return_inverse=True)
     ends = ends.reshape(-1, 2)
     count, label = linked(ends, len(vertices))
     lengths = np.linalg.norm(points[boundary[:, 0]] - points[boundary[:, 1]], axis=1)
     loops: FloatArray = np.bincount(label[ends[:, 0]], lengths, count).astype(np.float64)
-    with np.errstate(over="ignore"):  # a length beyond the largest float is infinite
+    with np.errstate(over="ignore"):  # lengths beyond the largest float become infinite
         return np.sort(loops)[::-1] * scale

@@ -1,4 +1,4 @@
-"""The weighted graph: vertices without coordinates, joined by edges that have lengths."""
+"""The weighted graph: vertices without coordinates, joined by edges with lengths."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from isomatch.surfaces._edges import linked
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Graph:
-    """An undirected graph whose edges have lengths, immutable: a metric space by its shortest paths.
+    """An immutable undirected graph whose edges have lengths; distances are those of shortest paths.
 
     Parameters
     ----------
     n_vertices : int
-        Number of vertices n, joined by an edge or not.
+        Number of vertices n, including those without an edge.
     edges : (e, 2) array_like of int
-        0-based ends of each edge, in any order. Stored once each, smaller end first, in lexicographic order; of edges
-        between the same two vertices the shortest is kept.
+        0-based end vertices of each edge, in any order. Edges are stored in lexicographic order, smaller vertex first.
+        Of several edges between the same two vertices only the shortest is kept.
     lengths : (e,) array_like of float
         Length of each edge, finite and not negative.
     weights : (n,) array_like of float, optional
-        How much each vertex counts, positive, such as an area; by default 1.
+        Positive weight of each vertex, such as an area; by default 1.
 
     Raises
     ------
     MeshError
-        If an end is out of range, an edge joins a vertex to itself, or a length or weight makes no sense.
+        If an end vertex is out of range, an edge joins a vertex to itself, a length is negative or a weight not
+        positive, or a number is not finite.
 
     Examples
     --------
@@ -53,17 +54,15 @@ class Graph:
     ) -> None:
         ends, given = _ends(edges, n_vertices), _numbers(lengths, "lengths")
         if given.shape != (len(ends),):
-            raise MeshError(f"lengths have shape {given.shape}, expected ({len(ends)},): one for each edge")
+            raise MeshError(f"lengths have shape {given.shape}, expected ({len(ends)},): one per edge")
         _require(np.isfinite(given) & (given >= 0), "edges {} have lengths that are negative or not finite")
         measure = np.ones(n_vertices) if weights is None else _numbers(weights, "weights")
         if measure.shape != (n_vertices,):
-            raise MeshError(
-                f"weights have shape {measure.shape}, expected ({n_vertices},): one for each vertex"
-            )
+            raise MeshError(f"weights have shape {measure.shape}, expected ({n_vertices},): one per vertex")
         _require(
             np.isfinite(measure) & (measure > 0), "vertices {} have weights that are not positive numbers"
         )
-        order = np.lexsort([given, ends[:, 1], ends[:, 0]])
+        order = np.lexsort([given, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
         ends, given = ends[order], given[order]
         first = np.ones(len(ends), dtype=bool)
         first[1:] = (ends[1:] != ends[:-1]).any(axis=1)
@@ -96,7 +95,7 @@ def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:
         array = np.zeros((0, 2), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
         raise MeshError(
-            f"edges have shape {array.shape} and type {array.dtype}, expected (e, 2) integers: two vertices each"
+            f"edges have shape {array.shape} and type {array.dtype}, expected (e, 2) integers: two vertices per edge"
         )
     _require(
         np.all((array >= 0) & (array < n_vertices), axis=1),

@@ -1,4 +1,4 @@
-"""The triangle mesh: vertices and faces, nothing else; everything derived is computed once, on demand."""
+"""The triangle mesh: vertices and faces; what is derived from them is computed once, when it is first needed."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from isomatch.errors import MeshError, some
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """A triangle mesh, immutable.
+    """An immutable triangle mesh.
 
-    Only array shapes and types are checked here, so that a defective mesh can still be loaded, reported on by
-    `check` and mended by `repair`. What needs sound faces raises `MeshError` when they are not.
+    Only the shapes and types of the arrays are checked here, so that a defective mesh can still be loaded, examined
+    by `check` and mended by `repair`. Properties that need valid face indices raise `MeshError` if there are others.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Mesh:
 
     @property
     def n_vertices(self) -> int:
-        """Number of vertices, used by a face or not."""
+        """Number of vertices, including those that no face uses."""
         return len(self.vertices)
 
     @property
@@ -64,18 +64,18 @@ class Mesh:
 
     @cached_property
     def sound_faces(self) -> IntArray:
-        """(m, 3) the faces, after every index has been seen to be in range; `MeshError` if one is not."""
+        """(m, 3) the faces; `MeshError` if a vertex index is out of range."""
         bad = np.flatnonzero(((self.faces < 0) | (self.faces >= self.n_vertices)).any(axis=1))
         if len(bad):
             raise MeshError(
                 f"faces {some(bad)} refer to vertices outside 0…{self.n_vertices - 1}, so the surface is "
-                "undefined there; remove them with repair(mesh) or export the file again"
+                "undefined there; remove these faces with repair(mesh), or export the file again"
             )
         return self.faces
 
     @cached_property
     def face_cross(self) -> FloatArray:
-        """(m, 3) cross product of two edges of each face: the normal times twice the area."""
+        """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
         a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
         return np.cross(b - a, c - a)
 
@@ -87,7 +87,7 @@ class Mesh:
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
-        """(n,) barycentric area of each vertex: a third of its faces; 0 where no face uses it."""
+        """(n,) barycentric area of each vertex, a third of the area of its faces; 0 if no face uses it."""
         thirds = np.repeat(self.face_areas / 3, 3)
         areas: FloatArray = np.bincount(self.sound_faces.ravel(), thirds, self.n_vertices).astype(np.float64)
         return areas
@@ -99,39 +99,39 @@ class Mesh:
 
     @cached_property
     def volume(self) -> float:
-        """Signed enclosed volume; positive when the faces of a closed surface look outward."""
+        """Signed enclosed volume, in cubed mesh units; positive if the faces of a closed surface are oriented outward."""
         a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
         return float(np.einsum("ij,ij->", a - self.vertices.mean(axis=0), np.cross(b - a, c - a)) / 6)
 
     @cached_property
     def vertex_normals(self) -> FloatArray:
-        """(n, 3) area-weighted unit normals; zero where no face of positive area meets the vertex."""
+        """(n, 3) area-weighted unit normals of the vertices; zero if no face of positive area meets the vertex."""
         return vertex_normals(self.vertices, self.sound_faces)
 
     @cached_property
     def edges(self) -> IntArray:
-        """(e, 2) undirected edges, each once, smaller index first, in lexicographic order."""
+        """(e, 2) undirected edges, each listed once with the smaller index first, in lexicographic order."""
         half = self.sound_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         low, high = half.min(axis=1), half.max(axis=1)
-        keys = np.unique(low * self.n_vertices + high)
+        keys = np.unique(low * self.n_vertices + high)  # one integer per edge sorts faster than two
         return np.column_stack([keys // self.n_vertices, keys % self.n_vertices])
 
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge, in mesh units."""
         x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
-        return np.asarray(np.hypot(np.hypot(x, y), z))  # no square leaves the range of numbers
+        return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
 
     @cached_property
     def components(self) -> IntArray:
-        """(n,) label of the connected component of each vertex; a vertex no face uses is a component."""
+        """(n,) label of the connected component of each vertex; a vertex that no face uses is a component of its own."""
         i, j = self.edges.T
         graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(self.n_vertices,) * 2)
         labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
         return labels
 
     def submesh(self, keep: ArrayLike) -> tuple[Mesh, IntArray]:
-        """Restrict to some vertices and the faces between them.
+        """Return the mesh of some of the vertices and the faces between them.
 
         Parameters
         ----------
@@ -141,9 +141,9 @@ class Mesh:
         Returns
         -------
         mesh : Mesh
-            The restricted mesh; order is preserved.
+            The restricted mesh. Vertices and faces keep their order.
         index : (n_kept,) array of int
-            Vertex of this mesh for each vertex of the restricted one.
+            For each vertex of the restricted mesh, its index in this mesh.
         """
         mask = np.asarray(keep, dtype=bool)
         index = np.flatnonzero(mask)
@@ -154,7 +154,7 @@ class Mesh:
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Area-weighted unit normals of each vertex, (n, 3); zero where no face of positive area meets it."""
+    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     cross = np.cross(b - a, c - a)
     normals = np.column_stack(
@@ -168,9 +168,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 def _frozen_vertices(values: ArrayLike) -> FloatArray:
     array = np.array(values, dtype=np.float64, order="C")
     if array.ndim != 2 or array.shape[1] != 3:
-        raise MeshError(
-            f"vertices have shape {array.shape}, expected (n, 3): one row x, y, z for each vertex"
-        )
+        raise MeshError(f"vertices have shape {array.shape}, expected (n, 3): one row x, y, z per vertex")
     array.flags.writeable = False
     return array
 

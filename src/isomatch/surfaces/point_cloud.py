@@ -1,4 +1,4 @@
-"""The point cloud: samples of a surface without triangles, joined to their nearest neighbours."""
+"""The point cloud: points that sample a surface, each joined to its nearest neighbours."""
 
 from __future__ import annotations
 
@@ -14,34 +14,35 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._edges import linked
 
-FEWEST_POINTS = 4  # with fewer there are no local triangles
+FEWEST_POINTS = 4  # fewer have no local triangulation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PointCloud:
-    """Points that sample a surface, immutable; distances run along edges to nearest neighbours.
+    """An immutable set of points that sample a surface; distances are measured along edges to nearest neighbours.
 
     Parameters
     ----------
     vertices : (n, 3) array_like of float
         Positions, in the user's units. Stored as read-only float64.
     n_neighbours : int
-        Each point is joined to this many nearest others, or to all if there are fewer.
+        Each point is joined to this many of its nearest neighbours, or to all others if there are fewer.
 
     Raises
     ------
     MeshError
-        If there are fewer than 4 points, the array has another shape, or a coordinate is not finite.
+        If there are fewer than 4 points, the array has the wrong shape, or a coordinate is not finite.
     SettingError
         If ``n_neighbours`` is not positive.
 
     Notes
     -----
-    Paths along edges zigzag, and the error does not fall with finer sampling, only with more neighbours. Mean excess
-    over great circles on random points of a sphere: 5 to 8 % with 8 neighbours, 3 % with 12, 1.2 % with 20,
-    0.6 % with 30, 0.2 % with 50; time grows in proportion. Against that, edges cut corners where the surface is
-    curved over the reach of a neighbourhood (−0.3 % for 50 of 1 000 points of a sphere), and may jump to another
-    part of the surface that is as near: choose fewer neighbours for thin or close parts. O(n log n) time.
+    Paths along edges zigzag, so distances are too long. This error falls with more neighbours, not with denser
+    sampling: for random points of a sphere it is on average 5 to 8 % with 8 neighbours, 3 % with 12, 1.2 % with 20,
+    0.6 % with 30 and 0.2 % with 50. The time is proportional to the number of neighbours. Too many neighbours have
+    costs as well. Edges cut through the inside of a curved surface, which shortens distances (by 0.3 % for 50
+    neighbours among 1 000 points of a sphere). They may also join parts that are close in space but far apart on the
+    surface: choose fewer neighbours for thin or nearly touching parts. O(n log n) time.
 
     Examples
     --------
@@ -60,7 +61,8 @@ class PointCloud:
         points = np.array(vertices, dtype=np.float64, order="C")
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < FEWEST_POINTS:
             raise MeshError(
-                f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: x, y, z for each"
+                f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: "
+                "one row x, y, z per point"
             )
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(bad):
@@ -81,11 +83,14 @@ class PointCloud:
 
     @cached_property
     def edges(self) -> IntArray:
-        """(e, 2) pairs of which one is among the nearest of the other, smaller index first, in lexicographic order."""
+        """(e, 2) pairs of points of which one is a nearest neighbour of the other.
+
+        The smaller index comes first; pairs are in lexicographic order.
+        """
         n, k = self.n_vertices, self._n_joined
         nearest = cKDTree(self._scaled).query(self._scaled, k + 1)[1]
         itself = nearest == np.arange(n)[:, None]
-        itself[~itself.any(axis=1), k] = True  # among more than k coincident points it may be missing
+        itself[~itself.any(axis=1), k] = True  # a point with more than k coincident ones may not find itself
         others = nearest[~itself].reshape(n, k)
         ends = np.stack([np.repeat(np.arange(n), k), others.ravel()])
         keys = np.unique(ends.min(axis=0) * n + ends.max(axis=0))
@@ -95,26 +100,26 @@ class PointCloud:
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge, in the units of the points."""
         x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
-        return np.asarray(np.hypot(np.hypot(x, y), z))  # no square leaves the range of numbers
+        return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
 
     @cached_property
     def vertex_areas(self) -> FloatArray:
-        """(n,) area of each point, positive: a third of the triangles around it in its tangent plane.
+        """(n,) area of each point, positive: a third of the area of its triangles in its tangent plane.
 
-        From the tufted Laplacian of Sharp & Crane 2020 (robust_laplacian). `MeshError` if points lie so that there
-        are no such triangles: all in a line, say, or many at one place.
+        They come from the tufted Laplacian of Sharp & Crane 2020 (robust_laplacian). `MeshError` if the points do not
+        allow such triangles, for example if all lie on a line, or many at one place.
         """
         try:
             mass = robust_laplacian.point_cloud_laplacian(self._scaled, n_neighbors=self._n_joined)[1]
         except RuntimeError:
             raise MeshError(
-                "the points have no local triangles, hence no areas: they lie in a line or at few places, or have too "
-                "few neighbours; thin them out, or raise n_neighbours"
+                "the points cannot be triangulated locally, so they have no areas: they lie on a line or at few "
+                "places, or have too few neighbours; remove coincident points, or raise n_neighbours"
             ) from None
         areas = mass.diagonal() * self._unit**2
         bad = np.flatnonzero(~(areas > 0))
         if len(bad):
-            raise MeshError(f"points {some(bad)} have no area; remove coincident and stray points")
+            raise MeshError(f"points {some(bad)} have no area; remove coincident and isolated points")
         return np.asarray(areas)
 
     @cached_property

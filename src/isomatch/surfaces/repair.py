@@ -1,4 +1,4 @@
-"""Mend what can be mended without moving a vertex, and say exactly what became of every vertex and face."""
+"""Repair of a mesh without moving vertices, with index maps for every vertex and face."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from isomatch.surfaces.mesh import Mesh
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Repair:
-    """A mended mesh and how its indices relate to those of the original.
+    """A mended mesh, and the relation of its indices to those of the original.
 
     Parameters
     ----------
     mesh : Mesh
-        The mended mesh; the original itself when nothing was changed.
+        The mended mesh; the original object if nothing was changed.
     vertex_index : (n_new,) array of int
         Original vertex of each new vertex: ``mesh.vertices == original.vertices[vertex_index]``.
     new_index : (n_old,) array of int
-        New vertex of each original vertex; a welded vertex points to the survivor, a removed one is -1.
+        New vertex of each original vertex: for a welded vertex the one it was welded onto, for a removed vertex -1.
     face_index : (m_new,) array of int
         Original face of each new face.
     changes : tuple of str
-        What was changed, one sentence with a count each; empty when nothing was.
+        What was changed, with counts, one phrase for each kind of change; empty if nothing was changed.
     """
 
     mesh: Mesh
@@ -42,25 +42,29 @@ class Repair:
 
 
 def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient: bool = True) -> Repair:
-    """Mend a mesh: remove what is no surface, weld, and wind the faces consistently and outward.
+    """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
 
-    In this order: vertices at exactly equal positions become one (the first); faces with an index out of
-    range, with a non-finite or a repeated vertex, and repetitions of an earlier face are removed;
-    non-finite vertices and those that no face uses are removed; each orientable piece is wound
-    consistently, outward when it is closed, else as most of its faces were. Vertices and faces keep their
-    order and no vertex moves. Repairing twice changes nothing.
+    The steps are, in this order:
+
+    1. Vertices at exactly the same position are welded onto the first of them.
+    2. Faces are removed that have an index out of range, a non-finite or a repeated vertex, or the vertices of an
+       earlier face.
+    3. Non-finite vertices, and vertices that no face uses, are removed.
+    4. Each orientable piece is wound consistently: outward if it is closed, otherwise as most of its faces were.
+
+    Vertices and faces keep their order, and no vertex moves. A second repair changes nothing.
 
     Parameters
     ----------
     mesh : Mesh
-        Any mesh; its arrays may hold anything.
+        Any mesh; its arrays may contain anything.
     weld : bool
-        Whether to weld coincident vertices, as seams of texture maps leave them. Where two sheets touch at
-        a point, welding joins them there.
+        Whether to weld coincident vertices, such as the seams of texture maps. Two sheets that touch at a vertex are
+        joined there.
     remove_unused : bool
         Whether to remove finite vertices that no face uses.
     orient : bool
-        Whether to rewind faces.
+        Whether to make the winding of the faces consistent.
 
     Returns
     -------
@@ -69,13 +73,13 @@ def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient:
 
     Notes
     -----
-    O(n log n) time and O(n) memory. Faces of zero area with three different positions stay: to remove them
-    would tear the surface. Non-manifold edges and vertices, holes and one-sided surfaces stay too; `check`
+    O(n log n) time and O(n) memory. Faces of zero area with three different positions are kept, because removing them
+    would tear the surface. Non-manifold edges and vertices, holes and one-sided surfaces are left as they are; `check`
     reports them.
 
     Examples
     --------
-    Two triangles that share an edge by position only, the second one wound the other way:
+    Two triangles whose common edge has separate vertices for each of them, the second one wound the other way:
 
     >>> points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     >>> mended = repair(Mesh(points, [[0, 1, 2], [3, 4, 5]]))

@@ -1,4 +1,4 @@
-"""The defects of a mesh, one field each, and what each of them means for matching."""
+"""The report on a mesh: one field for each kind of defect, and what the defect means for matching."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.errors import some
 
 ZERO_AREA_RATIO = 1e-10
-"""A face whose smallest altitude is at most this part of its longest edge counts as of zero area."""
+"""A face has zero area if its smallest altitude is at most this fraction of its longest edge."""
 
 SLIVER_RATIO = 1e-3
-"""A face of positive area whose smallest altitude is under this part of its longest edge is a sliver."""
+"""A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
 
 _MENDED = "repair(mesh) removes them"
 
-# field: (what, why it matters and what to do); the table of the report has the same rows in the same order
+# field: (what it is, why it matters and what to do); the rows of the printed table are in this order
 _FATAL = {
     "non_finite_vertices": (
         "vertices with NaN or infinite coordinates",
-        f"no distance is defined there; {_MENDED} with their faces",
+        f"no distance is defined there; {_MENDED} and their faces",
     ),
     "out_of_range_faces": (
         "faces with a vertex index out of range",
@@ -33,70 +33,71 @@ _SURVIVABLE = {
     "repeated_index_faces": ("faces with a repeated vertex", f"they have no area and no normal; {_MENDED}"),
     "duplicate_faces": (
         "faces with the vertices of an earlier face",
-        f"they count area twice and make edges non-manifold; {_MENDED}",
+        f"their area counts twice and their edges are non-manifold; {_MENDED}",
     ),
     "zero_area_faces": (
         "faces of zero area",
-        "distances through them are less exact; remesh if there are many",
+        "distances across them are less accurate; remesh if there are many",
     ),
-    "sliver_faces": ("sliver faces", "distances through them are less exact; remesh if there are many"),
+    "sliver_faces": ("sliver faces", "distances across them are less accurate; remesh if there are many"),
     "unused_vertices": (
         "finite vertices that no sound face uses",
-        f"they are at infinite distance from all others and get no match; {_MENDED}",
+        f"their distance to all other vertices is infinite and they are not matched; {_MENDED}",
     ),
     "coincident_vertices": (
         "vertices at the position of an earlier vertex",
-        "the surface may be cut there, so that distances go round; repair(mesh) welds them",
+        "the surface may be cut there, which makes distances longer; repair(mesh) welds them",
     ),
     "non_manifold_edges": (
         "edges of more than two faces",
-        "fronts branch there and distances may be short-cut; separate the sheets in a mesh editor",
+        "paths may cross from one sheet to another there, which makes distances shorter; "
+        "separate the sheets in a mesh editor",
     ),
     "non_manifold_vertices": (
         "vertices where several fans of faces meet",
-        "surfaces touch at one point there and distances pass through it; split them in a mesh editor",
+        "sheets touch at a single point there, and paths pass through it; split these vertices in a mesh editor",
     ),
     "inconsistent_edges": (
         "edges whose two faces have opposite winding",
-        "normals and left–right orientation are unreliable; repair(mesh) makes the winding consistent, "
+        "normals are unreliable, and left cannot be told from right; repair(mesh) makes the winding consistent, "
         "unless the surface is one-sided",
     ),
     "inward_components": (
-        "closed components whose faces look inward",
-        "left and right are exchanged; repair(mesh) turns them outward",
+        "closed components whose faces are oriented inward",
+        "left and right are exchanged; repair(mesh) orients them outward",
     ),
 }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeshReport:
-    """The defects of a mesh, and its topology.
+    """The defects and the topology of a mesh.
 
-    A *sound* face has three different vertices, in range and finite, and is no duplicate. Areas and
-    topology (edges, vertex fans, components, Euler number) are those of the sound faces, so that each
-    defect is reported once.
+    A *sound* face has three different vertices, all in range and finite, and is not a duplicate. Areas and topology
+    (edges, vertex fans, components, Euler number) are those of the sound faces, so that each defect is reported only
+    once.
 
     Parameters
     ----------
     n_vertices, n_faces : int
-        Size of the mesh.
+        Numbers of vertices and of faces.
     euler_number : int
-        Used vertices - edges + faces.
+        Number of used vertices, minus edges, plus faces.
     component_vertices : (c,) array of int
-        Number of vertices of each connected component, the one of largest area first.
+        Number of vertices of each connected component, largest area first.
     component_shares : (c,) array of float
         Share of each component in the total area.
     boundary_edges : (b, 2) array of int
-        Edges of one face only.
+        Edges of exactly one face.
     boundary_lengths : (l,) array of float
-        Length of each boundary loop, longest first, in mesh units; loops that share a vertex count as one.
+        Length of each boundary loop, longest first, in mesh units. Loops that share a vertex count as one.
     non_finite_vertices, unused_vertices, coincident_vertices, non_manifold_vertices : (d,) array of int
-        Vertices with the defect. A coincident vertex has the exact position of an earlier one.
+        Vertices with the defect. A coincident vertex is at exactly the position of an earlier one.
     out_of_range_faces, repeated_index_faces, duplicate_faces, zero_area_faces, sliver_faces : (d,) array of
     int
         Faces with the defect; see `ZERO_AREA_RATIO` and `SLIVER_RATIO`.
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
-        Edges of more than two faces; edges that two faces traverse in the same direction.
+        Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
         Closed, consistently wound components of negative volume.
     """
@@ -133,35 +134,35 @@ class MeshReport:
 
     @property
     def fatal(self) -> tuple[str, ...]:
-        """Defects with which geodesic distances cannot be computed at all, one sentence each."""
+        """Defects that make geodesic distances impossible to compute, one sentence each."""
         found = self._sentences(_FATAL)
         if self.n_faces == 0:
-            found.append("no faces: there is no surface to measure on; give a mesh, not a set of points")
+            found.append("no faces, so there is no surface to measure distances on; give a mesh with faces")
         elif not self.component_shares.any():
             found.append(
-                "no sound face of positive area: there is no surface to measure on; export the file again"
+                "no sound face of positive area, so there is no surface to measure distances on; export the file again"
             )
         return tuple(found)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Defects that matter but can be lived with, one sentence each."""
+        """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
         found = self._sentences(_SURVIVABLE)
         if self.n_components > 1:
             shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
             found.append(
                 f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
-                "distances between them are infinite; keep the one you mean with mesh.submesh, or join them"
+                "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
             )
         return tuple(found)
 
     @property
     def ok(self) -> bool:
-        """Whether there is neither a fatal defect nor a warning."""
+        """Whether there are no fatal defects and no warnings."""
         return not self.fatal and not self.warnings
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields and sentences as numbers, strings and lists, ready for JSON."""
+        """Return all fields and sentences as numbers, strings and lists, for JSON."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         plain = {
             name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
@@ -198,7 +199,7 @@ class MeshReport:
 
 
 def _where(found: IntArray) -> str:
-    """Write at most five vertices, faces or edges, and the count."""
+    """Write at most five vertices, faces or edges, and how many there are."""
     if found.ndim == 1:
         return some(found)
     head = ", ".join(f"{i}–{j}" for i, j in found[:5].tolist())

@@ -1,4 +1,4 @@
-"""Where to look from: a three-quarter view of a standing shape, and the same view of its partner."""
+"""The camera: a three-quarter view of a standing shape, and the same view of the shape that it is matched with."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 
-AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # away from the broad side, and above the ground
-FLAT = 0.1  # a shape so much thinner than wide is a sheet, seen from above
-UPRIGHT = 1.6  # a shape so much taller than wide is a standing person
-CONTACT = 0.06  # of the height; what is so near the ground carries
-LEAN = np.radians(65.0)  # a partner that leans less than this stays as it is; it may rear or bow
-SNAP = np.radians(35.0)  # a partner turned by nearly a quarter turn is turned by exactly that
+AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # from the broad side, and above the horizon
+FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above
+UPRIGHT = 1.6  # height over width above which the long axis of a shape is upright, as of a standing person
+CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
+LEAN = np.radians(65.0)  # a source rotated by less than this is left as it is; only its pose may differ
+SNAP = np.radians(35.0)  # a rotation within this angle of quarter turns is replaced by them
 
 
 def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
-    """Choose a view.
+    """Choose a view of a mesh.
 
     Parameters
     ----------
     mesh : Mesh
-        A sheet, which is seen from above, or a shape with y or z up, as nearly all files have.
+        A sheet, which is seen from above, or a shape whose y or z axis points up, as in nearly all files.
     up_axis : {1, 2}, optional
-        Which of the two; by default it is guessed, which may fail for a long shape.
+        The axis that points up; by default it is guessed, which may fail for elongated shapes.
 
     Returns
     -------
     (3, 3) array
-        Rows: to the right, up, towards the viewer; orthonormal, right-handed.
+        Rows: right, up, towards the viewer; orthonormal and right-handed.
     """
     areas = mesh.vertex_areas
     moments, axes = _principal_axes(mesh.vertices, areas)
@@ -41,7 +41,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
     up = np.eye(3)[_up_axis(mesh) if up_axis is None else up_axis]
     _, level_axes = _principal_axes(mesh.vertices - np.outer(mesh.vertices @ up, up), areas)
     front = np.array([0.3, -1.0, 0.0]) if up[2] else np.array([0.3, 0.0, 1.0])
-    narrow = level_axes[:, 1]  # column 0 is up, along which nothing is left
+    narrow = level_axes[:, 1]  # column 0 is the up axis, along which the projected points have no extent
     narrow = narrow * (1.0 if narrow @ front >= 0 else -1.0)
     broad = np.cross(up, narrow)
     level_view = np.cos(AZIMUTH) * narrow + np.sin(AZIMUTH) * broad
@@ -51,14 +51,14 @@ def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
 
 
 def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Second moments, smallest first, and their directions as columns."""
+    """Compute the second moments, smallest first, and their directions as columns."""
     centred = points - np.average(points, axis=0, weights=areas)
     moments, axes = np.linalg.eigh((centred * areas[:, None]).T @ centred)
     return moments, axes
 
 
 def _up_axis(mesh: Mesh) -> int:
-    """Axis 1 or 2: a tall one, or else the one along which the shape stands more safely."""
+    """Guess the up axis, 1 or 2: one along which the shape is tall, otherwise the one on which it stands more stably."""
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
     for axis in (1, 2):
@@ -68,7 +68,10 @@ def _up_axis(mesh: Mesh) -> int:
 
 
 def _stability(mesh: Mesh, axis: int) -> float:
-    """Distance of the plumb line of the centroid from the rim of the ground contact, over the height."""
+    """Compute how stably a shape stands: the distance of its centroid from the rim of its support, over its height.
+
+    Both are projected to the ground. Negative if the shape would fall over.
+    """
     height = mesh.vertices[:, axis]
     used = mesh.vertex_areas > 0
     low, tall = height[used].min(), max(float(np.ptp(height[used])), 1e-300)
@@ -82,7 +85,10 @@ def _stability(mesh: Mesh, axis: int) -> float:
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
-    """(n, 3) vertices to the right, up and towards the viewer, at unit area, the middle of what is drawn at 0."""
+    """Transform the vertices to camera coordinates (right, up, towards the viewer), (n, 3).
+
+    The surface is scaled to unit area, and the middle of the drawn vertices is at 0.
+    """
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
     drawn = points[np.unique(mesh.faces)]
     middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
@@ -90,13 +96,13 @@ def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
 
 
 def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
-    """Find the rotation under which the source faces as the target does.
+    """Find the rotation of the source after which it faces in the same direction as the target.
 
     Returns
     -------
     (3, 3) array
-        The rotation that brings the source's vertices nearest to their images; replaced by quarter turns about
-        the axes when these are near it, so that a shape that stands straight keeps standing straight.
+        The rotation that brings the vertices of the source closest to their images, by least squares. If quarter
+        turns about the axes are near it, they are taken instead, so that an upright shape stays upright.
     """
     seen = correspondence.matched
     weights = source.vertex_areas[seen]
@@ -108,7 +114,7 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     u, _, vt = np.linalg.svd(at_target.T @ (at_source * weights[:, None]))
     best = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
-    cosines[0] += np.cos(SNAP) - np.cos(LEAN)
+    cosines[0] += np.cos(SNAP) - np.cos(LEAN)  # the first turn is the identity, which is preferred up to LEAN
     nearest = int(cosines.argmax())
     return _QUARTER_TURNS[nearest] if cosines[nearest] > np.cos(SNAP) else best
 

@@ -1,4 +1,4 @@
-"""Colours of position: smooth, and different left and right, front and back, also to the colour-blind."""
+"""Colours of positions: smooth, different for left and right and for front and back, and safe for the colour-blind."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import numpy as np
 from isomatch._arrays import FloatArray
 from isomatch.surfaces import Mesh
 
-MOST_VIVID = 0.17  # Oklab chroma that a screen can show in most hues
-LESS_GREY = 0.3  # 0: chroma is linear in position, with a wide grey middle; 1: all equally vivid
+MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
+LESS_GREY = (
+    0.3  # 0: chroma is linear in the position, so the middle is grey; 1: all colours are equally vivid
+)
 UNMATCHED_GREY = np.array([0.42, 0.42, 0.42])  # linear light
 
 _OKLAB_TO_LMS = np.array(
@@ -28,12 +30,12 @@ _LMS_TO_RGB = np.array(
 
 
 def position_colours(mesh: Mesh) -> FloatArray:
-    """Colour every vertex by where it is.
+    """Colour every vertex by its position.
 
     Parameters
     ----------
     mesh : Mesh
-        Usually the target of a map, whose colours are then pulled back to the source.
+        Usually the target of a map, from which the colours are then pulled back to the source.
 
     Returns
     -------
@@ -42,9 +44,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
     Notes
     -----
-    In Oklab (Ottosson 2020), an approximately uniform colour space, the longest principal axis of the surface
-    runs from blue to yellow, the second from green to red, the third from dark to light. The common
-    red–green blindness leaves blue–yellow and dark–light, so two axes stay visible.
+    In Oklab (Ottosson 2020), an approximately uniform colour space, colours vary from blue to yellow along the longest
+    principal axis of the surface, from green to red along the second, and from dark to light along the third. With
+    red–green blindness, the common form of colour blindness, the first and the third axis remain visible.
 
     Examples
     --------
@@ -61,9 +63,9 @@ def position_colours(mesh: Mesh) -> FloatArray:
 
 
 def principal_coordinates(mesh: Mesh) -> FloatArray:
-    """(n, 3) coordinates along the principal axes, longest first, each −1 … 1 and spread over the area.
+    """Compute coordinates along the principal axes, (n, 3), longest axis first, each in −1 … 1 and spread by area.
 
-    Axes point to where their largest component is positive.
+    Each axis is directed so that its largest component is positive.
     """
     areas = np.maximum(mesh.vertex_areas, 0.0)
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=areas)
@@ -74,11 +76,11 @@ def principal_coordinates(mesh: Mesh) -> FloatArray:
 
 
 def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
-    """Mean of the value and its share of the area, both −1 … 1: limbs and bodies both show change."""
+    """Average a value with its rank by area, both scaled to −1 … 1, so that colours vary on thin limbs and on bodies."""
     order = values.argsort()
     share = np.empty_like(values)
     share[order] = np.cumsum(areas[order]) / areas.sum()
-    used = values[areas > 0]  # a vertex that no face uses may lie anywhere
+    used = values[areas > 0]  # a vertex that no face uses may be far away
     extent = max(float(np.ptp(used)), 1e-300)
     scaled = np.clip(2.0 * (values - used.min()) / extent - 1.0, -1.0, 1.0)
     even: FloatArray = 0.5 * scaled + 0.5 * (2.0 * share - 1.0)
@@ -86,7 +88,7 @@ def _evenly(values: FloatArray, areas: FloatArray) -> FloatArray:
 
 
 def linear_rgb(oklab: FloatArray) -> FloatArray:
-    """Convert (n, 3) Oklab colours to linear light, clipped to what a screen can show."""
+    """Convert (n, 3) Oklab colours to linear light, clipped to the gamut of sRGB."""
     rgb: FloatArray = np.clip((oklab @ _OKLAB_TO_LMS.T) ** 3 @ _LMS_TO_RGB.T, 0.0, 1.0)
     return rgb
 

@@ -1,4 +1,4 @@
-"""What each measure of quality means, and from where on it speaks against a map."""
+"""The measures of quality: their meaning, and the bounds beyond which they are evidence against a map."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ BOUNDS = OutcomeSettings()
 
 @dataclass(frozen=True)
 class Measure:
-    """Words for one field of `isomatch.Quality`.
+    """Name, unit, meaning and bound of one field of `isomatch.Quality`.
 
     Parameters
     ----------
     name : str
-        What it is called.
+        Name to show.
     written : str
-        How its value is written.
+        Format of its value.
     unit : str
-        Unit, or what to hold it against, in a few words.
+        Unit, or values to compare with, in a few words.
     meaning : str
-        What it says, for a reader who has not seen it before.
+        Explanation for a reader who has not seen it before.
     most, least : float, optional
-        Bound beyond which it speaks against the map on its own.
+        Bound. A value beyond it is, on its own, evidence against the map.
     """
 
     name: str
@@ -37,12 +37,12 @@ class Measure:
     least: float | None = None
 
     def value(self, number: float) -> str:
-        """Write the value."""
+        """Format a value."""
         return self.written.format(number) if isfinite(number) else "none"
 
     @property
     def bound(self) -> str:
-        """Write the bound; empty if there is none."""
+        """The bound as text; empty if there is none."""
         if self.most is not None:
             return f"at most {self.written.format(self.most)}"
         return "" if self.least is None else f"at least {self.written.format(self.least)}"
@@ -56,91 +56,96 @@ MEASURES = {
     "misfit": Measure(
         "misfit",
         "{:.2f}",
-        "0: one shape; 0.4: right, of two people",
-        "How far corresponding points are apart when shape, curvature and position are compared at once. "
-        "0 is the same shape; about 0.4 is a right map between two different people.",
+        "0: the same shape; 0.4: correct map of two people",
+        "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
+        "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
         most=BOUNDS.poor_misfit,
     ),
     "rival": Measure(
         "next best map",
         "{:.2f} ×",
-        "1 is a tie, large is clear",
-        "How much more speaks against the best different map than against this one. 1 is a tie, as for left and right of "
-        "a symmetric shape; below 1 the other fits better; none: no other came near.",
+        "1 is a tie; large is clear",
+        "How much worse the best different map fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
+        "symmetric shape; below 1 the other map fits better; none if no other map came close.",
         least=BOUNDS.tie,
     ),
     "mirrored": Measure(
         "mirror image",
         "{:.2f} ×",
-        "1 is a tie, above 1.5 is clear",
-        "How much more speaks against the best map that turns the surface the other way, where either way was allowed. "
-        "Poses alone make a difference of up to 1.5; none: no such map came near, or only one way was allowed.",
+        "1 is a tie; above 1.5 is clear",
+        "The same for the best map of opposite orientation. A difference in pose alone can make up to 1.5; none if no "
+        "such map came close, or only one orientation was allowed.",
         least=BOUNDS.mirror_tie,
     ),
     "distortion_mean": Measure(
         "distortion, mean",
         "{:.2%}",
         "of √area, between pairs of points",
-        "How much the map changes distances along the surface between two points, on average, in parts of √area. "
-        "About half a per cent of it is the error of the measurement.",
+        "Mean change of the geodesic distance between two points under the map, relative to √area. About half a per cent "
+        "of it is measurement error.",
     ),
     "distortion_p95": Measure(
         "distortion, 95th percentile",
         "{:.2%}",
         "of √area",
-        "The same where it is bad: one pair of points in twenty is changed more than this.",
+        "The same for the worst pairs: for one pair of points in twenty the change is larger.",
     ),
     "coverage": Measure(
         "coverage",
         "{:.1%}",
-        "of the target's area is near an image",
-        "Share of the target's area near an image of some source vertex. What is missing has no counterpart on the "
-        "source, or the map has collapsed there.",
+        "of the target area is near an image",
+        "Fraction of the target area that is close to the image of a source vertex. The rest has no counterpart on the "
+        "source, or the map collapses there.",
     ),
     "matched": Measure(
         "matched",
         "{:.1%}",
-        "of the source's vertices have an image",
-        "Share of the source's vertices that have an image. The others lie on parts left out; the notes tell which.",
+        "of the source vertices have an image",
+        "Fraction of the source vertices that have an image. The others are on parts that were left out; see the notes.",
     ),
     "orientation": Measure(
         "orientation",
         "{:.2f}",
-        "1 keeps the outside, −1 inverts it",
-        "Whether the map keeps the outside of the surface outside: near 1 it does, near −1 (right where that is "
-        "wanted) it is a mirror image, between them it is twisted.",
+        "1: orientation-preserving, −1: reversing",
+        "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near −1 it is a "
+        "mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
         least=BOUNDS.poor_orientation,
     ),
     "residual": Measure(
         "descriptor residual",
         "{:.2f}",
         "of √(average distance)",
-        "How badly the distances from each point to all others agree on the two shapes. Large: their proportions "
-        "differ, or the map is wrong.",
+        "How much the distances from each point to all others differ between the two shapes. If it is large, their "
+        "proportions differ or the map is wrong.",
         most=BOUNDS.poor_residual,
     ),
     "stretch": Measure(
         "stretch of edges",
         "{:.2f}",
-        "mean square, 1 for an isometry",
-        "What the map does to the source's edges: 1 keeps their lengths, more means stretches and tears.",
+        "mean square; 1 for an isometry",
+        "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
+        "map stretches or tears the surface.",
         most=BOUNDS.poor_stretch,
     ),
     "landmark_error": Measure(
         "landmark error",
         "{:.2%}",
         "of √(target area)",
-        "Mean distance on the target between where the landmarks were wanted and where they went, in parts of √area.",
+        "Mean geodesic distance on the target between the images of the landmarks and their given positions, relative to "
+        "√area.",
     ),
 }
 
 
-def taken(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
-    """Give every measure that was taken, its value, and whether the value speaks against the map."""
+def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
+    """Give the measures of a result with their values, and whether a value is evidence against the map.
+
+    A measure without a value, such as the landmark error of a match without landmarks, is left out.
+    """
     for field, number in asdict(result.quality).items():
         measure = MEASURES.get(field, Measure(field, "{:.3g}", "", ""))
         against = not measure.holds(number)
-        if field == "orientation":  # to mirror may be wanted, or follow from hints: the outcome knows
+        if field == "orientation":  # a mirror image may be wanted; the outcome considers that
             kept = -number if result.config.orientation == "reverse" else number
             against = result.outcome is Outcome.LOW_CONFIDENCE and not measure.holds(kept)
         if not isnan(number):

@@ -1,4 +1,4 @@
-"""Fill triangles into a depth buffer: which face is seen in every pixel, and where on it."""
+"""Rasterisation with a depth buffer: the face that is visible in each pixel, the point on it, and its light."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ FILL_LIGHT = np.array([0.75, 0.05, 0.45])
 TOWARDS_VIEWER = np.array([0.0, 0.0, 1.0])
 AMBIENT, KEY, FILL = 0.30, 0.62, 0.16
 GLOSS, SHARPNESS = 0.10, 30.0
-CREVICE_RADIUS = 0.025  # of the image height; how far a crevice darkens
-CREVICE_DEPTH = 0.06  # of the image height; depth below the surroundings that is fully dark
+CREVICE_RADIUS = 0.025  # of the image height; radius of the surroundings that a depth is compared with
+CREVICE_DEPTH = 0.06  # of the image height; depth below the surroundings at which a crevice is darkest
 CREVICE_DARKNESS = 0.55
-CREVICE_STEP = 6  # pixels between those on which the surroundings are computed
+CREVICE_STEP = 6  # the surroundings are computed on every sixth pixel
 
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """What an orthographic camera sees.
+    """The view of an orthographic camera.
 
     Parameters
     ----------
     face : (h, w) array of int
-        Face seen in each pixel; −1 for background. Row 0 is on top.
+        Face visible in each pixel; −1 for the background. Row 0 is at the top.
     barycentric : (h, w, 3) array
-        Weights of the corners of that face.
+        Barycentric coordinates of the visible point in that face.
     depth : (h, w) array
-        Height over the image plane in pixels, towards the viewer; ``-inf`` for background.
+        Height above the image plane in pixels, towards the viewer; ``-inf`` for the background.
     """
 
     face: IntArray
@@ -53,7 +53,7 @@ class Raster:
 
 
 def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
-    """Draw triangles without light or colour.
+    """Find which triangle is visible in each pixel.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     faces : (m, 3) array of int
         Triangles.
     width, height : int
-        Size of the image.
+        Size of the image in pixels.
 
     Returns
     -------
     Raster
-        Pixels whose centres lie in triangles show the nearest. Time is linear in faces and covered pixels.
+        A pixel shows the nearest triangle that contains its centre. Time is linear in faces and covered pixels.
     """
     raster = Raster(
         np.full((height, width), -1, dtype=np.int64),
@@ -111,24 +111,24 @@ def _fill(
 
 
 def light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Light the covered pixels.
+    """Compute the light of the covered pixels.
 
     Parameters
     ----------
     raster : Raster
-        What is seen.
+        The visible faces.
     normals : (n_covered, 3) array
-        Normals in the camera's frame: right, up, towards the viewer. Those that look away are turned round.
+        Normals in camera coordinates: right, up, towards the viewer. Normals that point away are reversed.
 
     Returns
     -------
     diffuse, gloss : (n_covered,) array
-        Factor of the surface's own colour, and white added to it.
+        Factor of the colour of the surface, and amount of white added to it.
 
     Notes
     -----
-    Lambert's law with a key and a fill light wrapped half round the object, Blinn's highlight, and crevices
-    darkened by the difference of the depth to its blurred self (Luft, Colditz & Deussen, *Image
+    Lambertian reflection of a key light and a fill light, both wrapped around the object, and a Blinn highlight.
+    Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, *Image
     enhancement by unsharp masking the depth buffer*, SIGGRAPH 2006).
     """
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
@@ -146,7 +146,7 @@ def _wrapped(cosine: FloatArray) -> FloatArray:
 
 
 def _crevices(raster: Raster) -> FloatArray:
-    """How far each covered pixel lies below its surroundings, 0 … 1."""
+    """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
     covered, height = raster.covered, raster.depth.shape[0]
     coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
     blur = CREVICE_RADIUS * height / CREVICE_STEP

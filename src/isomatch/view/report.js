@@ -1,10 +1,10 @@
-// Both shapes in one view: drag turns them together, the wheel looks closer, pointing follows the map.
+// Both shapes in one view: dragging rotates both, the wheel zooms, pointing at the source shows the image of a vertex.
 "use strict";
 (() => {
   const by = (id) => document.getElementById(id);
-  const [canvas, stage, told, which, noted] = ["view", "stage", "told", "which", "noted"].map(by);
+  const [canvas, stage, status, which, noted] = ["view", "stage", "status", "which", "noted"].map(by);
   const gl = canvas.getContext("webgl2", { antialias: true });
-  if (!gl) { told.textContent += " This browser shows no 3D (WebGL 2), so this is the still picture."; return; }
+  if (!gl) { status.textContent += " This browser has no WebGL 2, so only the still picture is shown."; return; }
 
   const KINDS = { index: Uint32Array, faces: Uint32Array, images: Int32Array, vertices: Float32Array,
     points: Float32Array, normals: Int8Array, colours: Uint8Array };
@@ -18,7 +18,7 @@
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, by(id).textContent.trim()); gl.compileShader(shader); gl.attachShader(program, shader);
   }
-  gl.linkProgram(program); if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return; // the still picture stays
+  gl.linkProgram(program); if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return; // the still picture remains
   gl.useProgram(program); gl.enable(gl.DEPTH_TEST); gl.enable(gl.SCISSOR_TEST); gl.clearColor(1, 1, 1, 1);
   const [uTurn, uCentre, uSize] = ["turn", "centre", "size"].map((name) => gl.getUniformLocation(program, name));
   const fill = (kind, data) => { gl.bindBuffer(kind, gl.createBuffer()); gl.bufferData(kind, data, gl.STATIC_DRAW); };
@@ -37,7 +37,7 @@
   let turn, zoom, pan, panes, scale, queued = false, mark = null, pinned = false;
   const reset = () => { turn = [1, 0, 0, 0, 1, 0, 0, 0, 1]; zoom = 1; pan = [0, 0]; };
   const turned = (v, i) => [0, 3, 6].map((r) => turn[r] * v[3 * i] + turn[r + 1] * v[3 * i + 1] + turn[r + 2] * v[3 * i + 2]);
-  const rotate = (row, other, angle) => { // what looks along row ``other`` moves towards ``row``
+  const rotate = (row, other, angle) => { // points in the direction of row ``other`` move towards ``row``
     const c = Math.cos(angle), s = Math.sin(angle);
     for (let k = 0, [i, j] = [3 * row, 3 * other]; k < 3; k++, i++, j++) {
       [turn[i], turn[j]] = [c * turn[i] + s * turn[j], c * turn[j] - s * turn[i]];
@@ -48,7 +48,7 @@
   const inside = (pane, at) => at.every((x, k) => x >= panes[pane][k] && x <= panes[pane][k] + panes[pane][k + 2]);
   const layout = () => {
     const w = canvas.clientWidth, h = canvas.clientHeight, ratio = window.devicePixelRatio || 1;
-    [["width", w], ["height", h]].forEach(([side, length]) => { // to set a size, even the same, costs time
+    [["width", w], ["height", h]].forEach(([side, length]) => { // setting a size is slow even if it stays the same
       if (canvas[side] !== Math.round(length * ratio)) canvas[side] = Math.round(length * ratio);
     });
     panes = w < h ? [[0, 0, w, h / 2], [0, h / 2, w, h / 2]] : [[0, 0, w / 2, h], [w / 2, 0, w / 2, h]];
@@ -64,16 +64,16 @@
     gl.uniformMatrix3fv(uTurn, true, turn); gl.uniform2f(uSize, 2 * scale * zoom / w, 2 * scale * zoom / h);
     [sources[which.selectedIndex], target].forEach((array, k) => {
       const [x, y] = screen(k, [0, 0]), [left, top, width, height] = panes[k].map((side) => Math.round(side * ratio));
-      gl.scissor(left, canvas.height - top - height, width - 1, height - 1); // between the panes a line is left
+      gl.scissor(left, canvas.height - top - height, width - 1, height - 1); // leaves a line between the panes
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
       gl.uniform2f(uCentre, 2 * x / w - 1, 1 - 2 * y / h);
       gl.bindVertexArray(array); gl.drawElements(gl.TRIANGLES, shapes[k].faces.length, gl.UNSIGNED_INT, 0);
     });
-    tell();
+    describe();
   };
   const redraw = () => { if (!queued) { queued = true; requestAnimationFrame(draw); } };
 
-  // of the vertices near the pointer that face the viewer, one in front; null for none
+  // the front vertex among those near the pointer that face the viewer; null if there is none
   const under = (e) => {
     const x = e.offsetX, y = e.offsetY, pane = inside(0, [x, y]) ? 0 : 1, shape = shapes[pane], unit = scale * zoom;
     const reach = Math.max(9, 1.2 * unit / Math.sqrt(shape.index.length));
@@ -86,27 +86,27 @@
     }
     return hit;
   };
-  const place = (dot, pane, points, normals, vertex) => { // hollow where the point is on the far side
+  const place = (dot, pane, points, normals, vertex) => { // hollow if the point is on the far side
     const at = screen(pane, turned(points, vertex));
     dot.setAttribute("cx", at[0]); dot.setAttribute("cy", at[1]); dot.classList.toggle("far", turned(normals, vertex)[2] < 0);
     dot.setAttribute("visibility", inside(pane, at) ? "visible" : "hidden");
     return at;
   };
-  const tell = () => {
+  const describe = () => {
     const marks = ["dot0", "dot1", "link"].map(by), [, , link] = marks;
     for (const item of marks) item.setAttribute("visibility", "hidden");
-    if (!mark) { told.textContent = told.dataset.help; return; }
+    if (!mark) { status.textContent = status.dataset.help; return; }
     const { pane, vertex } = mark, map = maps[which.selectedIndex], image = map.images[vertex];
     const own = place(marks[0], pane, shapes[pane].vertices, shapes[pane].normals, vertex);
-    told.textContent = `${pane ? "target" : "source"} vertex ${shapes[pane].index[vertex]}`;
+    status.textContent = `${pane ? "target" : "source"} vertex ${shapes[pane].index[vertex]}`;
     if (pane) return;
     if (image >= 0) {
       const goal = place(marks[1], 1, map.points, map.normals, vertex);
       ["x1", "y1", "x2", "y2"].forEach((name, k) => link.setAttribute(name, (k < 2 ? own : goal)[k % 2]));
       if (inside(0, own) && inside(1, goal)) link.setAttribute("visibility", "visible");
-      told.textContent += ` → target vertex ${image}${marks[1].classList.contains("far") ? ", on the far side" : ""}`;
-    } else told.textContent += " is unmatched";
-    if (pinned) told.textContent += ". Now click its right place on the target to note a landmark.";
+      status.textContent += ` → target vertex ${image}${marks[1].classList.contains("far") ? ", on the far side" : ""}`;
+    } else status.textContent += " is unmatched";
+    if (pinned) status.textContent += ". Now click the corresponding point on the target to add a landmark.";
   };
   const click = (hit) => {
     if (pinned && hit && hit.pane) {
@@ -117,7 +117,7 @@
   const keep = () => {
     by("save").href = "data:text/plain;charset=utf-8," + encodeURIComponent(noted.value); by("landmarks").hidden = false;
   };
-  const closer = (factor, x, y) => { // what is at (x, y) from the middle of its pane stays there
+  const closer = (factor, x, y) => { // the point at (x, y) from the middle of its pane stays in place
     const next = Math.min(40, Math.max(0.5, zoom * factor));
     pan = [x, y].map((from, k) => from + (pan[k] - from) * next / zoom); zoom = next; redraw();
   };

@@ -1,4 +1,4 @@
-"""One file that tells how a match went: outcome, pictures, a view to turn, quality, alternatives, settings."""
+"""The report of a match in one HTML file: outcome, pictures, a 3D view, quality, alternatives, settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import raster
-from isomatch.view.measures import taken
+from isomatch.view.measures import quality_measures
 from isomatch.view.scene import scene_of
 from isomatch.view.stills import WIDTH, draw_map
 
@@ -26,11 +26,11 @@ STILL_WIDTH = 640  # pixels of the picture of an alternative
 MOST_ALTERNATIVES = 4
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
-# distinct also to the colour-blind (Okabe & Ito); the words say it too
+# safe for the colour-blind (Okabe & Ito); the text states the outcome as well
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00"}
 _UNDECIDED = "#e69f00"
 _SIDES = ("source", "target")
-_HINTED = (Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)  # landmarks help
+_HELPED_BY_LANDMARKS = (Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
 def write_report(
@@ -43,27 +43,27 @@ def write_report(
     picture: str | Path | None = None,
     facts: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the report of a match: one HTML file that needs no network.
+    """Write the report of a match: one HTML file that loads nothing from the network.
 
     Parameters
     ----------
     path : path_like
-        File to write; an existing one is replaced.
+        File to write; an existing file is replaced.
     source, target : Mesh
-        The two shapes that were matched.
+        The two matched shapes.
     result : MatchResult
-        What `match` returned for them.
+        Result of `match` for them.
     names : (str, str)
-        What to call the two shapes, such as their files.
+        Names of the two shapes, such as those of their files.
     picture : path_like, optional
-        PNG file of `draw_map` to put in; by default it is drawn.
+        PNG file of `draw_map` to embed; by default it is drawn.
     facts : mapping of str to object, optional
-        Further rows for the table of the run.
+        Additional rows for the table about the run.
 
     Notes
     -----
-    A shape of more than 30 000 vertices is thinned out in the view that can be turned, and the report says so;
-    pictures and numbers are of the whole. About 75 bytes for each vertex shown, beside the pictures.
+    A shape of more than 30 000 vertices is simplified in the 3D view, and the report says so; pictures and numbers are
+    those of the full shape. The size is about 75 bytes per shown vertex, plus the pictures.
     """
     others = result.alternatives[:MOST_ALTERNATIVES]
     maps = {"returned": result.map}
@@ -87,9 +87,9 @@ def write_report(
         remarks=_paragraphs(_remarks(scene, result)),
         quality=_quality(result),
         alternatives=_alternatives(source, target, others),
-        notes=_paragraphs(map(_sentence, result.notes or ["Nothing was mended, left out or replaced."])),
+        notes=_paragraphs(map(_sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
         run=_run(result, facts or {}),
-        scene=json.dumps(scene).replace("<", "\\u003c"),  # so that no text in it ends the element
+        scene=json.dumps(scene).replace("<", "\\u003c"),  # so that no text in it can end the element
         **_lights(),
         script=(room / "report.js").read_text(encoding="utf-8"),
     )
@@ -97,7 +97,7 @@ def write_report(
 
 
 def _lights() -> dict[str, str]:
-    """Write the lights of the still pictures as numbers of the shader."""
+    """Give the shader the same lights as the still pictures."""
     directions = {"key": raster.KEY_LIGHT, "fill": raster.FILL_LIGHT}
     strengths = {"ambient": raster.AMBIENT, "key_strength": raster.KEY, "fill_strength": raster.FILL}
     numbers = {**strengths, "gloss": raster.GLOSS, "sharpness": raster.SHARPNESS}
@@ -108,12 +108,12 @@ def _lights() -> dict[str, str]:
 
 def _advice(outcome: Outcome) -> str:
     if outcome is Outcome.CONVERGED:
-        return f"{outcome.advice} No outcome is a proof: look at the picture once."
+        return f"{outcome.advice} No outcome is a proof, so look at the picture."
     return outcome.advice
 
 
 def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
-    """Tell what to know about the view, and how to give landmarks where they help."""
+    """Explain what the view leaves out, and how to give landmarks if they would help."""
     remarks = []
     if not result.map.matched.all():
         remarks.append(f"Grey: {(~result.map.matched).sum():,} source vertices without an image.")
@@ -121,21 +121,21 @@ def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
         used, shown = scene[side]["n_used"], scene[side]["n_shown"]
         if shown < used:
             remarks.append(
-                f"In 3D the {side} is thinned out to {shown:,} of its {used:,} vertices; pictures and numbers are of "
-                "the whole."
+                f"In 3D the {side} is simplified to {shown:,} of its {used:,} vertices; pictures and numbers are those "
+                "of the full shape."
             )
-    if result.outcome in _HINTED:
+    if result.outcome in _HELPED_BY_LANDMARKS:
         remarks.append(
-            "To give landmarks: in 3D, click a point of the source, then its right place on the target; three to five "
-            "times. Save them below, and match again with --landmarks landmarks.txt."
+            "To give landmarks, click a point on the source in 3D, then the corresponding point on the target. Three to "
+            "five pairs are enough. Save them below, and match again with --landmarks landmarks.txt."
         )
     return remarks
 
 
 def _quality(result: MatchResult) -> str:
     rows = []
-    for measure, number, against in taken(result):
-        verdict = " (not kept)" if against else ""
+    for measure, number, against in quality_measures(result):
+        verdict = " (violated)" if against else ""
         rows.append(
             f'<tr{" class=against" if against else ""}><th scope="row">{escape(measure.name)}</th>'
             f'<td class="number">{escape(measure.value(number))}</td>'
@@ -152,7 +152,7 @@ def _alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> 
         for i, other in enumerate(others, 1)
     )
     return (
-        f'<div class="stills">{figures}</div>' if others else "<p>No different map was left to compare.</p>"
+        f'<div class="stills">{figures}</div>' if others else "<p>No other map was left to compare with.</p>"
     )
 
 
@@ -190,7 +190,7 @@ def _sentence(text: str) -> str:
 
 
 def _drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
-    """PNG of a map."""
+    """Draw a map as PNG."""
     still = BytesIO()
     draw_map(source, target, shown, still, titles=titles, width=width)
     return still.getvalue()

@@ -1,4 +1,4 @@
-"""What a browser needs to draw both shapes and their maps: arrays as text, larger shapes thinned out."""
+"""The data with which a browser draws both shapes and their maps: arrays as text, large shapes simplified."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from isomatch.view.camera import camera_of, seen_from, turn_to_target
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
 
 MOST_SHOWN = 30_000  # vertices of one shape
-COARSER = 1.15  # growth of the cells of a shape that is thinned out, until few enough are left
+COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
 
 
 def scene_of(
     source: Mesh, target: Mesh, maps: Mapping[str, Correspondence], most: int = MOST_SHOWN
 ) -> dict[str, Any]:
-    """Collect what is drawn.
+    """Collect the data of a report's 3D view.
 
     Parameters
     ----------
     source, target : Mesh
         The two shapes.
     maps : mapping of str to Correspondence
-        Maps source → target by name; the first decides how the source is turned.
+        Maps source → target by name. The first determines the rotation of the source.
     most : int
-        A shape that uses more vertices is thinned out: in each cell of a cubic grid one vertex stays, with its own
-        place, colour and image, and faces follow their corners.
+        A shape with more used vertices is simplified: one vertex is kept in each cell of a cubic grid, with its own
+        position, colour and image, and the corners of faces move to the vertex of their cell.
 
     Returns
     -------
     dict
-        Plain values for JSON. ``source`` and ``target``: ``index`` (uint32, the user's index of each vertex shown),
+        Plain values for JSON. ``source`` and ``target``: ``index`` (uint32, the user's index of each shown vertex),
         ``vertices`` (float32 × 3: right, up, towards the viewer; unit area, as in the still picture), ``normals``
-        (int8 × 3), ``colours`` (uint8 × 3, target only), ``faces`` (uint32 × 3), ``extent``,
-        ``n_shown`` of the ``n_used`` vertices that faces use. ``maps``: for each source
-        vertex shown ``images`` (int32, the user's index of the target vertex, −1: unmatched), ``points`` and
-        ``normals`` of the precise images, and ``colours``. Arrays are little-endian, in base 64.
+        (int8 × 3), ``colours`` (uint8 × 3, target only), ``faces`` (uint32 × 3), ``extent``, and the numbers
+        ``n_shown`` of shown vertices and ``n_used`` of vertices that faces use. ``maps``: for each shown source vertex
+        ``images`` (int32, the user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the
+        precise images, and ``colours``. Arrays are little-endian, in base 64.
     """
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, next(iter(maps.values())))
@@ -59,13 +59,13 @@ def scene_of(
 
 
 class _Shown:
-    """One shape in the viewer's frame: all its vertices, and those that are shown."""
+    """One shape in camera coordinates: all its vertices, and which of them are shown."""
 
     def __init__(self, mesh: Mesh, camera: FloatArray, most: int) -> None:
         self.points = seen_from(camera, mesh)  # (n, 3)
         self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
         self.n_used = len(np.unique(mesh.sound_faces))
-        self.index, self.faces = _thinned(self.points, mesh.sound_faces, most)
+        self.index, self.faces = _simplified(self.points, mesh.sound_faces, most)
 
     def packed(self) -> dict[str, Any]:
         drawn = self.points[self.index]
@@ -96,11 +96,11 @@ def _packed_map(
     }
 
 
-def _thinned(points: FloatArray, faces: IntArray, most: int) -> tuple[IntArray, IntArray]:
-    """Vertices that are shown, at most ``most``, and the faces between them, numbered among these."""
+def _simplified(points: FloatArray, faces: IntArray, most: int) -> tuple[IntArray, IntArray]:
+    """Choose at most ``most`` vertices to show; return their indices, and the faces between them in the new indices."""
     used = np.unique(faces)
     shown, cell = used, np.arange(len(used))
-    size = most**-0.5  # of cells at unit area
+    size = most**-0.5  # side of the cells; the surface has unit area
     while len(shown) > most:
         inside, cells = np.modf((points[used] - points[used].min(axis=0)) / size)
         middle_first = ((inside - 0.5) ** 2).sum(axis=1).argsort(kind="stable")

@@ -1,4 +1,4 @@
-"""One picture of a map: what has the same colour corresponds."""
+"""The picture of a map: corresponding points have the same colour."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from isomatch.view.surface_image import SurfaceView
 
 WIDTH = 1800
 DPI = 200
-TALLEST = 1.15  # height of a panel over its width, at most
+TALLEST = 1.15  # largest height of a panel over its width
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 110  # pixels
 
 
 @dataclass(frozen=True, eq=False)
 class ValuePanel:
-    """A further view of the source, coloured by a number for each vertex.
+    """Another view of the source, coloured by a value at each vertex.
 
     Parameters
     ----------
     values : (n_source,) array_like of float
-        What to show; ``nan`` is grey.
+        The values; ``nan`` is drawn grey.
     label : str
-        What it is, with its unit.
+        Label of the colour bar, with the unit.
     highest : float, optional
         Value of the brightest colour; by default the 99th percentile.
     """
@@ -47,7 +47,7 @@ class ValuePanel:
     highest: float | None = None
 
     def scale(self) -> Normalize:
-        """From 0 to the highest value shown."""
+        """Return the colour scale, from 0 to the highest value."""
         values = np.asarray(self.values, dtype=np.float64)
         finite = values[np.isfinite(values)]
         highest = self.highest or (float(np.quantile(finite, 0.99)) if len(finite) else 1.0)
@@ -69,22 +69,22 @@ def draw_map(
     Parameters
     ----------
     source, target : Mesh
-        The two shapes. They are drawn at equal area, and the source is turned to face as the target does.
+        The two shapes. They are drawn with equal area, and the source is rotated to face like the target.
     correspondence : Correspondence
-        Source → target.
+        The map source → target.
     path : path_like or binary file
-        PNG file to write; an existing one is replaced.
+        PNG file to write; an existing file is replaced.
     titles : (str, str)
-        Names under the two shapes.
+        Titles below the two shapes.
     values : ValuePanel, optional
-        A third panel.
+        Content of a third panel; by default there is none.
     width : int
         Width of the picture in pixels; the height follows from the shapes.
 
     Notes
     -----
-    The target has the colours of `position_colours`, the source those of its images; unmatched vertices are
-    grey. Time is linear in faces and pixels.
+    The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
+    unmatched. Time is linear in faces and pixels.
     """
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, correspondence)
@@ -111,7 +111,7 @@ class _Panel:
 
 
 def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
-    """Place the panels in a row, all at one scale, titles below."""
+    """Place the panels in a row, all at the same scale, with titles below."""
     extents = np.array([panel.view.extent() for panel in panels])  # (panels, 2)
     room = width - right - MARGIN * (len(panels) + 1)
     tallest = TALLEST * room / len(panels)
@@ -133,7 +133,7 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
             ha="center",
             va="center",
             size=8,
-            parse_math=False,  # a dollar sign in a file name is no formula
+            parse_math=False,  # a dollar sign in a file name does not start a formula
         )
         left += int(panel_width) + MARGIN
     return figure

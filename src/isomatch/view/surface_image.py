@@ -1,4 +1,4 @@
-"""One surface as pixels: what every picture is put together from."""
+"""The image of one surface. All pictures are composed of these."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ OVERSAMPLING = 2  # samples per pixel and axis
 
 @dataclass(frozen=True, eq=False)
 class SurfaceView:
-    """A coloured surface and where it is looked at from.
+    """A surface with values at its vertices, their colours, and a camera.
 
     Parameters
     ----------
     mesh : Mesh
         The surface.
     camera : (3, 3) array
-        As `camera_of` gives it.
+        See `camera_of`.
     values : (n, q) array of float
-        What the vertices carry.
+        Values at the vertices.
     paint : callable
-        Colours in linear light (m, 3) of values interpolated in m pixels (m, q); nan is drawn grey.
+        Maps the values interpolated in m pixels, (m, q), to colours in linear light, (m, 3); nan is drawn grey.
     """
 
     mesh: Mesh
@@ -39,12 +39,12 @@ class SurfaceView:
     paint: Callable[[FloatArray], FloatArray]
 
     def extent(self) -> FloatArray:
-        """Width and height at unit area."""
+        """Return the width and height of the surface, scaled to unit area."""
         drawn = seen_from(self.camera, self.mesh)[np.unique(self.mesh.faces)]
         return np.asarray(np.ptp(drawn, axis=0)[:2], dtype=np.float64)
 
     def pixels(self, width: int, height: int, scale: float) -> FloatArray:
-        """(height, width, 4) picture in sRGB with opacity, ``scale`` pixels a unit."""
+        """Draw the image, (height, width, 4), in sRGB with opacity, at ``scale`` pixels per unit."""
         width, height, scale = width * OVERSAMPLING, height * OVERSAMPLING, scale * OVERSAMPLING
         points = seen_from(self.camera, self.mesh) * [scale, -scale, scale] + [width / 2, height / 2, 0.0]
         faces = self.mesh.faces
@@ -68,26 +68,26 @@ def surface_image(
     camera: FloatArray | None = None,
     resolution: float = 400.0,
 ) -> FloatArray:
-    """Draw a surface, coloured in every pixel by what its vertices carry.
+    """Draw a surface, coloured in every pixel by values interpolated from its vertices.
 
     Parameters
     ----------
     mesh : Mesh
         The surface.
     values : (n,) or (n, q) array_like of float
-        Interpolated within triangles. A field that is constant in regions is best drawn by one column a region, of
-        which ``paint`` takes the largest: its borders are then sharp.
+        Values at the vertices. For sharp borders of a field that is constant in regions, give one column per region
+        and a ``paint`` that takes the largest column.
     paint : callable
-        Screen colours (m, 3), 0 … 1, of interpolated values (m, q).
+        Maps interpolated values, (m, q), to sRGB colours, (m, 3), 0 … 1.
     camera : (3, 3) array, optional
-        Rows to the right, up, towards the viewer; by default those of `camera_of`.
+        Rows: right, up, towards the viewer; by default those of `camera_of`.
     resolution : float
-        Pixels for √area: equal for shapes that are to be compared.
+        Pixels per √area, so that shapes drawn with the same resolution have equal area.
 
     Returns
     -------
     (height, width, 4) array of float
-        Screen colours and opacity, cut to the surface.
+        sRGB colours and opacity, cropped to the surface.
     """
     columns = np.asarray(values, dtype=np.float64).reshape(mesh.n_vertices, -1)
     view = SurfaceView(

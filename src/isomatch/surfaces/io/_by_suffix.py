@@ -1,4 +1,4 @@
-"""Read and write a mesh file; the suffix of its name says the format."""
+"""Reading and writing of mesh files. The suffix of the name determines the format."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isomatch.errors import FormatError, MeshError
+from isomatch._files import opened, replaced
+from isomatch.errors import DescriptorError, FormatError
 from isomatch.surfaces.io import obj, off, ply, stl
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
@@ -18,48 +19,61 @@ from isomatch.surfaces.point_cloud import PointCloud
 
 @dataclass(frozen=True)
 class MeshFormat:
-    """How one format is read and written, and which options of `write_mesh` it has."""
+    """How one format is read and written.
+
+    Parameters
+    ----------
+    read : callable
+        Makes a mesh of the bytes of a file and its name, which is for messages.
+    write : callable
+        Makes bytes of a mesh and of those options of `write_mesh` that the format has, by keyword.
+    options : frozenset of str
+        Names of these options: ``"binary"``, ``"colors"``.
+    """
 
     read: Callable[[bytes, str], Mesh]
     write: Callable[..., bytes]
     options: frozenset[str] = frozenset()
 
 
-FORMATS = {
+FORMATS: dict[str, MeshFormat] = {
     ".off": MeshFormat(off.read, off.write),
     ".obj": MeshFormat(obj.read, obj.write, frozenset({"colors"})),
     ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
     ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
 }
+"""The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from an OFF, OBJ, PLY or STL file.
 
-    Vertices keep the order and number of the file, so that an index means the same vertex here and there.
-    Polygons are split into fans of triangles, in order. A file of points without faces gives a mesh of 0
-    faces. Whether the surface is sound is not judged here; see `check`.
+    The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
+    split into fans of triangles, in order. A file without faces gives a mesh of 0 faces. The surface is not examined
+    for defects; see `check`.
 
     Parameters
     ----------
     path : path_like
-        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+        File with suffix ``.off``, ``.obj``, ``.ply`` or ``.stl``, in upper or lower case.
 
     Returns
     -------
     Mesh
-        Vertices in the file's units.
+        The mesh, in the units of the file.
 
     Raises
     ------
+    MissingFileError
+        If there is no such file.
     FormatError
-        If the suffix is unknown, the file cannot be opened, or its content is cut short or not of that
-        format; the message starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+        If the suffix is unknown, or the file cannot be opened, is cut short, or is not of that format. A message
+        about its content starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
 
     Notes
     -----
-    Linear time; the file is held in memory. STL stores no connectivity: corners at exactly equal positions
-    become one vertex, numbered in order of first appearance.
+    Linear time; the file is read into memory. STL files do not store connectivity: corners at exactly the same position
+    become one vertex, and vertices are numbered in order of first appearance.
 
     Examples
     --------
@@ -71,17 +85,12 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """
     path = Path(path)
     mesh_format = _format_of(path)
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise FormatError(f"{path}: no such file; check the name and the folder") from None
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
-    return mesh_format.read(data, str(path))
+    with opened(path) as file:
+        return mesh_format.read(file.read(), str(path))
 
 
 def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
-    r"""Read the vertices of a file as a point cloud; faces, if it has any, are passed over.
+    r"""Read the vertices of a file as a point cloud; faces are ignored.
 
     Parameters
     ----------
@@ -93,14 +102,14 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
     Returns
     -------
     PointCloud
-        Points in the file's units and order.
+        The points, in the units and order of the file.
 
     Raises
     ------
-    FormatError
+    MissingFileError, FormatError
         As `read_mesh`.
     MeshError
-        If the points are no point cloud; see `PointCloud`.
+        If the points do not make a point cloud; see `PointCloud`.
 
     Examples
     --------
@@ -120,34 +129,35 @@ def write_mesh(
     binary: bool | None = None,
     colors: ArrayLike | None = None,
 ) -> None:
-    """Write a mesh to an OFF, OBJ, PLY or STL file, replacing the file if there is one.
+    """Write a mesh to an OFF, OBJ, PLY or STL file; an existing file is replaced.
 
-    The file is written beside its final place and then renamed, so an interrupted write leaves the old file
+    The data is written to a temporary file, which is then renamed, so an interrupted write leaves an existing file
     intact.
 
     Parameters
     ----------
     path : path_like
-        File whose suffix is ``.off``, ``.obj``, ``.ply`` or ``.stl``, in any case.
+        File with suffix ``.off``, ``.obj``, ``.ply`` or ``.stl``, in upper or lower case.
     mesh : Mesh
-        What to write.
+        The mesh.
     binary : bool, optional
-        PLY and STL only: binary (the default there) or text.
+        For PLY and STL only: whether to write binary (the default) or text.
     colors : (n, 3) array_like of uint8, optional
-        PLY and OBJ only: red, green and blue of each vertex, 0…255.
+        For PLY and OBJ only: red, green and blue of each vertex, 0…255.
 
     Raises
     ------
     FormatError
-        If the suffix is unknown, the format lacks an option that was asked for, or the folder cannot be
-        written to.
+        If the suffix is unknown, the format does not have a requested option, or the file cannot be written.
+    DescriptorError
+        If the colours do not fit the mesh.
     MeshError
-        If the colours do not fit the mesh, or the mesh does not fit the format.
+        If the format cannot represent the mesh.
 
     Notes
     -----
-    Coordinates are written so that `read_mesh` returns the same float64 numbers, except in binary STL, which
-    holds float32. STL also loses the order of the vertices and those that no face uses.
+    `read_mesh` returns exactly the same float64 coordinates, except from binary STL, which stores float32. STL also
+    loses the order of the vertices, and vertices that no face uses.
 
     Examples
     --------
@@ -167,7 +177,15 @@ def write_mesh(
     for option in sorted(options.keys() - mesh_format.options):
         able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
         raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
-    _replace(path, mesh_format.write(mesh, **options))
+    data = mesh_format.write(mesh, **options)
+    try:
+        with replaced(path) as file:
+            file.write(data)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FormatError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
+        ) from None
 
 
 def _format_of(path: Path) -> MeshFormat:
@@ -181,23 +199,8 @@ def _format_of(path: Path) -> MeshFormat:
 def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
     array = np.asarray(colors)
     if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
-        raise MeshError(
+        raise DescriptorError(
             f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
-            "red, green, blue from 0 to 255 for each vertex"
+            "red, green and blue from 0 to 255 per vertex"
         )
     return array
-
-
-def _replace(path: Path, data: bytes) -> None:
-    final = path.resolve()  # a link keeps pointing at the file it names
-    unfinished = final.with_name(f".{final.name}.{os.getpid()}.unfinished")
-    try:
-        unfinished.write_bytes(data)
-        unfinished.replace(final)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise FormatError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
-        ) from None
-    finally:
-        unfinished.unlink(missing_ok=True)

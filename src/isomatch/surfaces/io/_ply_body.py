@@ -1,4 +1,4 @@
-"""The tables of a PLY file: from text or bytes to columns."""
+"""The tables of a PLY file, read from text or binary data into columns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from isomatch.surfaces.io._text import TextLines, read_lines
 
 @dataclass(frozen=True)
 class Column:
-    """One property of all rows, end to end; ``counts`` is how many values each row has."""
+    """The values of one property, concatenated over all rows; ``counts`` is the number of values of each row."""
 
     values: AnyArray
     counts: IntArray
@@ -25,14 +25,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """An element's columns by name; ``place(row)`` says where a row is in the file, for messages."""
+    """The columns of an element, by name; ``place(row)`` is the position of a row in the file, for messages."""
 
     columns: dict[str, Column]
     place: Callable[[int], str]
 
 
 def read_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
-    """Read every element that the header announces."""
+    """Read every element that is declared in the header."""
     return _text_tables(data, name, header) if header.text else _binary_tables(data, name, header)
 
 
@@ -49,7 +49,9 @@ def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
         tables[element.name] = _text_table(element, lines[start:stop])
         start = stop
     if start != len(lines):
-        lines.fail(start, "no line after the elements announced in the header", "correct the header's counts")
+        lines.fail(
+            start, "no line after the elements declared in the header", "correct the counts in the header"
+        )
     return tables
 
 
@@ -84,13 +86,16 @@ def _binary_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
     if data[position:].strip():
         raise FormatError(
             f"{name}: byte {position}: expected the end of the file, found {len(data) - position} more "
-            "bytes; the header's counts do not fit the data, export the file again"
+            "bytes; the counts in the header do not fit the data, export the file again"
         )
     return tables
 
 
 def _uniform_table(element: Element, data: bytes, start: int, name: str) -> tuple[Table, int] | None:
-    """Read a table at once on the guess that all its lists are as long as those of the first row."""
+    """Read a whole table at once, assuming that all its lists are as long as those of the first row.
+
+    None if the assumption is wrong.
+    """
     row_type = _type_of_first_row(element, data, start)
     end = start + element.n_rows * row_type.itemsize
     if not row_type.itemsize or not element.n_rows or end > len(data):
@@ -117,14 +122,14 @@ def _type_of_first_row(element: Element, data: bytes, start: int) -> np.dtype[np
             )
             count = int(found[0])
             if not 0 <= count * column.type.itemsize <= len(data):
-                count = 0  # a wrong guess, so that the row is walked through and refused
+                count = 0  # not plausible: the table is read row by row, which reports the error
             fields.append((f"count{i}", column.count_type))
         fields.append((f"values{i}", column.type, (count,)))
     return np.dtype(fields)
 
 
 def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[Table, int]:
-    """Walk through a table whose rows differ in length, one row after the other."""
+    """Read a table whose rows differ in length, row by row."""
     sizes = [column.type.itemsize for column in element.properties]
     readers = [
         column.count_type and struct.Struct(_struct_code(column.count_type)) for column in element.properties
@@ -160,4 +165,5 @@ def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[
 
 def _struct_code(count_type: np.dtype[np.generic]) -> str:
     order = ">" if count_type.byteorder == ">" else "<"
+    # numpy may call 32-bit integers "l", which has 64 bits or another alignment in struct
     return order + count_type.char.replace("l", "i").replace("L", "I")

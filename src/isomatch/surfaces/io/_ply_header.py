@@ -1,4 +1,4 @@
-"""The header of a PLY file: which elements follow, with which properties, in which encoding."""
+"""The header of a PLY file, which declares the elements, their properties and the encoding."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": "
 
 @dataclass(frozen=True)
 class Property:
-    """One column of an element; a list when ``count_type`` is given."""
+    """One column of an element; a list if ``count_type`` is given."""
 
     name: str
     type: np.dtype[np.generic]
@@ -28,7 +28,7 @@ class Property:
 
 @dataclass(frozen=True)
 class Element:
-    """A table of the file, such as ``vertex``: its number of rows and its columns."""
+    """A table of the file, such as ``vertex``: its name, number of rows and columns."""
 
     name: str
     n_rows: int
@@ -37,7 +37,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """What the header announces; ``n_lines`` and ``n_bytes`` are its own length."""
+    """The contents of the header; ``n_lines`` and ``n_bytes`` are its own length."""
 
     text: bool
     elements: tuple[Element, ...]
@@ -79,9 +79,11 @@ def _add(elements: list[Element], column: Property) -> None:
 
 
 def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
-    """Lines up to ``end_header``, and the number of bytes they take."""
+    """Return the lines up to ``end_header``, and their length in bytes."""
     if data[:4] not in (b"ply\n", b"ply\r"):
-        raise FormatError(f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file or another suffix")
+        raise FormatError(
+            f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file, or rename this one"
+        )
     mark = data.find(b"end_header")
     end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
     if mark < 0 or end < 0:

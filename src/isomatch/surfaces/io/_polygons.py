@@ -1,4 +1,4 @@
-"""Polygons of mixed sizes, stored end to end, become triangles."""
+"""Triangulation of polygons of different sizes, stored in one concatenated array."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def triangulate(corners: IntArray, counts: IntArray) -> IntArray:
     Parameters
     ----------
     corners : (sum of counts,) array of int
-        Vertex indices of all polygons, end to end.
+        Vertex indices of all polygons, concatenated.
     counts : (p,) array of int
         Number of corners of each polygon, at least 3.
 

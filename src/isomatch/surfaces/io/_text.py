@@ -1,4 +1,4 @@
-"""Lines of a text file that still know their line number, and the numbers written on them."""
+"""Lines of a text file with their line numbers, and the numbers that they contain."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class TextLines:
     Parameters
     ----------
     name : str
-        The file, for messages.
+        Name of the file, for messages.
     rows : list of str
-        What the lines say.
+        The text of the lines.
     numbers : list of int
         The 1-based number of each line in the file.
     before : int
-        Number of the line before the first of these.
+        Number of the line before the first of these lines.
     """
 
     name: str
@@ -42,7 +42,7 @@ class TextLines:
         return TextLines(self.name, self.rows[part], self.numbers[part], before)
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
-        """Raise a `FormatError` that quotes one row; a row past the end means that the file is cut short."""
+        """Raise a `FormatError` that quotes one row; a row past the end means that the file is too short."""
         if 0 <= row < len(self):
             found = self.rows[row].strip()
             found = repr(found if len(found) <= 40 else found[:40] + "…")
@@ -56,7 +56,7 @@ class TextLines:
         )
 
     def starting_with(self, keyword: str) -> TextLines:
-        """Keep the lines whose first word is the keyword, without it."""
+        """Return the lines whose first word is the keyword, without this word."""
         heads = (keyword + " ", keyword + "\t")
         kept = [i for i, row in enumerate(self.rows) if row.startswith(heads) or row == keyword]
         skip = len(keyword)
@@ -91,7 +91,7 @@ class TextLines:
 
 @dataclass(frozen=True)
 class NumberRows:
-    """The numbers on some lines, end to end, and how many each line holds."""
+    """The numbers on some lines, concatenated, and the number of them on each line."""
 
     lines: TextLines
     values: FloatArray
@@ -99,23 +99,23 @@ class NumberRows:
 
     @property
     def starts(self) -> IntArray:
-        """(rows,) position of each row's first value."""
+        """(rows,) position of the first value of each row."""
         starts: IntArray = np.cumsum(self.counts) - self.counts
         return starts
 
     def leading(self, width: int, expected: str) -> FloatArray:
-        """Take the first ``width`` numbers of each row, (rows, width); a shorter row raises `FormatError`."""
+        """Return the first ``width`` numbers of each row, (rows, width); a shorter row raises `FormatError`."""
         self.require(self.counts >= width, expected)
         table: FloatArray = self.values[self.starts[:, None] + np.arange(width)]
         return table
 
     def require(self, good: AnyArray, expected: str) -> None:
-        """Raise `FormatError` at the first row that is not good."""
+        """Raise a `FormatError` for the first row that is not good."""
         if not good.all():
             self.lines.fail(int(np.argmin(good)), expected)
 
     def whole(self, positions: IntArray, expected: str) -> IntArray:
-        """Take the values at some positions as integers; anything else raises `FormatError` at its row."""
+        """Return the values at some positions as integers; another value raises a `FormatError` for its row."""
         values = self.values[positions]
         good = np.isfinite(values)
         good[good] = (values[good] == np.rint(values[good])) & (np.abs(values[good]) < 2**53)
@@ -126,9 +126,10 @@ class NumberRows:
 
 
 def read_lines(name: str, data: bytes, before: int = 0) -> TextLines:
-    """Split a file, or what follows some lines of it, into lines, dropping ``#`` comments and blank lines.
+    """Split the bytes of a file into lines, without ``#`` comments and blank lines.
 
-    Any byte is accepted (names in comments come in every encoding), and every kind of line end.
+    ``before`` is the number of lines that precede these bytes in the file. Bytes that are not ASCII are accepted,
+    because comments may have any encoding, and so is every kind of line end.
     """
     text = data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
     rows = text.split("\n")
@@ -139,5 +140,5 @@ def read_lines(name: str, data: bytes, before: int = 0) -> TextLines:
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:
-    """Write each row of a table by a ``%`` template; ``%r`` of a float reads back as the same float."""
+    """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")

@@ -1,4 +1,4 @@
-"""OBJ: the ``v`` and ``f`` lines of a Wavefront file; everything else in it is passed over."""
+"""OBJ: the ``v`` and ``f`` lines of a Wavefront file; all other lines are ignored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TEXTURE_AND_NORMAL = re.compile(r"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)")
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read an OBJ file; vertices may carry colours, faces may be polygons and count vertices backwards."""
+    """Read an OBJ file. Vertices may have colours; faces may be polygons and may have negative indices."""
     if b"\\" in data:
         data = _CONTINUED.sub(_join_continued, data)
     lines = read_lines(name, data)
@@ -33,7 +33,7 @@ def read(data: bytes, name: str) -> Mesh:
 
 
 def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
-    """Write an OBJ file; colours follow the position as three numbers from 0 to 1."""
+    """Write an OBJ file; colours follow the positions as three numbers from 0 to 1."""
     if colors is None:
         vertices = format_rows("v %r %r %r\n", mesh.vertices)
     else:
@@ -42,7 +42,7 @@ def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
 
 
 def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
-    """Count from 0; a negative index counts backwards from the last vertex read before its face."""
+    """Convert to indices from 0; a negative index counts back from the last vertex line before its face."""
     backwards = corners < 0
     if not backwards.any():
         return corners - 1
@@ -51,7 +51,7 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
 
 
 def _without_texture(lines: TextLines) -> TextLines:
-    """Keep the first index of ``v/vt/vn``; a corner not so written stays, to be refused as no number."""
+    """Keep the first index of ``v/vt/vn``; a corner in another form is left as it is, and is refused later."""
     if not any("/" in row for row in lines.rows):
         return lines
     return TextLines(
@@ -60,6 +60,6 @@ def _without_texture(lines: TextLines) -> TextLines:
 
 
 def _join_continued(match: re.Match[bytes]) -> bytes:
-    r"""Join lines that end in ``\``; blank lines after them keep the numbering of what follows."""
+    r"""Join lines that end in ``\``, and add blank lines so that later lines keep their numbers."""
     joined = re.sub(rb"\\\r?\n", b" ", match[0])
     return joined + b"\n" * match[0].count(b"\n")

@@ -1,4 +1,4 @@
-"""OFF: a header, the counts, one line per vertex, one line per face (Geomview's object file format, text)."""
+"""OFF: a header, the counts, one line per vertex, one line per face (the object file format of Geomview, as text)."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from isomatch.surfaces.io._polygons import spans, triangulate
 from isomatch.surfaces.io._text import TextLines, format_rows, read_lines
 from isomatch.surfaces.mesh import Mesh
 
-# Normals, colours and texture coordinates follow the position on a vertex line, so the variants read alike.
+# Normals, colours and texture coordinates follow the position on a vertex line, so all variants are read alike.
 _HEADER = re.compile(r"\s*(?:ST)?C?N?OFF(?![A-Za-z])\s*(?P<rest>.*)")
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read an OFF, COFF, NOFF or STOFF file; counts may share the header's line, faces may carry colours."""
+    """Read an OFF, COFF, NOFF or STOFF file. Counts may be on the header line; faces may have colours."""
     lines = read_lines(name, data)
     n_vertices, n_faces, body = _counts(lines)
     total = n_vertices + n_faces
     if len(body) != total:
         body.fail(
-            total, f"{n_vertices} vertex lines and {n_faces} face lines as announced", "correct the counts"
+            total, f"{n_vertices} vertex lines and {n_faces} face lines as declared", "correct the counts"
         )
     vertices = body[:n_vertices].parse().leading(3, "at least 3 numbers x y z of a vertex")
     rows = body[n_vertices:].parse()

@@ -1,4 +1,4 @@
-"""PLY: named elements with named properties, as text or binary (Stanford's polygon file format)."""
+"""PLY: named elements with named properties, as text or binary (the Stanford polygon format)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read a PLY file; properties and elements other than positions and faces are passed over."""
+    """Read a PLY file; properties and elements other than positions and faces are ignored."""
     tables = read_tables(data, name, read_header(data, name))
     if "tristrips" in tables:
         raise FormatError(
@@ -31,7 +31,7 @@ def read(data: bytes, name: str) -> Mesh:
 
 
 def write(mesh: Mesh, binary: bool = True, colors: NDArray[np.uint8] | None = None) -> bytes:
-    """Write a PLY file, little endian when binary; positions are doubles either way."""
+    """Write a PLY file, binary (little endian) or text, with positions in double precision."""
     if mesh.n_faces and np.abs(mesh.faces).max() >= 2**31:
         raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
     header = "\n".join(
@@ -64,7 +64,7 @@ def _triangles(table: Table, name: str) -> IntArray:
     lists = [table.columns[key] for key in _INDEX_LISTS if key in table.columns]
     if not lists:
         raise FormatError(
-            f"{name}:1: expected the faces' list {' or '.join(_INDEX_LISTS)}, found "
+            f"{name}:1: expected the list {' or '.join(_INDEX_LISTS)} of the faces, found "
             f"{', '.join(table.columns) or 'none'}; rename it or export the file again"
         )
     corners, counts = lists[0].values, lists[0].counts

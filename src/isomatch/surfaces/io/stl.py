@@ -1,4 +1,4 @@
-"""STL: a list of triangles, each with its own three positions, as text or binary."""
+"""STL: a list of triangles with three positions each, as text or binary."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read an STL file; corners at exactly equal positions become one vertex, in order of appearance."""
-    # Many binary files also start with "solid", so the size decides first.
-    announced = int.from_bytes(data[80:84], "little")
-    size = _HEADER_SIZE + _TRIANGLE.itemsize * announced
+    """Read an STL file; corners at exactly the same position become one vertex, in order of first appearance."""
+    # Many binary files start with "solid" too, so the size is compared first.
+    declared = int.from_bytes(data[80:84], "little")
+    size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
     if len(data) >= _HEADER_SIZE and len(data) == size:
         corners = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(np.float64)
     elif data.lstrip()[:5].lower() == b"solid":
@@ -26,12 +26,12 @@ def read(data: bytes, name: str) -> Mesh:
     elif len(data) < _HEADER_SIZE:
         raise FormatError(
             f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
-            "the file; it is cut short or no STL, copy or export it again"
+            "the file; it is cut short or not STL, copy or export it again"
         )
     else:
         raise FormatError(
-            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {announced} "
-            f"triangles announced at byte 80, found {len(data)}; the file is damaged, copy or export it again"
+            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {declared} "
+            f"triangles declared at byte 80, found {len(data)}; the file is damaged, copy or export it again"
         )
     points = corners.reshape(-1, 3)
     first = first_equal(points)
@@ -40,7 +40,7 @@ def read(data: bytes, name: str) -> Mesh:
 
 
 def write(mesh: Mesh, binary: bool = True) -> bytes:
-    """Write an STL file: float32 when binary, all digits when text."""
+    """Write an STL file, binary in single precision, or text with all digits."""
     corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)
@@ -57,13 +57,13 @@ def write(mesh: Mesh, binary: bool = True) -> bytes:
 
 
 def _read_text(lines: TextLines) -> FloatArray:
-    """Corners of each triangle, (m, 3, 3)."""
+    """Read the corners of each triangle, (m, 3, 3)."""
     lines = TextLines(lines.name, [row.strip() for row in lines.rows], lines.numbers)
     if not lines.rows[-1].startswith("endsolid"):
         lines.fail(len(lines), "endsolid")
     corners = lines.starting_with("vertex")
     loop_ends = [i for i, row in enumerate(lines.rows) if row == "endloop"]
-    # The t-th triangle has ended when 3 (t + 1) corners have been read.
+    # At the end of triangle t, counted from 0, 3 (t + 1) corners must have been read.
     read = np.searchsorted(corners.numbers, [lines.numbers[i] for i in loop_ends])
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):

@@ -1,0 +1,40 @@
+"""The tree of errors: what a caller may catch, and that each error is also the one Python has for its kind."""
+
+import pytest
+
+import isomatch
+from isomatch import errors
+
+TREE = {
+    "InputError": ("IsomatchError", ValueError),
+    "MeshError": ("InputError", ValueError),
+    "LandmarkError": ("InputError", ValueError),
+    "MapError": ("InputError", ValueError),
+    "DescriptorError": ("InputError", ValueError),
+    "SettingError": ("InputError", ValueError),
+    "FormatError": ("IsomatchError", ValueError),
+    "MissingFileError": ("FormatError", FileNotFoundError),
+    "MemoryBudgetError": ("IsomatchError", MemoryError),
+    "MissingDependencyError": ("IsomatchError", ImportError),
+    "NotConvergedError": ("IsomatchError", Exception),
+}
+
+
+@pytest.mark.parametrize(("name", "parent", "of_python"), [(name, *bases) for name, bases in TREE.items()])
+def test_an_error_is_its_parent_and_one_of_python(name, parent, of_python):
+    for caught in (getattr(errors, parent), of_python, errors.IsomatchError):
+        with pytest.raises(caught, match="what, where, why, what to do"):
+            raise getattr(isomatch, name)("what, where, why, what to do")
+
+
+def test_the_table_is_complete():
+    named = {name for name, value in vars(errors).items() if isinstance(value, type)}
+    assert named - {"Iterable"} == {"IsomatchError", *TREE}
+
+
+def test_a_missing_file_says_what_it_says():
+    """`FileNotFoundError` writes its message differently when it is made of several arguments."""
+    assert (
+        str(isomatch.MissingFileError("a.ply: no such file; check the name"))
+        == "a.ply: no such file; check the name"
+    )
