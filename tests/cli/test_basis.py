@@ -69,6 +69,7 @@ def test_an_earlier_basis_is_kept_unless_forced(file, tmp_path, capsys):
     [
         (["--k", "20", "--p", "10"], 1, "k = 20 must lie in 1…p = 10"),
         (["--method", "magic"], 2, "magic"),
+        (["--engine", "magic"], 2, "There is no engine 'magic'; known are fast_marching"),
         (["--tolerance", "0"], 1, "tolerance = 0.0 is not a positive"),
     ],
 )

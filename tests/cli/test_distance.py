@@ -7,7 +7,7 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.geodesics import distance_engine
+from isomatch.geodesics import distance_engine, engine_names
 from shapes import icosphere, two_spheres
 
 
@@ -123,14 +123,18 @@ def test_a_basis_answers_instead(sphere, pairs, tmp_path, capsys):
         ([], 2, ""),
         (["--from", "1", "--pairs", "pairs.txt"], 2, ""),
         (["--from", "1", "--engine", "exact", "--basis", "b.npz"], 2, ""),
-        (["--from", "1", "--engine", "telepathy"], 2, "telepathy"),
+        (
+            ["--from", "1", "--engine", "telepathy"],
+            2,
+            "There is no engine 'telepathy'; known are fast_marching",
+        ),
         (["--from", "1;2"], 1, "--from '1;2' is not a list of vertices"),
         (["--from", "162"], 1, "sources 162 are outside 0…161"),
         (["--from", "1", "-o", "out.xlsx"], 1, "suffix '.xlsx' cannot be written; use .csv or .npz"),
         (["--pairs", "nowhere.txt"], 1, "nowhere.txt: no such file"),
     ],
 )
-def test_bad_usage_is_one_line(more, code, words, sphere, capsys):
+def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
     assert main(["distance", str(sphere[0]), *more]) == code
     assert words in complaint(capsys)
 
@@ -146,6 +150,12 @@ def test_bad_pairs(text, words, sphere, tmp_path, capsys):
     (tmp_path / "pairs.txt").write_text(text)
     assert main(["distance", str(sphere[0]), "--pairs", str(tmp_path / "pairs.txt")]) == 1
     assert words in complaint(capsys)
+
+
+def test_help_lists_the_engines(capsys):
+    assert main(["distance", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(name in said for name in engine_names())
 
 
 def test_no_pairs_give_no_lines(sphere, tmp_path, capsys):

@@ -9,7 +9,7 @@ from shapes import flat_grid
 
 
 def lattice(rows, columns):
-    """A grid graph without diagonals, on which distances are those of a taxi."""
+    """A grid graph without diagonals, on which distances are taxicab distances."""
     sheet = flat_grid(rows, columns)
     straight = sheet.edge_lengths < 1.2
     return Graph(sheet.n_vertices, sheet.edges[straight], sheet.edge_lengths[straight])
@@ -20,7 +20,7 @@ def random_sphere(n, seed=0):
     return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
-def test_taxi_distances():
+def test_taxicab_distances():
     y, x = np.divmod(np.arange(42), 7)
     expected = np.abs(y - 2) + np.abs(x - 3)
     assert np.array_equal(geodesic_distances(lattice(6, 7), [17])[0], expected)
@@ -103,6 +103,6 @@ def test_edges_of_a_mesh_are_an_upper_bound():
     assert along[0, -1] == pytest.approx(19 * 2**0.5), "diagonals are edges"
 
 
-def test_a_sliver_of_length_zero_is_passed():
+def test_a_path_may_use_an_edge_of_length_zero():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 1]], [[0, 1, 2], [1, 2, 3]])
     assert geodesic_distances(mesh, [0], "dijkstra")[0, 3] == pytest.approx(1 + 2**0.5)

@@ -1,4 +1,4 @@
-"""Fast marching against distances known in closed form, and the laws it must keep."""
+"""Fast marching against distances known in closed form, and the laws it must obey."""
 
 import numpy as np
 import pytest

@@ -18,7 +18,6 @@ from isomatch.bases.prediction import DensityWeighted, density_of, predicted_bas
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
-    EngineName,
     MetricSpace,
     Sampling,
     distance_engine,
@@ -39,7 +38,7 @@ def distance_basis(
     method: BasisMethod | None = None,
     weights: Weighting = "area",
     seed: int = 0,
-    engine: EngineName | None = None,
+    engine: str | None = None,
     tolerance: float | None = None,
     dtype: DTypeLike = np.float64,
     held_out: int = 10,

@@ -17,7 +17,6 @@ from isomatch.bases.laplacian import require_surface
 from isomatch.bases.nystrom import leading_eigenpairs
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
-    EngineName,
     MetricSpace,
     Sampling,
     distance_engine,
@@ -55,7 +54,7 @@ def canonical_form(
     p: int = 100,
     weights: Weighting = "area",
     seed: int = 0,
-    engine: EngineName | None = None,
+    engine: str | None = None,
 ) -> CanonicalForm:
     """Embed a surface by classical scaling of its geodesic distances, so that poses of one body look alike.
 

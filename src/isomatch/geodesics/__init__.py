@@ -1,19 +1,37 @@
-"""Distance columns: geodesic engines and the sampling that drives them."""
+"""Geodesic distances: the engines that compute them, and farthest point sampling."""
 
-from isomatch.geodesics.engines import EngineName, MetricSpace, distance_engine, geodesic_distances
+from isomatch.geodesics.component_engine import ComponentEngine
+from isomatch.geodesics.engines import (
+    ENGINES,
+    MetricSpace,
+    distance_engine,
+    engine_names,
+    geodesic_distances,
+)
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from isomatch.geodesics.pairs import pair_distances
-from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
+from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
+from isomatch.geodesics.restricted import RestrictedEngine
+from isomatch.geodesics.sampling import (
+    Sampling,
+    euclidean_farthest_points,
+    farthest_point_sampling,
+    peripheral_vertex,
+)
 
 __all__ = [
+    "ENGINES",
+    "ColumnEngine",
+    "ComponentEngine",
     "DistanceEngine",
-    "EngineName",
     "GivenFunction",
     "GivenMatrix",
     "MetricSpace",
+    "RestrictedEngine",
     "Sampling",
     "distance_engine",
+    "engine_names",
+    "euclidean_farthest_points",
     "farthest_point_sampling",
     "geodesic_distances",
     "pair_distances",

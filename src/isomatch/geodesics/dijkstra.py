@@ -1,4 +1,4 @@
-"""Shortest paths along edges: for graphs, for point clouds, and as an upper bound on meshes."""
+"""Shortest paths along edges: exact on graphs, approximate on point clouds, an upper bound on meshes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.units import require_finite
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-BLOCK = 8  # sources a thread takes at once
+BLOCK = 8  # sources that a thread takes at once
 
 
 class Dijkstra(ColumnEngine):
@@ -21,13 +21,13 @@ class Dijkstra(ColumnEngine):
     Parameters
     ----------
     surface : Mesh, PointCloud or Graph
-        What has edges with lengths.
+        A shape of n points joined by edges that have lengths.
 
     Notes
     -----
-    Dijkstra 1959, in scipy. O(e + n log n) time a column for e edges. It is the exact distance of a graph. On a mesh or
-    a point cloud paths zigzag, so that distances come out too long however fine the sampling: by about 5 to 8 % on
-    a mesh; for point clouds see `PointCloud`.
+    Dijkstra, *A note on two problems in connexion with graphs*, 1959, as implemented in scipy. O(e + n log n) time per
+    column for e edges, on all threads. On a graph this is the exact distance. On a mesh or a point cloud paths zigzag, so
+    distances are too long however fine the sampling: by about 5 to 8 % on a mesh; for point clouds see `PointCloud`.
     """
 
     name = "dijkstra"
@@ -38,12 +38,12 @@ class Dijkstra(ColumnEngine):
         self.n_points = surface.n_vertices
         i, j = surface.edges.T
         both = np.concatenate([i, j]), np.concatenate([j, i])
-        # two equal vertices may be joined by an edge of length 0, which a sparse array keeps
+        # coincident vertices are joined by an edge of length 0, which csr_array keeps as an explicit zero
         self._graph = csr_array((np.tile(surface.edge_lengths, 2), both), shape=(self.n_points,) * 2)
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
-        self._require(np.array([source]))
+        self._require_in_range(np.array([source]))
         column = dijkstra(self._graph, indices=int(source), limit=float(nearest.max(initial=0.0)))
         np.minimum(nearest, column, out=nearest)
 
