@@ -1,4 +1,4 @@
-"""A basis in use: pairs, neighbours, its own error, precision, files."""
+"""Using a basis: distances of pairs, neighbours, the estimate of its error, precision, files."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from isomatch import (
     DistanceBasis,
     FormatError,
     MeshError,
+    MissingFileError,
     NotConvergedError,
     SettingError,
     distance_basis,
@@ -92,7 +93,9 @@ def test_held_out_columns_took_no_part(basis):
 
 
 def test_without_held_out_columns_there_is_no_estimate(mesh):
-    with pytest.raises(SettingError, match=r"cannot be told; use distance_basis\(surface, held_out=10\)"):
+    with pytest.raises(
+        SettingError, match=r"cannot be estimated; use distance_basis\(surface, held_out=10\)"
+    ):
         distance_basis(mesh, 5, 10, held_out=0).error_estimate()
 
 
@@ -172,10 +175,15 @@ def test_files_that_hold_no_basis(content, tmp_path):
         DistanceBasis.load(path)
 
 
+def test_a_file_that_does_not_exist(tmp_path):
+    with pytest.raises(MissingFileError, match=r"basis.npz: no such file; check the name and the folder"):
+        DistanceBasis.load(tmp_path / "basis.npz")
+
+
 def test_a_matrix_of_distances_has_no_laplacian(mesh, all_distances):
     symmetric = (all_distances + all_distances.T) / 2
     given = distance_basis(symmetric, 20, 40)
     assert (given.method, given.engine) == ("nystrom", "matrix")
     assert given.error_estimate() < 0.05
-    with pytest.raises(SettingError, match=r"ndarray has no Laplacian.*method='nystrom'"):
+    with pytest.raises(SettingError, match=r"Mesh or PointCloud, not a ndarray; use method='nystrom'"):
         distance_basis(symmetric, 20, 40, "predicted")
