@@ -1,4 +1,4 @@
-"""Signed mean curvature, the descriptor that distinguishes a surface from its mirror image."""
+"""Signed mean curvature, which distinguishes outward bumps from inward dents; intrinsic descriptors cannot."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp 
 def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     """Signed mean curvature of a mesh smoothed to its first k Laplace eigenfunctions.
 
-    It is positive where the surface bulges to the side that its faces look at: outward bumps of a closed mesh that is
-    wound outward. It depends on the embedding, unlike the other descriptors, but not on the pose up to rigid motion.
+    It is positive where the surface bulges to the side to which its faces look: on outward bumps of a closed mesh that is
+    wound outward. Unlike the other descriptors it is extrinsic: it depends on the pose, but not on rigid motion.
 
     Parameters
     ----------
