@@ -1,4 +1,4 @@
-"""``isomatch distance`` by exit code, what it prints, and what it writes."""
+"""``isomatch distance``: exit codes, output and files."""
 
 import json
 
@@ -32,7 +32,7 @@ def complaint(capsys):
     return said
 
 
-def test_one_distance_a_line(sphere, pairs, capsys):
+def test_one_distance_per_line(sphere, pairs, capsys):
     assert main(["distance", str(sphere[0]), "--pairs", str(pairs[0])]) == 0
     said = [float(line) for line in capsys.readouterr().out.splitlines()]
     i, j = pairs[1].T
@@ -50,7 +50,7 @@ def test_columns_as_a_table(sphere, capsys):
 
 
 @pytest.mark.parametrize("which", ["pairs", "from"])
-def test_files_hold_what_was_asked(which, sphere, pairs, tmp_path, capsys):
+def test_files_hold_the_distances(which, sphere, pairs, tmp_path, capsys):
     asked = ["--pairs", str(pairs[0])] if which == "pairs" else ["--from", "4,0"]
     for suffix in (".csv", ".npz"):
         out = tmp_path / f"out{suffix}"
@@ -67,7 +67,7 @@ def test_files_hold_what_was_asked(which, sphere, pairs, tmp_path, capsys):
         np.testing.assert_allclose(table[:, 1:].T, distances)
 
 
-def test_nothing_is_overwritten_unasked(sphere, tmp_path, capsys):
+def test_an_existing_file_is_kept_unless_forced(sphere, tmp_path, capsys):
     out = tmp_path / "out.csv"
     out.write_text("precious")
     command = ["distance", str(sphere[0]), "--from", "4", "-o", str(out)]
@@ -78,7 +78,7 @@ def test_nothing_is_overwritten_unasked(sphere, tmp_path, capsys):
     assert out.read_text().startswith("vertex,from_4\n")
 
 
-def test_json_tells_the_engine_and_has_no_infinity(tmp_path, capsys):
+def test_json_names_the_engine_and_has_no_infinity(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "two.off", two_spheres(0, 1.0))
     (tmp_path / "pairs.csv").write_text("0,1\n0,13\n")
     assert (
@@ -101,7 +101,7 @@ def test_points_without_faces_are_a_point_cloud(tmp_path, capsys):
     assert np.array_equal(record["distances"], isomatch.geodesic_distances(isomatch.PointCloud(points), [0]))
 
 
-def test_a_basis_answers_instead(sphere, pairs, tmp_path, capsys):
+def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
     basis = isomatch.distance_basis(sphere[1], 20, 60)
     basis.save(tmp_path / "basis.npz")
     command = ["distance", str(sphere[0]), "--basis", str(tmp_path / "basis.npz")]

@@ -35,7 +35,7 @@ def test_ring_and_a_shortcut():
     assert np.array_equal(geodesic_distances(shortcut, [0])[0], np.minimum(steps, 6 - steps))
 
 
-def test_other_components_and_lonely_vertices_are_infinitely_far():
+def test_other_components_and_isolated_vertices_are_infinitely_far():
     graph = Graph(5, [[0, 1], [2, 3]], [1, 2])
     inf = np.inf
     expected = [[0, 1, inf, inf, inf], [inf, inf, inf, inf, 0]]
@@ -67,7 +67,7 @@ def test_relabelling_points_relabels_distances_and_samples():
     assert np.array_equal(samples[1], new[samples[0]])
 
 
-def test_coincident_points_are_at_no_distance():
+def test_coincident_points_have_distance_zero():
     cloud = PointCloud(np.repeat(random_sphere(50), 2, axis=0), 6)
     columns = geodesic_distances(cloud, [0])
     assert columns[0, 1] == 0

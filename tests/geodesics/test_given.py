@@ -68,7 +68,7 @@ def test_a_function_gives_its_columns(matrix):
     assert np.array_equal(engine.distances_from([3, 1]), matrix[[3, 1]])
 
 
-def test_a_function_of_known_size_is_not_asked_beforehand(matrix):
+def test_a_function_of_known_size_is_not_called_in_advance(matrix):
     asked = []
 
     def columns(sources):
@@ -81,7 +81,7 @@ def test_a_function_of_known_size_is_not_asked_beforehand(matrix):
     assert asked == [4]
 
 
-def test_sampling_asks_a_function_for_each_column_once(matrix):
+def test_sampling_calls_a_function_once_for_each_column(matrix):
     asked = []
 
     def columns(sources):
@@ -108,6 +108,6 @@ def test_bad_distance_functions_are_refused(function, message):
         GivenFunction(function, 5).distances_from([1, 3])
 
 
-def test_a_function_whose_size_cannot_be_learnt():
+def test_a_function_that_does_not_return_rows():
     with pytest.raises(MeshError, match=r"returned shape \(7,\) for one source, expected \(1, n\)"):
         distance_engine(lambda sources: np.zeros(7))

@@ -36,7 +36,7 @@ def test_columns_are_the_distances_from_the_samples(mesh, sampling):
 
 
 def test_each_sample_is_farthest_from_those_before(sampling):
-    """Up to what the fronts, which stop where an earlier sample is nearer, differ from full ones: 1 %."""
+    """Up to 1 %, by which fronts that stop where an earlier sample is nearer differ from full ones."""
     for i in range(1, P):
         nearest = sampling.columns[:i].min(axis=0)
         assert nearest[sampling.vertices[i]] >= 0.99 * nearest.max()
@@ -83,7 +83,7 @@ def test_more_samples_than_points():
 
 
 def test_coincident_points_are_not_distinct():
-    """A square whose corner is there twice, at both ends of a face without area."""
+    """A square with one corner twice, at both ends of a face without area."""
     vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0]]
     mesh = Mesh(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
     with pytest.raises(MeshError, match="only 4 points are distinct"):

@@ -180,7 +180,7 @@ def smallest_eigenpairs(
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image)
         full = size + BLOCK > limit
-        # the test costs an eigendecomposition; convergence needs about 2.6 k vectors, then every sixth block is tested
+        # convergence is tested from 2.6 k vectors on, at every sixth block: a test costs an eigendecomposition
         if full or (size >= 2.6 * k and (size // BLOCK) % 6 == 0):
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[::-1][:k], mix[:, ::-1][:, :k]
