@@ -1,4 +1,4 @@
-"""Canonical forms: flat things come out flat and true, poses look alike, and distances lose to the descriptor."""
+"""Canonical forms: a flat patch is reproduced, poses look alike, and the distance basis is more accurate."""
 
 import numpy as np
 import pytest
@@ -54,13 +54,13 @@ def test_poses_of_one_body_look_alike():
     assert procrustes(*forms)[2] < 0.5 * procrustes(one.vertices, other.vertices)[2]
 
 
-def test_descriptors_follow_distances_that_no_euclidean_space_can():
-    """The paper's embedding without metrication error: the same columns, an error an order of magnitude smaller."""
+def test_the_distance_basis_is_more_accurate_than_the_canonical_form():
+    """From the same columns, with an error smaller by almost an order of magnitude."""
     mesh = creature(1500).mesh
     assert distance_basis(mesh, 50, 100).error_estimate() < 0.15 * canonical_form(mesh).stress
 
 
-def test_more_dimensions_than_the_distances_fill():
+def test_more_dimensions_than_positive_eigenvalues():
     with pytest.raises(SettingError, match=r"eigenvalues are positive.*smaller dim"):
         canonical_form(flat_grid(3, 3), 9, "exact")
 

@@ -1,4 +1,4 @@
-"""The geodesic distance basis: orthonormal, the best of its rank when exact, near it when sampled."""
+"""The geodesic distance basis: orthonormal, optimal for its rank when exact, near the optimum when sampled."""
 
 import itertools
 
@@ -44,7 +44,7 @@ def dense(basis: DistanceBasis):
 
 
 def weighted_norm(matrix, weights):
-    """Frobenius norm of A^½ M A^½: what the truncation in weights A is best for."""
+    """Frobenius norm of A^½ M A^½, which the truncation in weights A minimises."""
     root = np.sqrt(weights)
     return np.linalg.norm(root[:, None] * matrix * root)
 
@@ -123,7 +123,7 @@ def test_symmetric_columns_are_reproduced_to_rounding():
     np.testing.assert_allclose(basis.row(basis.samples), geodesic_distances(sheet, basis.samples), atol=1e-4)
 
 
-def test_truncated_rows_differ_by_what_was_truncated(mesh):
+def test_rows_differ_by_the_eigenvalues_truncated(mesh):
     engine = distance_engine(mesh)
     sampling = farthest_point_sampling(engine, 60, start=0)
     among = sampling.columns[:, sampling.vertices]
@@ -179,7 +179,7 @@ def test_values_scale_with_area_and_length(mesh):
     np.testing.assert_allclose(scaled.values, 1000 * plain.values, rtol=1e-4)
 
 
-def test_repr_tells_size_and_method(bases):
+def test_repr_shows_size_and_method(bases):
     assert "rank 50, nystrom, 100 columns, fast_marching" in repr(bases["nystrom", "area"])
 
 

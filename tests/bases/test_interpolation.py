@@ -1,4 +1,4 @@
-"""Interpolated bases: the limit of hard interpolation, two routes to one matrix, and the published order of methods."""
+"""Interpolated bases: exactness at the samples, two routes to one matrix, the published order of methods."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_predicted_columns_are_nearer_than_interpolated_ones(mesh, sampling):
     assert np.linalg.norm(predicted - truth) < 0.5 * np.linalg.norm(interpolated - truth)
 
 
-def test_samples_crowd_where_weight_does():
+def test_samples_are_denser_where_the_weight_is_larger():
     mesh = creature(1500).mesh
     engine = distance_engine(mesh)
     left = mesh.vertices[:, 0] < np.median(mesh.vertices[:, 0])
@@ -79,7 +79,7 @@ def test_samples_crowd_where_weight_does():
     np.testing.assert_array_equal(uneven.columns, engine.distances_from(uneven.vertices))
 
 
-def test_nodes_stand_for_all_the_weight(mesh, sampling):
+def test_shares_of_the_nodes_sum_to_the_weight(mesh, sampling):
     nodes, shares = representative_points(
         mesh.vertices, sampling.vertices, mesh.vertex_areas, np.ones(mesh.n_vertices), 300
     )

@@ -82,7 +82,7 @@ def test_agrees_with_arpack(mesh, basis):
 
 @pytest.mark.parametrize("name", ["sphere", "torus", "plane"])
 def test_a_quarter_of_the_vertices_of_a_small_mesh(name):
-    """What a match asks of meshes of a few hundred vertices; repeated eigenvalues included."""
+    """As `match` needs them for meshes of a few hundred vertices; repeated eigenvalues included."""
     mesh = {"sphere": icosphere(3), "torus": torus(30, 15), "plane": planar_delaunay(700)}[name]
     k = mesh.n_vertices // 4
     basis = laplace_basis(mesh, k)
@@ -117,7 +117,7 @@ def test_signs_follow_the_third_moment(basis):
     assert (basis.weights @ basis.vectors**3 >= 0).all()
 
 
-def test_low_pass_keeps_what_the_basis_spans_and_nothing_else(basis):
+def test_low_pass_is_the_projection_on_the_first_functions(basis):
     mixed = basis.vectors[:, [1, 4, 50]].sum(axis=1, keepdims=True)
     low = basis.low_passed(mixed, 10)
     np.testing.assert_allclose(low, basis.vectors[:, [1, 4]].sum(axis=1, keepdims=True), atol=1e-9)

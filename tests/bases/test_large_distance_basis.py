@@ -1,4 +1,4 @@
-"""What a large surface costs, measured in a process of its own."""
+"""Time, memory and error of the basis of a large surface, measured in a process of its own."""
 
 import json
 import os
@@ -34,7 +34,7 @@ print(json.dumps({"seconds": seconds, "gib": peak, "error": error, "estimate": b
 
 @pytest.mark.long
 def test_two_hundred_thousand_vertices():
-    """Two processors, 2 GiB at the peak, and an error seen on 1000 random columns."""
+    """Two processors, 2 GiB at the peak, and the error on 1000 random columns."""
     folders = [str(Path(__file__).parents[1]), *filter(None, sys.path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     run = subprocess.run(

@@ -1,4 +1,4 @@
-"""``isomatch basis`` by exit code and artefact."""
+"""``isomatch basis``: exit codes and files."""
 
 import json
 
@@ -36,7 +36,7 @@ def test_basis_and_canonical_form_are_written(file, tmp_path, capsys):
     assert 0 < said["stress"] < 0.2
 
 
-def test_tolerance_is_met_and_told(file, tmp_path, capsys):
+def test_tolerance_is_met_and_reported(file, tmp_path, capsys):
     out = tmp_path / "basis.npz"
     assert main(["basis", str(file), "-o", str(out), "--tolerance", "0.03"]) == 0
     said = capsys.readouterr().out
@@ -53,7 +53,7 @@ def test_tolerance_is_met_and_told(file, tmp_path, capsys):
     assert isomatch.DistanceBasis.load(out).error_estimate() <= 0.03
 
 
-def test_an_earlier_basis_is_kept_unless_forced(file, tmp_path, capsys):
+def test_an_existing_basis_is_kept_unless_forced(file, tmp_path, capsys):
     out = tmp_path / "basis.npz"
     out.write_bytes(b"precious")
     arguments = ["basis", str(file), "-o", str(out), "--k", "5", "--p", "10"]
@@ -69,6 +69,7 @@ def test_an_earlier_basis_is_kept_unless_forced(file, tmp_path, capsys):
     [
         (["--k", "20", "--p", "10"], 1, "k = 20 must lie in 1…p = 10"),
         (["--method", "magic"], 2, "magic"),
+        (["--engine", "magic"], 2, "There is no engine 'magic'; known are fast_marching"),
         (["--tolerance", "0"], 1, "tolerance = 0.0 is not a positive"),
     ],
 )

@@ -1,4 +1,4 @@
-"""``isomatch distance`` by exit code, what it prints, and what it writes."""
+"""``isomatch distance``: exit codes, output and files."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.geodesics import distance_engine
+from isomatch.geodesics import distance_engine, engine_names
 from shapes import icosphere, two_spheres
 
 
@@ -32,7 +32,7 @@ def complaint(capsys):
     return said
 
 
-def test_one_distance_a_line(sphere, pairs, capsys):
+def test_one_distance_per_line(sphere, pairs, capsys):
     assert main(["distance", str(sphere[0]), "--pairs", str(pairs[0])]) == 0
     said = [float(line) for line in capsys.readouterr().out.splitlines()]
     i, j = pairs[1].T
@@ -50,7 +50,7 @@ def test_columns_as_a_table(sphere, capsys):
 
 
 @pytest.mark.parametrize("which", ["pairs", "from"])
-def test_files_hold_what_was_asked(which, sphere, pairs, tmp_path, capsys):
+def test_files_hold_the_distances(which, sphere, pairs, tmp_path, capsys):
     asked = ["--pairs", str(pairs[0])] if which == "pairs" else ["--from", "4,0"]
     for suffix in (".csv", ".npz"):
         out = tmp_path / f"out{suffix}"
@@ -67,7 +67,7 @@ def test_files_hold_what_was_asked(which, sphere, pairs, tmp_path, capsys):
         np.testing.assert_allclose(table[:, 1:].T, distances)
 
 
-def test_nothing_is_overwritten_unasked(sphere, tmp_path, capsys):
+def test_an_existing_file_is_kept_unless_forced(sphere, tmp_path, capsys):
     out = tmp_path / "out.csv"
     out.write_text("precious")
     command = ["distance", str(sphere[0]), "--from", "4", "-o", str(out)]
@@ -78,7 +78,7 @@ def test_nothing_is_overwritten_unasked(sphere, tmp_path, capsys):
     assert out.read_text().startswith("vertex,from_4\n")
 
 
-def test_json_tells_the_engine_and_has_no_infinity(tmp_path, capsys):
+def test_json_names_the_engine_and_has_no_infinity(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "two.off", two_spheres(0, 1.0))
     (tmp_path / "pairs.csv").write_text("0,1\n0,13\n")
     assert (
@@ -101,7 +101,7 @@ def test_points_without_faces_are_a_point_cloud(tmp_path, capsys):
     assert np.array_equal(record["distances"], isomatch.geodesic_distances(isomatch.PointCloud(points), [0]))
 
 
-def test_a_basis_answers_instead(sphere, pairs, tmp_path, capsys):
+def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
     basis = isomatch.distance_basis(sphere[1], 20, 60)
     basis.save(tmp_path / "basis.npz")
     command = ["distance", str(sphere[0]), "--basis", str(tmp_path / "basis.npz")]
@@ -123,14 +123,19 @@ def test_a_basis_answers_instead(sphere, pairs, tmp_path, capsys):
         ([], 2, ""),
         (["--from", "1", "--pairs", "pairs.txt"], 2, ""),
         (["--from", "1", "--engine", "exact", "--basis", "b.npz"], 2, ""),
-        (["--from", "1", "--engine", "telepathy"], 2, "telepathy"),
+        (
+            ["--from", "1", "--engine", "telepathy"],
+            2,
+            "There is no engine 'telepathy'; known are fast_marching",
+        ),
+        (["--from", "1", "--basis", "nowhere.npz"], 1, "nowhere.npz: no such file; check the name"),
         (["--from", "1;2"], 1, "--from '1;2' is not a list of vertices"),
         (["--from", "162"], 1, "sources 162 are outside 0…161"),
         (["--from", "1", "-o", "out.xlsx"], 1, "suffix '.xlsx' cannot be written; use .csv or .npz"),
         (["--pairs", "nowhere.txt"], 1, "nowhere.txt: no such file"),
     ],
 )
-def test_bad_usage_is_one_line(more, code, words, sphere, capsys):
+def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
     assert main(["distance", str(sphere[0]), *more]) == code
     assert words in complaint(capsys)
 
@@ -146,6 +151,12 @@ def test_bad_pairs(text, words, sphere, tmp_path, capsys):
     (tmp_path / "pairs.txt").write_text(text)
     assert main(["distance", str(sphere[0]), "--pairs", str(tmp_path / "pairs.txt")]) == 1
     assert words in complaint(capsys)
+
+
+def test_help_lists_the_engines(capsys):
+    assert main(["distance", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(name in said for name in engine_names())
 
 
 def test_no_pairs_give_no_lines(sphere, tmp_path, capsys):

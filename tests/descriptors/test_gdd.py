@@ -37,7 +37,7 @@ def test_signature_holds_the_signs(basis):
 
 
 def test_columns_are_not_normalised(basis):
-    """Their squared norm in the weights is |λ|: the decay is what makes the leading ones count."""
+    """Their squared norm in the weights is |λ|, which decays, so that the leading ones have the largest weight."""
     coordinates = geodesic_distance_descriptor(basis).coordinates
     np.testing.assert_allclose(basis.weights @ coordinates**2, np.abs(basis.values), rtol=1e-9)
 

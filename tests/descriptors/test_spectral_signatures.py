@@ -60,7 +60,7 @@ def test_constant_on_a_sphere(signature):
 
 
 def test_heat_kernel_in_closed_form(basis):
-    """The first time and the last, written out."""
+    """At the first and the last time."""
     signature = heat_kernel_signature(basis, 2)
     for column, time in enumerate(4 * np.log(10) / basis.values[[-1, 1]]):
         decay = np.exp(-basis.values * time)
@@ -75,7 +75,7 @@ def test_first_functions_only(basis, signature):
 
 
 def test_wave_kernel_of_a_landmark(basis):
-    """Symmetric, equal to the signature at the landmark itself, and without the signs of functions."""
+    """Symmetric, equal to the signature at the landmark itself, and independent of the signs of functions."""
     of_7, of_90 = (wave_kernel_map(basis, vertex, 9) for vertex in (7, 90))
     np.testing.assert_allclose(of_7[90], of_90[7])
     np.testing.assert_allclose(of_7[7], wave_kernel_signature(basis, 9)[7])

@@ -9,7 +9,7 @@ from shapes import flat_grid
 
 
 def lattice(rows, columns):
-    """A grid graph without diagonals, on which distances are those of a taxi."""
+    """A grid graph without diagonals, on which distances are taxicab distances."""
     sheet = flat_grid(rows, columns)
     straight = sheet.edge_lengths < 1.2
     return Graph(sheet.n_vertices, sheet.edges[straight], sheet.edge_lengths[straight])
@@ -20,7 +20,7 @@ def random_sphere(n, seed=0):
     return points / np.linalg.norm(points, axis=1, keepdims=True)
 
 
-def test_taxi_distances():
+def test_taxicab_distances():
     y, x = np.divmod(np.arange(42), 7)
     expected = np.abs(y - 2) + np.abs(x - 3)
     assert np.array_equal(geodesic_distances(lattice(6, 7), [17])[0], expected)
@@ -35,7 +35,7 @@ def test_ring_and_a_shortcut():
     assert np.array_equal(geodesic_distances(shortcut, [0])[0], np.minimum(steps, 6 - steps))
 
 
-def test_other_components_and_lonely_vertices_are_infinitely_far():
+def test_other_components_and_isolated_vertices_are_infinitely_far():
     graph = Graph(5, [[0, 1], [2, 3]], [1, 2])
     inf = np.inf
     expected = [[0, 1, inf, inf, inf], [inf, inf, inf, inf, 0]]
@@ -67,7 +67,7 @@ def test_relabelling_points_relabels_distances_and_samples():
     assert np.array_equal(samples[1], new[samples[0]])
 
 
-def test_coincident_points_are_at_no_distance():
+def test_coincident_points_have_distance_zero():
     cloud = PointCloud(np.repeat(random_sphere(50), 2, axis=0), 6)
     columns = geodesic_distances(cloud, [0])
     assert columns[0, 1] == 0
@@ -103,6 +103,6 @@ def test_edges_of_a_mesh_are_an_upper_bound():
     assert along[0, -1] == pytest.approx(19 * 2**0.5), "diagonals are edges"
 
 
-def test_a_sliver_of_length_zero_is_passed():
+def test_a_path_may_use_an_edge_of_length_zero():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 1]], [[0, 1, 2], [1, 2, 3]])
     assert geodesic_distances(mesh, [0], "dijkstra")[0, 3] == pytest.approx(1 + 2**0.5)

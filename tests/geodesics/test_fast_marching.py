@@ -1,4 +1,4 @@
-"""Fast marching against distances known in closed form, and the laws it must keep."""
+"""Fast marching against distances known in closed form, and the laws it must obey."""
 
 import numpy as np
 import pytest
@@ -116,8 +116,8 @@ def test_relabelling_moving_and_scaling_change_nothing(example, scale):
     np.testing.assert_allclose(moved, scale * plain, rtol=1e-5, atol=1e-6 * scale)
 
 
-def test_rounding_decides_nothing(example):
-    """Equal paths are common on symmetric and flat places; which is taken must not depend on the last digit."""
+def test_distances_do_not_depend_on_rounding(example):
+    """Paths of equal length are common where a mesh is symmetric or flat; rounding must not choose between them."""
     mesh = example[0].mesh
     plain, scaled = (
         geodesic_distances(Mesh(s * mesh.vertices, mesh.faces), range(0, 2900, 50)) for s in (1, 3)

@@ -1,4 +1,4 @@
-"""Distances that the user has: a matrix or a function, taken as they are or refused by name."""
+"""Distances given by the user, as a matrix or a function: used as they are, or refused by a named error."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def changed(matrix, i, j, value):
         (lambda d: changed(d, 7, 9, np.inf), r"not symmetric at points 7, 9"),
     ],
 )
-def test_what_is_no_distance_matrix(matrix, change, message):
+def test_bad_distance_matrices_are_refused(matrix, change, message):
     with pytest.raises(MeshError, match=message):
         distance_engine(change(matrix))
 
@@ -68,7 +68,7 @@ def test_a_function_gives_its_columns(matrix):
     assert np.array_equal(engine.distances_from([3, 1]), matrix[[3, 1]])
 
 
-def test_a_function_of_known_size_is_not_asked_beforehand(matrix):
+def test_a_function_of_known_size_is_not_called_in_advance(matrix):
     asked = []
 
     def columns(sources):
@@ -81,7 +81,7 @@ def test_a_function_of_known_size_is_not_asked_beforehand(matrix):
     assert asked == [4]
 
 
-def test_sampling_asks_a_function_for_each_column_once(matrix):
+def test_sampling_calls_a_function_once_for_each_column(matrix):
     asked = []
 
     def columns(sources):
@@ -103,11 +103,11 @@ def test_sampling_asks_a_function_for_each_column_once(matrix):
         (lambda s: [["far"] * 5] * len(s), r"type <U3, expected \(2, 5\) real numbers"),
     ],
 )
-def test_what_is_no_distance_function(function, message):
+def test_bad_distance_functions_are_refused(function, message):
     with pytest.raises(MeshError, match=message):
         GivenFunction(function, 5).distances_from([1, 3])
 
 
-def test_a_function_whose_size_cannot_be_learnt():
+def test_a_function_that_does_not_return_rows():
     with pytest.raises(MeshError, match=r"returned shape \(7,\) for one source, expected \(1, n\)"):
         distance_engine(lambda sources: np.zeros(7))

@@ -1,10 +1,16 @@
-"""Farthest point sampling."""
+"""Farthest point sampling, geodesic and Euclidean."""
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
-from isomatch import Mesh, MeshError, geodesic_distances
-from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
+from isomatch import Mesh, MeshError, SettingError, geodesic_distances
+from isomatch.geodesics import (
+    distance_engine,
+    euclidean_farthest_points,
+    farthest_point_sampling,
+    peripheral_vertex,
+)
 from shapes import disguised, flat_grid, icosphere, two_spheres
 
 P = 40
@@ -20,7 +26,7 @@ def sampling(mesh):
     return farthest_point_sampling(distance_engine(mesh), P, start=17)
 
 
-def test_starts_where_it_is_told_and_repeats_nothing(sampling):
+def test_samples_begin_with_the_start_and_are_distinct(sampling):
     assert sampling.vertices[0] == 17
     assert len(np.unique(sampling.vertices)) == P
 
@@ -30,7 +36,7 @@ def test_columns_are_the_distances_from_the_samples(mesh, sampling):
 
 
 def test_each_sample_is_farthest_from_those_before(sampling):
-    """Up to what the fronts, which stop where an earlier sample is nearer, differ from full ones: 1 %."""
+    """Up to 1 %, by which fronts that stop where an earlier sample is nearer differ from full ones."""
     for i in range(1, P):
         nearest = sampling.columns[:i].min(axis=0)
         assert nearest[sampling.vertices[i]] >= 0.99 * nearest.max()
@@ -77,8 +83,48 @@ def test_more_samples_than_points():
 
 
 def test_coincident_points_are_not_distinct():
-    """A square whose corner is there twice, at both ends of a face without area."""
+    """A square with one corner twice, at both ends of a face without area."""
     vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 0]]
     mesh = Mesh(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
     with pytest.raises(MeshError, match="only 4 points are distinct"):
         farthest_point_sampling(distance_engine(mesh), 5, start=0)
+
+
+def by_definition(points, n_samples, start):
+    chosen = [start]
+    while len(chosen) < n_samples:
+        nearest = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
+        chosen.append(int(nearest.argmax()))
+    return chosen
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 7])
+def test_euclidean_farthest_points_by_definition(dimension):
+    points = np.random.default_rng(dimension).normal(size=(300, dimension))
+    assert euclidean_farthest_points(points, 40, 8).tolist() == by_definition(points, 40, 8)
+
+
+def test_euclidean_farthest_points_by_the_sampling_with_an_engine():
+    points = np.random.default_rng(0).random((200, 3))
+    engine = distance_engine(cdist(points, points))
+    expected = farthest_point_sampling(engine, 50, start=3).vertices
+    assert np.array_equal(euclidean_farthest_points(points, 50, 3), expected)
+
+
+def test_every_prefix_of_euclidean_farthest_points_is_a_sampling():
+    points = icosphere(3).vertices
+    whole = euclidean_farthest_points(points, 100, 0)
+    assert np.array_equal(euclidean_farthest_points(points, 30, 0), whole[:30])
+
+
+def test_coincident_points_are_chosen_last_and_once():
+    points = np.repeat(np.random.default_rng(0).random((20, 3)), 2, axis=0)
+    chosen = euclidean_farthest_points(points, 40, 0)
+    assert len(set(chosen)) == 40
+    assert len(set(chosen[:20] // 2)) == 20
+
+
+@pytest.mark.parametrize(("n_samples", "start"), [(0, 0), (13, 0), (3, -1), (3, 12)])
+def test_euclidean_farthest_points_out_of_range(n_samples, start):
+    with pytest.raises(SettingError, match=r"(n_samples|start) = -?\d+ must lie in"):
+        euclidean_farthest_points(icosphere(0).vertices, n_samples, start)

@@ -16,7 +16,7 @@ from isomatch.baselines.task import Task
 from isomatch.correspondence import Embedding
 from isomatch.descriptors import standardised
 from isomatch.errors import MissingDependencyError, SettingError
-from isomatch.geodesics import nearest_along_edges
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
@@ -164,6 +164,6 @@ def _features(task: Task) -> tuple[Embedding, str]:
 
 def _areas(shape: PreparedShape, rows: IntArray) -> FloatArray:
     """Share of the area nearest to each of some vertices."""
-    owner = nearest_along_edges(shape.body, rows)[1]
+    owner = distance_along_edges_to_nearest(shape.body, rows)[1]
     owned = np.bincount(owner, shape.body.vertex_areas, shape.body.n_vertices)[rows]
     return np.asarray(owned / owned.sum(), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Bases: all distances, and the smooth functions, of a surface in n × k numbers."""
+"""Bases of functions on a surface: low-rank forms of its distances, and eigenfunctions of its Laplacian."""
 
 from isomatch.bases.build import BasisMethod, distance_basis
 from isomatch.bases.canonical_form import CanonicalForm, canonical_form

@@ -1,4 +1,4 @@
-"""From a surface to its distance basis: samples, columns, method, and how good it is."""
+"""Build the distance basis of a surface: samples, distance columns, method, and an estimate of the error."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
 from isomatch.bases.distance_basis import DistanceBasis, Weighting, measure_of
 from isomatch.bases.interpolation import fmds_basis, smds_basis
-from isomatch.bases.laplacian import require_surface
+from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
 from isomatch.bases.prediction import DensityWeighted, density_of, predicted_basis
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
-    EngineName,
     MetricSpace,
     Sampling,
     distance_engine,
@@ -29,7 +28,7 @@ from isomatch.surfaces import Mesh, PointCloud
 
 BasisMethod = Literal["predicted", "nystrom", "fmds", "smds", "exact"]
 
-FINEST_COLUMNS = 800  # tried for a tolerance
+MOST_COLUMNS = 800  # tried to reach a tolerance
 
 
 def distance_basis(
@@ -39,7 +38,7 @@ def distance_basis(
     method: BasisMethod | None = None,
     weights: Weighting = "area",
     seed: int = 0,
-    engine: EngineName | None = None,
+    engine: str | None = None,
     tolerance: float | None = None,
     dtype: DTypeLike = np.float64,
     held_out: int = 10,
@@ -49,30 +48,30 @@ def distance_basis(
     Parameters
     ----------
     surface : Mesh, PointCloud or other metric space
-        What `distance_engine` takes, of one component and n points; every vertex of a mesh used by a face.
+        Anything that `distance_engine` takes, of one component and n points; every vertex of a mesh belongs to a face.
     k : int
-        Rank; at most p.
+        Rank, at most p.
     p : int
-        Distance columns to compute, from farthest point samples; 2 k is a good choice. Ignored by "exact".
+        Number of distance columns, from farthest point samples; 2 k is a good choice. Ignored by "exact".
     method : {"predicted", "nystrom", "fmds", "smds", "exact"}, optional
-        "predicted": Nyström with many more columns, predicted from the p that are measured; the nearest to the
-        optimum and the default on meshes and point clouds, which have a Laplacian. "nystrom": from the p columns
-        alone, the paper's choice and the default elsewhere. "fmds", "smds": interpolation by smooth functions.
-        "exact": from all n columns, the optimum, for small n and as a reference.
+        "predicted", the default on meshes and point clouds: `predicted_basis`, Nyström's method with many more columns
+        predicted from the p measured ones. "nystrom", the default on everything else: `nystrom_basis`, from the p
+        columns alone. "fmds", "smds": `fmds_basis` and `smds_basis`, interpolation by smooth functions. "exact":
+        `exact_basis`, from all n columns; the optimum, for small n and as a reference.
     weights : {"area", "uniform"}
-        What the basis is orthonormal in and what it approximates best: the surface, or its vertices. The same for
-        a matrix or a function, which knows no areas.
+        Inner product in which the basis is orthonormal and the error is least: that of the surface, or that of its
+        vertices. No difference for a matrix or a function, which have no areas.
     seed : int
-        Draws where the sampling starts, and the held-out columns.
+        Draws the start of the sampling and the held-out columns.
     engine : str, optional
-        How distances are computed; see `distance_engine`.
+        How distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
     tolerance : float, optional
-        Choose k and p instead: the first p of 50, 100, 200 … and the smallest k ≤ p / 2 whose estimated error is
-        no larger.
+        Choose k and p such that the estimated relative error is at most this: the first p of 50, 100, 200, … 800 that
+        suffices, and then the smallest k ≤ p / 2. The arguments k and p are ignored.
     dtype : float64 or float32
         Precision of the stored vectors.
     held_out : int
-        Columns computed besides the p only to estimate the error; see `DistanceBasis.error_estimate`.
+        Number of further columns, computed only to estimate the error; see `DistanceBasis.error_estimate`.
 
     Returns
     -------
@@ -83,7 +82,9 @@ def distance_basis(
     SettingError
         If a setting is not one of those above, or k is not in 1…p.
     MeshError
-        If the surface has several components, or fewer vertices than samples.
+        If the surface has several components or fewer vertices than samples, or a vertex has no area.
+    MissingDependencyError
+        If the engine needs an extra that is not installed.
     MemoryBudgetError
         If the exact basis would need more memory than allowed.
     NotConvergedError
@@ -91,9 +92,14 @@ def distance_basis(
 
     Notes
     -----
-    Shamai & Kimmel, Geodesic Distance Descriptors, CVPR 2017, section "Computing the basis". The columns take
-    O(p n log n) time; "nystrom" adds O(n p k) and 8 n p bytes, "predicted" O(n p (p + 12 k)), a factorisation of
-    the Laplacian and 40 n p bytes. Errors of all methods are in ``docs/benchmarks.md``.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, section "Computing the basis", which is "nystrom".
+    `match` uses that method, with k = 50 and p = 100 columns by default (see `Config`). The default here is
+    "predicted", because it is nearer to the optimum for a given number of columns: a relative error of 0.0071 in place
+    of 0.0084 on the wolf of ``docs/benchmarks.md``, at k = 50 and p = 100. It takes longer: for a given time, "nystrom"
+    with more columns can be better.
+
+    The columns take O(p n log n) time; "nystrom" adds O(n p k) and 8 n p bytes, "predicted" O(n p (p + 12 k)), a
+    factorisation of the Laplacian and 40 n p bytes.
 
     Examples
     --------
@@ -122,8 +128,8 @@ def distance_basis(
         if tolerance is not None:
             basis = _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))
         else:
-            basis = _basis(surface, distances, start, method, measure, k, p)
-            basis = _checked(basis, distances, seed, held_out)
+            basis = _basis(surface, distances, start, method, measure, rank=k, n_columns=p)
+            basis = _with_held_out(basis, distances, seed, held_out)
     return basis.astype(dtype)
 
 
@@ -133,31 +139,32 @@ def _basis(
     start: int,
     method: BasisMethod,
     measure: FloatArray,
-    k: int,
-    p: int,
+    rank: int,
+    n_columns: int,
 ) -> DistanceBasis:
     """Build the basis by one method."""
     if method == "exact":
-        return exact_basis(engine, measure, k)
+        return exact_basis(engine, measure, rank)
     if method == "nystrom":
-        return nystrom_basis(farthest_point_sampling(engine, p, start), measure, k, engine.name)
-    body = require_surface(surface)
+        return nystrom_basis(farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
+    shape = require_mesh_or_points(surface)
     if method == "predicted":
-        denser = DensityWeighted(engine, density_of(body, measure))
-        return predicted_basis(body, farthest_point_sampling(denser, p, start), measure, k, engine.name)
+        weighted = DensityWeighted(engine, density_of(shape, measure))
+        sampling = farthest_point_sampling(weighted, n_columns, start)
+        return predicted_basis(shape, sampling, measure, rank, engine.name)
     interpolated = fmds_basis if method == "fmds" else smds_basis
-    return interpolated(body, farthest_point_sampling(engine, p, start), measure, k, engine.name)
+    return interpolated(shape, farthest_point_sampling(engine, n_columns, start), measure, rank, engine.name)
 
 
-def _checked(basis: DistanceBasis, engine: DistanceEngine, seed: int, n_columns: int) -> DistanceBasis:
-    """Add columns that took no part, drawn with probability ∝ weight; where all did, any."""
+def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, count: int) -> DistanceBasis:
+    """Add columns that were not used, drawn with probability ∝ weight; used ones if too few are left."""
     share = basis.weights.copy()
-    if len(basis.samples) + n_columns <= len(share):
+    if len(basis.samples) + count <= len(share):
         share[basis.samples] = 0.0
-    if n_columns < 1:
+    if count < 1:
         return basis
     rng = np.random.default_rng([seed, 1])
-    drawn = rng.choice(len(share), min(n_columns, len(share)), replace=False, p=share / share.sum())
+    drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
     columns = engine.distances_from(drawn)
     return replace(basis, held_out=Sampling(drawn, columns))
 
@@ -172,19 +179,19 @@ def _within(
     seed: int,
     held_out: int,
 ) -> DistanceBasis:
-    """Double the columns until the estimated error is small enough, then drop vectors that are not needed."""
+    """Double the number of columns until the estimated error is small enough, then drop vectors not needed."""
     if not tolerance > 0:
         raise SettingError(f"tolerance = {tolerance} is not a positive relative error")
-    n, p, best = engine.n_points, 25, np.inf
-    while p < min(FINEST_COLUMNS, n):
-        p = min(2 * p, n)
-        basis = _basis(surface, engine, start, method, measure, max(p // 2, 1), p)
-        basis = _checked(basis, engine, seed, held_out)
+    n, n_columns, best = engine.n_points, 25, np.inf
+    while n_columns < min(MOST_COLUMNS, n):
+        n_columns = min(2 * n_columns, n)
+        basis = _basis(surface, engine, start, method, measure, max(n_columns // 2, 1), n_columns)
+        basis = _with_held_out(basis, engine, seed, held_out)
         errors = basis.error_estimates()
         if errors.min() <= tolerance:
             return basis.truncated(int((errors <= tolerance).argmax()) + 1)
         best = min(best, float(errors.min()))
     raise NotConvergedError(
-        f"the estimated error is {best:.2%} with {p} columns, not {tolerance:.2%}: distances of the engine "
-        "are not exact themselves; allow a larger tolerance"
+        f"the estimated error is {best:.2%} with {n_columns} columns, not {tolerance:.2%}: the distances of the "
+        "engine have errors of their own; allow a larger tolerance"
     )

@@ -1,4 +1,4 @@
-"""Canonical forms: the surface embedded in a few dimensions so that straight distances imitate geodesic ones."""
+"""Canonical forms: points of a Euclidean space whose distances approximate the geodesic distances of a surface."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
 from isomatch.bases.distance_basis import Weighting, measure_of, orthonormalised
 from isomatch.bases.interpolation import biharmonic_interpolant, swapped
-from isomatch.bases.laplacian import require_surface
+from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import leading_eigenpairs
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
-    EngineName,
     MetricSpace,
     Sampling,
     distance_engine,
@@ -35,12 +34,13 @@ class CanonicalForm:
     Parameters
     ----------
     points : (n, dim) array of float
-        Centred; in mesh units. Axes in decreasing order of extent; rotations and reflections have no meaning.
+        Coordinates in mesh units, centred, axes in decreasing order of extent; only distances between points have a
+        meaning.
     values : (dim,) array of float
-        Eigenvalues of −½ J D² J that the axes belong to, of decreasing size.
+        Eigenvalues of −½ J D² J that belong to the axes, decreasing.
     stress : float
-        √(Σ (|x_i − x_j| − d_ij)² / Σ d_ij²) over the measured columns j and all i, with weights: what the metric of
-        the space cannot follow.
+        √(Σ w_i (|x_i − x_j| − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
+        that a Euclidean space of this dimension cannot reproduce.
     """
 
     points: FloatArray
@@ -55,26 +55,26 @@ def canonical_form(
     p: int = 100,
     weights: Weighting = "area",
     seed: int = 0,
-    engine: EngineName | None = None,
+    engine: str | None = None,
 ) -> CanonicalForm:
     """Embed a surface by classical scaling of its geodesic distances, so that poses of one body look alike.
 
     Parameters
     ----------
     surface : Mesh, PointCloud or other metric space
-        One component of n points; "fmds" needs a mesh or a point cloud.
+        Anything that `distance_engine` takes, of one component and n points; "fmds" needs a mesh or a point cloud.
     dim : int
         Dimension of the space.
     method : {"nystrom", "exact", "fmds"}
-        From p columns of squared distances, by their span or by smooth interpolation, or from all n.
+        From p columns of squared distances, by Nyström's method or by smooth interpolation, or from all n.
     p : int
-        Distance columns; ignored by "exact".
+        Number of distance columns; ignored by "exact".
     weights : {"area", "uniform"}
-        What the centre and the axes are those of.
+        Whether the centre and the axes are those of the surface or those of its vertices.
     seed : int
-        Draws where the sampling starts.
+        Draws the start of the sampling.
     engine : str, optional
-        How distances are computed.
+        How distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
 
     Returns
     -------
@@ -86,6 +86,8 @@ def canonical_form(
         If there are fewer than ``dim`` positive eigenvalues, or a setting is unknown.
     MeshError
         If the surface has several components.
+    MemoryBudgetError
+        If "exact" would need more memory than allowed.
 
     Notes
     -----
@@ -142,14 +144,14 @@ def _scaled(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatAr
 def _scaled_low_rank(
     surface: MetricSpace, sampling: Sampling, measure: FloatArray, dim: int, method: EmbeddingMethod
 ) -> tuple[FloatArray, FloatArray]:
-    """Scale D² ≈ S T Sᵀ, by the form Q Λ Qᵀ of −½ (J S) T (J S)ᵀ."""
+    """Classical scaling of D² ≈ S T Sᵀ: eigenpairs of −½ (J S) T (J S)ᵀ by one QR decomposition."""
     squares, samples, p = sampling.columns**2, sampling.vertices, len(sampling.vertices)
     if method == "fmds":
-        spread = np.hstack([biharmonic_interpolant(require_surface(surface), samples), squares.T])
+        spread = np.hstack([biharmonic_interpolant(require_mesh_or_points(surface), samples), squares.T])
         middle = swapped(p)
     else:
         among = squares[:, samples]
-        values, vectors = leading_eigenpairs((among + among.T) / 2, (p + 1) // 2)
+        values, vectors = leading_eigenpairs((among + among.T) / 2, (p + 1) // 2)  # half, which regularises
         spread, middle = squares.T @ vectors, np.diag(1 / values)
     spread -= measure @ spread / measure.sum()
     form = orthonormalised(spread, -0.5 * middle, measure, method, "", samples)
@@ -159,7 +161,7 @@ def _scaled_low_rank(
 
 
 def _stress(points: FloatArray, sampling: Sampling, measure: FloatArray) -> float:
-    """Relative stress over the columns of the samples, each entry with the weight of its point."""
+    """Relative stress over the columns of the samples, weighted by the points."""
     missed = whole = 0.0
     for sample, column in zip(sampling.vertices, sampling.columns):
         straight = np.linalg.norm(points - points[sample], axis=1)

@@ -1,4 +1,4 @@
-"""The geodesic distance basis: all pairwise distances of a surface in n × k numbers."""
+"""The geodesic distance basis: a low-rank form of the matrix of all distances of a surface."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scipy.linalg import qr
 
 from isomatch._array_file import ArrayFile, save_arrays
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.bases.pairs import pair_distances
+from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import MetricSpace, Sampling
@@ -20,19 +20,19 @@ from isomatch.geodesics import MetricSpace, Sampling
 Weighting = Literal["area", "uniform"]
 
 FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
-NULL_VALUE = 1e-12  # eigenvalues below this share of the largest carry no distance
+NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding errors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DistanceBasis:
-    """A low-rank form D ≈ Q Λ Qᵀ of the matrix of all geodesic distances.
+    """A low-rank form D ≈ Q Λ Qᵀ of the matrix of all geodesic distances, n × k numbers in place of n × n.
 
     Parameters
     ----------
     vectors : (n, k) array of float
         Q, orthonormal in the weights: QᵀAQ = I.
     values : (k,) array of float
-        Λ, decreasing in magnitude, of either sign.
+        The diagonal of Λ, decreasing in magnitude, of either sign, in mesh units times the unit of ``weights``.
     weights : (n,) array of float
         The diagonal of A: vertex areas in squared mesh units, or ones.
     method, engine : str
@@ -40,7 +40,7 @@ class DistanceBasis:
     samples : (p,) array of int
         Vertices whose distance columns were used; empty for the exact basis.
     held_out : Sampling, optional
-        Columns that were not used, drawn with probability ∝ weight: what `error_estimate` measures on.
+        Columns that were not used, drawn with probability ∝ weight, on which `error_estimate` measures.
     """
 
     vectors: FloatArray
@@ -63,29 +63,29 @@ class DistanceBasis:
         return len(self.values)
 
     def distance(self, i: ArrayLike, j: ArrayLike) -> FloatArray:
-        """Approximate distances of pairs, in mesh units; ``i`` and ``j`` broadcast.
+        """Approximate distances of pairs of vertices, in mesh units; ``i`` and ``j`` broadcast.
 
-        O(k) a pair, on all threads; millions of pairs a second. The low-rank form is taken as it is: near 0 it may
-        be slightly negative, and a vertex is not exactly at distance 0 from itself.
+        O(k) time per pair, on all threads; millions of pairs per second. Values of the low-rank form are not corrected:
+        near 0 they may be slightly negative, and the distance of a vertex to itself is not exactly 0.
         """
         first, second = np.broadcast_arrays(self._indices(i), self._indices(j))
-        pairs = pair_distances(self.vectors, self.values, first.ravel(), second.ravel())
+        pairs = low_rank_distances(self.vectors, self.values, first.ravel(), second.ravel())
         return pairs.reshape(first.shape)[()]
 
     def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
-        """Approximate distances from each of some vertices to each of others, (r, c), in mesh units. O(r c k)."""
+        """Approximate distances from r vertices to c vertices, (r, c), in mesh units. O(r c k)."""
         block: FloatArray = (self.vectors[np.asarray(rows)] * self.values) @ self.vectors[
             np.asarray(columns)
         ].T
         return block
 
     def row(self, i: ArrayLike) -> FloatArray:
-        """Approximate distances from vertex (or vertices) i to all, (..., n), in mesh units. O(n k)."""
+        """Approximate distances from one or more vertices to all, (..., n), in mesh units. O(n k) each."""
         distances: FloatArray = (self.vectors[np.asarray(i)] * self.values) @ self.vectors.T
         return distances
 
     def nearest(self, i: int, r: float) -> tuple[IntArray, FloatArray]:
-        """Vertices within distance r of vertex i, nearest first, and their distances (not negative). O(n k)."""
+        """Vertices within distance r of vertex i, nearest first, and their distances, negative ones set to 0. O(n k)."""
         distances = np.maximum(self.row(self._indices(i)), 0.0)
         distances[i] = 0.0
         within = np.flatnonzero(distances <= r)
@@ -93,17 +93,17 @@ class DistanceBasis:
         return within, distances[within]
 
     def __matmul__(self, values: ArrayLike) -> FloatArray:
-        """Product of the distance matrix with an (n,) or (n, q) array. O(n k q)."""
+        """Product of the approximate distance matrix with an (n,) or (n, q) array. O(n k q)."""
         x = np.asarray(values, dtype=np.float64)
         product: FloatArray = self.vectors @ ((self.values * (self.vectors.T @ x).T).T)
         return product
 
     def truncated(self, k: int) -> DistanceBasis:
-        """Return the first k vectors: the best rank-k form of this one."""
+        """Keep the first k vectors: the best approximation of rank k of this one."""
         return replace(self, vectors=self.vectors[:, :k], values=self.values[:k])
 
     def astype(self, dtype: DTypeLike) -> DistanceBasis:
-        """Return the basis with vectors in another precision: float32 halves its memory, and costs 1e-6 of accuracy."""
+        """Convert the vectors to another precision; float32 halves the memory, with a relative error of 1e-6."""
         vectors: Any = np.ascontiguousarray(self.vectors, dtype=dtype)
         values: Any = self.values.astype(dtype)
         return replace(self, vectors=vectors, values=values)
@@ -111,24 +111,29 @@ class DistanceBasis:
     def error_estimate(self) -> float:
         """Relative error in the Frobenius norm with weights A, measured on the held-out columns.
 
+        Returns
+        -------
+        float
+            Error with respect to the distances of the engine, which have errors of their own.
+
         Raises
         ------
         SettingError
-            If there are none.
+            If there are no held-out columns.
 
         Notes
         -----
-        √(Σ_y ‖D̂_y − D_y‖²_A / Σ_y ‖D_y‖²_A) over the columns y that took no part in the fit. They are drawn
-        with probability ∝ weight, so numerator and denominator are unbiased but for the omission of the samples.
-        Ten columns give the error within a factor of about 1.3. It is the error to the engine's distances.
+        √(Σ_y ‖D̂_y − D_y‖²_A / Σ_y ‖D_y‖²_A) over the columns y that were not used for the fit. They are drawn with
+        probability ∝ weight, so that numerator and denominator are unbiased except that the samples are left out.
+        Ten columns give the error within a factor of about 1.3.
         """
         return float(self.error_estimates()[-1])
 
     def error_estimates(self) -> FloatArray:
-        """Estimate the error of every truncation, to 1…k vectors, (k,). O(n k) a held-out column."""
+        """Estimate the errors of the truncations to 1…k vectors, (k,). O(n k) per held-out column."""
         if self.held_out is None:
             raise SettingError(
-                "this basis was built without held-out columns, so its error cannot be told; "
+                "this basis was built without held-out columns, so its error cannot be estimated; "
                 "use distance_basis(surface, held_out=10)"
             )
         missing = self.held_out.columns.astype(np.float64)
@@ -141,7 +146,7 @@ class DistanceBasis:
         return relative
 
     def save(self, path: str | Path) -> None:
-        """Write everything to an ``.npz`` file; an earlier file is replaced only once the new one is complete."""
+        """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete."""
         held_out = {} if self.held_out is None else vars(self.held_out)
         arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
@@ -149,7 +154,7 @@ class DistanceBasis:
 
     @classmethod
     def load(cls, path: str | Path) -> DistanceBasis:
-        """Read what `save` wrote, in this version of isomatch or an earlier one.
+        """Read a file written by `save`, of this version of isomatch or an earlier one.
 
         Raises
         ------
@@ -178,7 +183,7 @@ class DistanceBasis:
         )
 
     def _indices(self, i: ArrayLike) -> IntArray:
-        """Vertex indices as integers; compiled loops check no bounds."""
+        """Vertex indices as integers within bounds, which compiled loops do not check."""
         indices = np.asarray(i)
         if indices.size and indices.dtype.kind not in "iu":
             raise MeshError(f"vertex indices must be integers, not {indices.dtype}")
@@ -193,7 +198,24 @@ class DistanceBasis:
 def orthonormalised(
     spread: FloatArray, middle: FloatArray, weights: FloatArray, method: str, engine: str, samples: IntArray
 ) -> DistanceBasis:
-    """Put D ≈ S T Sᵀ in the form Q Λ Qᵀ with QᵀAQ = I: QR of A^½ S, then the eigenpairs of R T Rᵀ."""
+    """Bring D ≈ S T Sᵀ to the form Q Λ Qᵀ with QᵀAQ = I: QR of A^½ S, then the eigenpairs of R T Rᵀ.
+
+    Parameters
+    ----------
+    spread : (n, q) array of float
+        S.
+    middle : (q, q) array of float
+        T, symmetric.
+    weights : (n,) array of float
+        The diagonal of A.
+    method, engine, samples
+        As in `DistanceBasis`.
+
+    Returns
+    -------
+    DistanceBasis
+        Of rank q, or less if eigenvalues are null. O(n q²).
+    """
     root = np.sqrt(weights)[:, None]
     q, r = qr(root * spread, mode="economic", check_finite=True)
     inner = r @ middle @ r.T
@@ -205,7 +227,7 @@ def orthonormalised(
 
 
 def measure_of(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
-    """Return the weights of n points: vertex areas, or ones where those are not wanted or not known."""
+    """Weights of n points, (n,): vertex areas, or ones if ``weights`` is "uniform" or the space has no areas."""
     if weights not in get_args(Weighting):
         raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
     area: FloatArray | None = getattr(surface, "vertex_areas", None)

@@ -1,4 +1,4 @@
-"""Bases from columns interpolated by the smoothest functions: FMDS and spectral MDS."""
+"""Bases from columns interpolated by smooth functions: FMDS and spectral MDS."""
 
 from __future__ import annotations
 
@@ -9,27 +9,43 @@ from scipy.sparse import csc_array, diags_array
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
-from isomatch.bases.laplacian import Surface, factorised, laplacian
+from isomatch.bases.laplacian import factorised, laplacian
 from isomatch.geodesics import Sampling
+from isomatch.surfaces import Surface
 
-FIDELITY = 1e6  # μ at unit area; above 1e4 the interpolation is as good as hard
-SPECTRAL_FIDELITY = (
-    1e4  # as many functions as samples cannot follow the values closely without swinging between them
-)
+# μ at unit area
+FIDELITY = 1e6  # above 1e4 the interpolant is practically exact at the samples
+SPECTRAL_FIDELITY = 1e4  # lower: p functions that follow p values closely oscillate between the samples
 
 
 def fmds_basis(
     surface: Surface,
     sampling: Sampling,
     weights: FloatArray,
-    k: int,
+    rank: int,
     engine: str,
     fidelity: float = FIDELITY,
 ) -> DistanceBasis:
-    """Interpolate the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ).
+    """Build the basis by interpolating the rows of the distance matrix from those at the samples: D ≈ ½ (M F + Fᵀ Mᵀ).
 
-    F holds the p measured columns and M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ, with B the selection of the samples, gives the
-    function of least biharmonic energy near given values at the samples. μ is in units of a surface of area 1.
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        The surface, n vertices.
+    sampling : Sampling
+        The p samples and their distance columns F (p, n).
+    weights : (n,) array of float
+        Weights of the points, in which the basis is orthonormal.
+    rank : int
+        Number of basis vectors, at most 2 p.
+    engine : str
+        How the distances were computed.
+    fidelity : float
+        μ of `biharmonic_interpolant`, which computes M.
+
+    Returns
+    -------
+    DistanceBasis
 
     Notes
     -----
@@ -37,20 +53,29 @@ def fmds_basis(
     multidimensional scaling*, 3DOR 2015. O(n p) memory and a factorisation of the squared Laplacian.
     """
     interpolant = biharmonic_interpolant(surface, sampling.vertices, fidelity)
-    return _symmetrised(interpolant, sampling, weights, k, "fmds", engine)
+    return _symmetrised(interpolant, sampling, weights, rank, "fmds", engine)
 
 
 def smds_basis(
     surface: Surface,
     sampling: Sampling,
     weights: FloatArray,
-    k: int,
+    rank: int,
     engine: str,
     fidelity: float = SPECTRAL_FIDELITY,
 ) -> DistanceBasis:
-    """Do the same as `fmds_basis` in the span of the first p Laplace eigenfunctions.
+    """Build the basis as `fmds_basis` does, with interpolants in the span of the first p Laplace eigenfunctions.
 
-    With D's columns in the span of Φ, the energy is least for M = Φ μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ.
+    Parameters
+    ----------
+    surface, sampling, weights, rank, engine
+        As for `fmds_basis`.
+    fidelity : float
+        μ of `spectral_interpolant`.
+
+    Returns
+    -------
+    DistanceBasis
 
     Notes
     -----
@@ -58,11 +83,15 @@ def smds_basis(
     """
     basis = laplace_basis(surface, len(sampling.vertices))
     interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
-    return _symmetrised(interpolant, sampling, weights, k, "smds", engine)
+    return _symmetrised(interpolant, sampling, weights, rank, "smds", engine)
 
 
 def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float = FIDELITY) -> FloatArray:
-    """M (n, p): values at the p samples to the function of least biharmonic energy that is near them."""
+    """Compute the matrix M (n, p) that maps values at p samples to the smoothest function near them.
+
+    M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ, with B the selection of the samples: M f minimises the biharmonic energy plus μ times
+    the squared difference to f at the samples. The area is taken as 1, so that μ has no unit.
+    """
     stiffness, masses = laplacian(surface)
     masses /= masses.sum()
     selected = np.zeros(len(masses))
@@ -76,13 +105,27 @@ def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float 
 def spectral_interpolant(
     basis: LaplaceBasis, samples: IntArray, fidelity: float = SPECTRAL_FIDELITY
 ) -> FloatArray:
-    """Give the same in the span of p functions Φ, as coefficients (p, p): μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ at unit area.
+    """Compute the matrix that maps values at p samples to coefficients of the smoothest function near them.
 
-    A basis of fewer than p functions is used as it is, of more to p.
+    μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ, the `biharmonic_interpolant` in the span of eigenfunctions Φ at unit area.
+
+    Parameters
+    ----------
+    basis : LaplaceBasis
+        Φ and Λ; the first p functions are used, or all if there are fewer.
+    samples : (p,) array of int
+        Vertices.
+    fidelity : float
+        μ.
+
+    Returns
+    -------
+    (min(p, k), p) array of float
+        For a basis of k functions.
     """
-    k, area = len(samples), basis.weights.sum()
-    pull = fidelity * area * basis.vectors[samples, :k].T
-    normal = np.diag((area * basis.values[:k]) ** 2) + pull @ basis.vectors[samples, :k]
+    p, area = len(samples), basis.weights.sum()
+    pull = fidelity * area * basis.vectors[samples, :p].T
+    normal = np.diag((area * basis.values[:p]) ** 2) + pull @ basis.vectors[samples, :p]
     return np.asarray(cho_solve(cho_factor(normal), pull), dtype=np.float64)
 
 
@@ -92,9 +135,9 @@ def swapped(p: int) -> FloatArray:
 
 
 def _symmetrised(
-    interpolant: FloatArray, sampling: Sampling, weights: FloatArray, k: int, method: str, engine: str
+    interpolant: FloatArray, sampling: Sampling, weights: FloatArray, rank: int, method: str, engine: str
 ) -> DistanceBasis:
     """½ (M F + Fᵀ Mᵀ) = S T Sᵀ with S = [M, Fᵀ]."""
     middle = swapped(len(sampling.vertices))
     spread = np.hstack([interpolant, sampling.columns.T])
-    return orthonormalised(spread, middle, weights, method, engine, sampling.vertices).truncated(k)
+    return orthonormalised(spread, middle, weights, method, engine, sampling.vertices).truncated(rank)

@@ -12,16 +12,14 @@ from scipy.sparse.linalg import splu
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
-from isomatch.bases.laplacian import Surface, laplacian
+from isomatch.bases.laplacian import laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
-from isomatch.surfaces import Graph, Mesh
+from isomatch.surfaces import Mesh, Surface
 
-BLOCK = (
-    8  # vectors solved for at once; larger blocks converge in more vectors, smaller ones solve more slowly
-)
-DENSE = 1000  # vertices up to which all eigenpairs are computed at once
-SHIFT = 1e-2  # in units of 1 / area; makes the singular Laplacian definite
+BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
+DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
+SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,26 +45,26 @@ class LaplaceBasis:
         return f"LaplaceBasis({n} points, {k} functions)"
 
     def coefficients(self, functions: FloatArray, k: int | None = None) -> FloatArray:
-        """Project (n, q) functions on the first k basis functions: ΦᵀA f, (k, q)."""
+        """Coefficients of (n, q) functions in the first k basis functions, all by default: ΦᵀA f, (k, q)."""
         projected: FloatArray = self.vectors[:, :k].T @ (self.weights[:, None] * functions)
         return projected
 
     def low_passed(self, functions: FloatArray, k: int) -> FloatArray:
-        """Return (n, q) functions with only their first k coefficients left: Φ ΦᵀA f."""
+        """Project (n, q) functions on the span of the first k basis functions: Φ ΦᵀA f, (n, q)."""
         return self.vectors[:, :k] @ self.coefficients(functions, k)
 
 
-def laplace_basis(surface: Surface | Graph, k: int = 200, seed: int = 0) -> LaplaceBasis:
+def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 
     Parameters
     ----------
     surface : Mesh, PointCloud or Graph
-        One component of n vertices, every vertex of a mesh used by a face.
+        A surface of one component and n vertices; every vertex of a mesh belongs to a face.
     k : int
         Number of functions, at most n.
     seed : int
-        Seeds the start of the eigensolver.
+        Draws the start of the eigensolver; eigenvalues do not depend on it beyond the tolerance.
 
     Returns
     -------
@@ -75,16 +73,24 @@ def laplace_basis(surface: Surface | Graph, k: int = 200, seed: int = 0) -> Lapl
     Raises
     ------
     MeshError
-        If a vertex has no area, or there are fewer than k vertices.
+        If a vertex has no area, the surface has several components, or there are fewer than k vertices.
+    MemoryBudgetError
+        If the eigensolver would need more memory than allowed.
     NotConvergedError
         If the eigenpairs do not converge.
 
     Notes
     -----
     L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*,
-    SGP 2020 (package robust_laplacian). The eigenpairs come from a block Krylov space of the shifted inverse with full
-    reorthogonalisation; solving for a few vectors at once and projecting by matrix products makes it about
-    twice as fast as ARPACK (``benchmarks/``). O(n k²) time, about 24 n k bytes.
+    SGP 2020 (package robust_laplacian); for graphs see `laplacian`. The eigenpairs come from a block Krylov space of the
+    shifted inverse with full reorthogonalisation; it solves for a few vectors at once and projects by matrix products,
+    which makes it about twice as fast as ARPACK (``benchmarks/bench_laplace.py``). O(n k²) time, about 24 n k bytes.
+
+    Examples
+    --------
+    >>> tetrahedron = Mesh(np.eye(4)[:, :3], [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    >>> laplace_basis(tetrahedron, k=2)
+    LaplaceBasis(4 points, 2 functions)
     """
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
@@ -96,13 +102,13 @@ def laplace_basis(surface: Surface | Graph, k: int = 200, seed: int = 0) -> Lapl
             )
     if surface.components.any():
         raise MeshError(
-            f"the surface has {surface.components.max() + 1} components, whose eigenfunctions have nothing to do with "
-            "each other; take one, such as mesh.submesh(mesh.components == 0)[0]"
+            f"the surface has {surface.components.max() + 1} components, whose eigenfunctions are unrelated; "
+            "pass one component, such as mesh.submesh(mesh.components == 0)[0]"
         )
     stiffness, weights = laplacian(surface)
     area = weights.sum()
     scale = diags_array(np.sqrt(area / weights))
-    operator = csc_array(scale @ stiffness @ scale)  # unit area, orthonormal in the plain sense
+    operator = csc_array(scale @ stiffness @ scale)  # at unit area; eigenvectors are orthonormal
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed)
     vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
@@ -112,11 +118,38 @@ def laplace_basis(surface: Surface | Graph, k: int = 200, seed: int = 0) -> Lapl
 def smallest_eigenpairs(
     operator: csc_array, k: int, seed: int = 0, tolerance: float = 1e-4
 ) -> tuple[FloatArray, FloatArray]:
-    """Smallest k eigenpairs of a symmetric positive semidefinite sparse matrix H, eigenvalues increasing.
+    """Smallest k eigenpairs of a symmetric positive semidefinite sparse matrix H.
 
-    Rayleigh–Ritz for (H + σ)⁻¹ on the block Krylov space spanned by its powers applied to a random block. Each new
-    block is made orthogonal to the two before it (in exact arithmetic that is enough) and then once to all.
-    A relative residual of 1e-4 of the inverse bounds the eigenvalue error by its square.
+    Parameters
+    ----------
+    operator : (n, n) sparse array
+        H.
+    k : int
+        Number of eigenpairs, at most n.
+    seed : int
+        Draws the first block.
+    tolerance : float
+        Largest residual of an eigenpair of the inverse, relative to its eigenvalue; the relative error of the
+        eigenvalue is at most of the order of its square.
+
+    Returns
+    -------
+    values : (k,) array of float
+        Increasing.
+    vectors : (n, k) array of float
+        Orthonormal.
+
+    Raises
+    ------
+    MemoryBudgetError
+        If the Krylov space would need more memory than allowed.
+    NotConvergedError
+        If the residuals are not small enough when the space has about 6 k vectors.
+
+    Notes
+    -----
+    Rayleigh–Ritz method for (H + σ)⁻¹ on the block Krylov space spanned by its powers applied to a random block. Each
+    new block is made orthogonal to the two before it, which is enough in exact arithmetic, and then once to all.
     """
     n = operator.shape[0]
     if n <= max(DENSE, k + 20 * BLOCK):
@@ -140,13 +173,14 @@ def smallest_eigenpairs(
     while True:
         last = slice(size - BLOCK, size)
         image = factor.solve(space[:, last])
-        for first in (max(0, size - 2 * BLOCK), 0):
+        for first in (max(0, size - 2 * BLOCK), 0):  # the last two blocks, then all
             part = space[:, first:size]
             overlap = part.T @ image
             image -= part @ overlap
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image)
         full = size + BLOCK > limit
+        # convergence is tested from 2.6 k vectors on, at every sixth block: a test costs an eigendecomposition
         if full or (size >= 2.6 * k and (size // BLOCK) % 6 == 0):
             values, mix = np.linalg.eigh(projected[:size, :size], UPLO="U")
             values, mix = values[::-1][:k], mix[:, ::-1][:, :k]
@@ -163,7 +197,7 @@ def smallest_eigenpairs(
 
 
 def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Twice-repeated Cholesky QR: block = q r with qᵀq = I, for well-conditioned (n, b) blocks."""
+    """Cholesky QR, repeated once for accuracy: block = q r with qᵀq = I, for well-conditioned (n, b) blocks."""
     q, r = block, np.eye(block.shape[1])
     for _ in range(2):
         upper = np.linalg.cholesky(q.T @ q).T

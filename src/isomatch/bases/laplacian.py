@@ -1,9 +1,8 @@
-"""The Laplacian of whatever has one: meshes and point clouds."""
+"""The Laplacian of meshes, point clouds and graphs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
 
 import numpy as np
 import robust_laplacian
@@ -13,27 +12,34 @@ from scipy.sparse.linalg import splu
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
-from isomatch.surfaces import Graph, Mesh, PointCloud
-
-Surface: TypeAlias = Mesh | PointCloud
-"""What has a Laplacian."""
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 
-def require_surface(surface: MetricSpace) -> Surface:
-    """Return a surface that has a Laplacian as it is; `SettingError` for all others."""
-    if isinstance(surface, Mesh | PointCloud):
-        return surface
-    raise SettingError(
-        f"a {type(surface).__name__} has no Laplacian, which this method needs; use method='nystrom'"
-    )
+def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
+    """Compute the stiffness matrix L and the lumped mass matrix of a surface.
 
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        A surface of n vertices.
 
-def laplacian(surface: Surface | Graph) -> tuple[csc_array, FloatArray]:
-    """Stiffness L (n, n), which has no scale, and masses (n,) in squared mesh units.
+    Returns
+    -------
+    stiffness : (n, n) sparse array
+        L, symmetric positive semidefinite, without unit.
+    masses : (n,) array of float
+        The diagonal of the mass matrix, in squared mesh units.
 
-    The tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020.
-    On a graph, edge weights are the geometric mean of the masses at the ends over the squared length, times a constant
-    that makes it the five-point Laplacian on a square grid.
+    Raises
+    ------
+    MeshError
+        If a vertex has no area.
+
+    Notes
+    -----
+    On meshes and point clouds, the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold
+    Triangle Meshes*, SGP 2020. On a graph, the weight of an edge is the geometric mean of the masses at its ends over
+    its squared length, times a constant that makes L the five-point Laplacian on a square grid.
     """
     if isinstance(surface, Graph):
         return _graph_laplacian(surface), surface.vertex_areas
@@ -52,8 +58,8 @@ def laplacian(surface: Surface | Graph) -> tuple[csc_array, FloatArray]:
 
 def _graph_laplacian(graph: Graph) -> csc_array:
     i, j = graph.edges.T
-    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())
-    degree = 2 * len(i) / graph.n_vertices
+    lengths = np.maximum(graph.edge_lengths, 1e-6 * graph.edge_lengths.mean())  # no division by 0
+    degree = 2 * len(i) / graph.n_vertices  # average number of neighbours, 4 on a square grid
     conductance = 4 / degree * np.sqrt(graph.vertex_areas[i] * graph.vertex_areas[j]) / lengths**2
     adjacency = coo_array((conductance, (i, j)), shape=(graph.n_vertices,) * 2)
     adjacency = adjacency + adjacency.T
@@ -61,7 +67,7 @@ def _graph_laplacian(graph: Graph) -> csc_array:
 
 
 def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Factorise H + diag(d), symmetric and definite; return what solves with it."""
+    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it."""
     solve: Callable[[FloatArray], FloatArray] = splu(
         csc_array(stiffness + diags_array(diagonal)),
         permc_spec="MMD_AT_PLUS_A",
@@ -69,3 +75,12 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
         options={"SymmetricMode": True},
     ).solve
     return solve
+
+
+def require_mesh_or_points(surface: MetricSpace) -> Mesh | PointCloud:
+    """Return a mesh or a point cloud as it is; `SettingError` for everything else."""
+    if isinstance(surface, Mesh | PointCloud):
+        return surface
+    raise SettingError(
+        f"this method needs the Laplacian of a Mesh or PointCloud, not a {type(surface).__name__}; use method='nystrom'"
+    )

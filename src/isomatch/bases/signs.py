@@ -1,4 +1,4 @@
-"""A rule for the signs of basis vectors, which eigensolvers leave to chance."""
+"""A rule for the signs of basis vectors, which eigensolvers leave undetermined."""
 
 from __future__ import annotations
 
@@ -8,10 +8,24 @@ from isomatch._arrays import FloatArray
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
-    """Turn each column so that its third moment is positive.
+    """Change signs of columns so that their third moments are positive.
 
-    The rule depends on the function, not on the order of its points. Columns (n, k) that are odd under a symmetry
-    have no third moment; their sign stays arbitrary, and nothing may depend on it.
+    Parameters
+    ----------
+    vectors : (n, k) array of float
+        Functions on n points.
+    weights : (n,) array of float
+        Weights of the points.
+
+    Returns
+    -------
+    (n, k) array of float
+        Each column or its negative.
+
+    Notes
+    -----
+    The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry of
+    the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it. O(n k).
     """
     signs = np.where(weights @ vectors**3 < 0, -1.0, 1.0)
     return vectors * signs

@@ -1,4 +1,4 @@
-"""``isomatch basis``: all geodesic distances of a mesh in one small file, and how good they are."""
+"""``isomatch basis``: a low-rank form of all geodesic distances of a mesh, in one small file."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch.bases import BasisMethod, Weighting, canonical_form
+from isomatch.cli.distance import EngineOption
 from isomatch.cli.terminal import progress, say_json, say_table
-from isomatch.geodesics import EngineName
 
 
 def basis(
@@ -24,7 +24,7 @@ def basis(
     p: Annotated[int, Parameter(name="--p")] = 100,
     method: BasisMethod | None = None,
     weights: Weighting = "area",
-    engine: EngineName | None = None,
+    engine: EngineOption = None,
     tolerance: float | None = None,
     single: bool = False,
     canonical: Path | None = None,
@@ -32,7 +32,7 @@ def basis(
     json: bool = False,
     force: bool = False,
 ) -> None:
-    """Compute the geodesic distance basis of a mesh: all its distances in n × k numbers.
+    """Compute the geodesic distance basis of a mesh: all its distances, approximately, in n × k numbers.
 
     Parameters
     ----------
@@ -43,25 +43,25 @@ def basis(
     k : int
         Rank.
     p : int
-        Distance columns to compute.
+        Number of distance columns to compute.
     method : str
-        predicted, nystrom, fmds, smds or exact; by default the first.
+        How the basis is built; by default predicted.
     weights : str
-        area or uniform: what is approximated best, the surface or its vertices.
+        What is approximated best: the surface (area) or its vertices (uniform).
     engine : str
-        How distances are computed; by default fast marching.
+        How distances are computed.
     tolerance : float
         Choose k and p so that the estimated relative error is at most this.
     single : bool
-        Store single precision: half the size.
+        Store single precision, which halves the size.
     canonical : Path
-        Also write the canonical form, a mesh with the same faces whose straight distances imitate the geodesic ones.
+        Also write the canonical form: the mesh with vertices whose Euclidean distances approximate the geodesic ones.
     seed : int
-        Seed of sampling and error estimate.
+        Seed of the sampling and of the error estimate.
     json : bool
         Print one JSON object and nothing else.
     force : bool
-        Replace earlier files.
+        Replace existing files.
     """
     for path in (output, canonical):
         if path is not None and path.exists() and not force:

@@ -14,10 +14,25 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.cli.inputs import read_pairs
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
-from isomatch.geodesics import EngineName, pair_distances
+from isomatch.geodesics import engine_names, pair_distances
 
 WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
+
+
+def _require_known(_: object, name: str | None) -> None:
+    if name is not None and name not in engine_names():
+        raise ValueError(f"There is no engine {name!r}; known are {', '.join(engine_names())}.")
+
+
+EngineOption = Annotated[
+    str | None,
+    Parameter(
+        validator=_require_known,
+        help=f"How distances are computed: {', '.join(engine_names())}. By default "
+        f"{engine_names(isomatch.Mesh)[0]} for meshes, {engine_names(isomatch.PointCloud)[0]} for points.",
+    ),
+]
 
 
 def distance(
@@ -26,7 +41,7 @@ def distance(
     *,
     pairs: Annotated[Path | None, Parameter(group=WHICH)] = None,
     sources: Annotated[str | None, Parameter(name="--from", group=WHICH)] = None,
-    engine: Annotated[EngineName | None, Parameter(group=HOW)] = None,
+    engine: Annotated[EngineOption, Parameter(group=HOW)] = None,
     basis: Annotated[Path | None, Parameter(group=HOW)] = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     json: bool = False,
@@ -39,19 +54,19 @@ def distance(
     file : Path
         Mesh: .off, .obj, .ply or .stl. Points without faces are joined to their nearest neighbours.
     pairs : Path
-        Two columns of 0-based vertex indices, comma or blank separated, # comments: one distance a line.
+        File with two 0-based vertex indices per line, separated by a comma or blank, # comments: one distance for each.
     sources : str
-        0-based vertices with commas between: a column of distances to all vertices for each.
+        0-based vertex indices separated by commas: distances from each to all vertices.
     engine : str
-        fast_marching (for meshes, the default), exact, heat, or dijkstra (along edges; the default for points).
+        How distances are computed.
     basis : Path
-        Distance basis of this mesh, from isomatch basis: approximate distances without computing any.
+        Distance basis of this mesh, written by isomatch basis: its approximate distances are used.
     output : Path
-        File to write instead of printing: .csv, or .npz with distances and pairs or sources.
+        File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs or sources.
     json : bool
         Print one JSON object and nothing else.
     force : bool
-        Replace an earlier file.
+        Replace an existing file.
     """
     if output is not None:
         if output.suffix not in (".csv", ".npz"):
@@ -89,17 +104,17 @@ def _vertices(words: str) -> IntArray:
         return np.array([int(word) for word in words.split(",")], dtype=np.int64)
     except ValueError:
         raise isomatch.SettingError(
-            f"--from {words!r} is not a list of vertices; write 0-based indices with commas between, such as 0,12"
+            f"--from {words!r} is not a list of vertices; write 0-based indices separated by commas, such as 0,12"
         ) from None
 
 
 def _distances(
     surface: isomatch.Mesh | isomatch.PointCloud,
     asked: IntArray,
-    engine: EngineName | None,
+    engine: str | None,
     basis: Path | None,
 ) -> tuple[str, FloatArray]:
-    """Name of what computed them, and distances: (m,) for pairs (m, 2), (m, n) for sources (m,)."""
+    """Name of the engine or basis, and its distances: (m,) for pairs (m, 2), (m, n) for sources (m,)."""
     if basis is None:
         chosen = isomatch.distance_engine(surface, engine)
         by_pairs = asked.ndim == 2
@@ -108,14 +123,14 @@ def _distances(
     if len(low_rank.vectors) != surface.n_vertices:
         raise isomatch.MeshError(
             f"{basis}: a basis of {len(low_rank.vectors)} points, but the surface has {surface.n_vertices} vertices; "
-            "give the mesh that it was made from"
+            "give the mesh that it was computed from"
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
     return name, low_rank.distance(*asked.T) if asked.ndim == 2 else low_rank.row(asked)
 
 
 def _lines(kind: str, asked: IntArray, distances: FloatArray) -> list[str]:
-    """One distance a line for pairs; for sources a table whose row is a vertex and column a source."""
+    """One distance per line for pairs; for sources a table with a row for each vertex and a column for each source."""
     if kind == "pairs":
         return [repr(value) for value in distances.tolist()]
     header = ",".join(["vertex", *(f"from_{source}" for source in asked)])

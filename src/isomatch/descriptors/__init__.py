@@ -1,4 +1,4 @@
-"""What a vertex looks like from the inside of the surface."""
+"""Descriptors: functions of a vertex by which corresponding vertices of two surfaces are recognised."""
 
 from isomatch.descriptors.curvature import mean_curvature
 from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor

@@ -1,4 +1,4 @@
-"""The geodesic distance descriptor: coordinates in which the inner product is the geodesic distance."""
+"""The geodesic distance descriptor: coordinates whose inner products are geodesic distances."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from isomatch.bases import DistanceBasis
 class GeodesicDistanceDescriptor:
     """Descriptor X = Q Λ^½ with D ≈ X Xᵀ (bilinear, without conjugation).
 
-    Λ is indefinite, so every column of X is purely real or purely imaginary. Stored are the real coordinates
-    Q |Λ|^½ and the signature, so that D_ij ≈ Σ_c signature_c · x_ic · x_jc.
+    Λ is indefinite, so every column of X is purely real or purely imaginary. The real coordinates Q |Λ|^½ and the
+    signature are stored; D_ij ≈ Σ_c signature_c · x_ic · x_jc.
 
     Parameters
     ----------
     coordinates : (n, k) array of float
-        In the square root of mesh units; columns in decreasing order of what they contribute to D.
+        In the square root of mesh units; columns in decreasing order of their contribution to D.
     signature : (k,) array of float
         1 for a real column, −1 for an imaginary one.
     """
@@ -33,17 +33,30 @@ class GeodesicDistanceDescriptor:
         return GeodesicDistanceDescriptor(self.coordinates[vertices, :k], self.signature[:k])
 
     def inner(self) -> FloatArray:
-        """Coordinates times signature: D ≈ ``coordinates @ inner().T``."""
+        """Coordinates times signature, (n, k): D ≈ ``coordinates @ inner().T``."""
         return self.coordinates * self.signature
 
 
 def geodesic_distance_descriptor(basis: DistanceBasis, k: int | None = None) -> GeodesicDistanceDescriptor:
-    """Compute the descriptor of every vertex from a distance basis, with its first k columns.
+    """Compute the geodesic distance descriptor of every vertex.
+
+    Parameters
+    ----------
+    basis : DistanceBasis
+        Distance basis of n points.
+    k : int, optional
+        Use the first k basis vectors only.
+
+    Returns
+    -------
+    GeodesicDistanceDescriptor
+        (n, k) coordinates and their signature.
 
     Notes
     -----
-    Shamai & Kimmel, Geodesic Distance Descriptors, CVPR 2017. Two isometric shapes have descriptors that differ by a
-    unitary matrix only. Columns are never normalised: their decay is what makes the leading ones count most.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. The descriptors of two isometric shapes differ by a
+    unitary matrix only. Columns are not normalised: they decay, so that the leading ones have the largest weight.
+    O(n k).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Wave and heat kernel signatures: intrinsic descriptors of a vertex from the Laplace–Beltrami basis."""
+"""Wave and heat kernel signatures: intrinsic descriptors of the vertices from the Laplace–Beltrami basis."""
 
 from __future__ import annotations
 
@@ -41,19 +41,20 @@ def wave_kernel_signature(
 def wave_kernel_map(
     basis: LaplaceBasis, vertex: int, n_energies: int = 100, bandwidth: float = 7.0, k: int | None = None
 ) -> FloatArray:
-    """Wave kernel between one vertex and all: how they recognise a landmark.
+    """Wave kernel between one vertex, such as a landmark, and all vertices.
 
     Parameters
     ----------
     basis, n_energies, bandwidth, k
         As for `wave_kernel_signature`.
     vertex : int
-        The landmark.
+        The vertex.
 
     Returns
     -------
     (n, n_energies) array of float
-        Σ g_e(λ_i) φ_i(x) φ_i(y), g_e the filter of energy e; its value at the landmark itself is the signature there.
+        Σ g_e(λ_i) φ_i(x) φ_i(y), with g_e the filter of energy e; its value at the vertex itself is the wave kernel
+        signature there.
 
     Notes
     -----
@@ -66,7 +67,7 @@ def wave_kernel_map(
 
 
 def _wave_filters(values: FloatArray, n_energies: int, bandwidth: float) -> FloatArray:
-    """Give normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
+    """Compute normal distributions over the logarithms of positive eigenvalues, (k, n_energies); columns sum to 1."""
     logs = np.log(np.maximum(values, values[-1] * 1e-12))
     energies = np.linspace(logs[0], logs[-1], n_energies)
     sigma = bandwidth * (energies[1] - energies[0]) if n_energies > 1 else 1.0
@@ -89,8 +90,8 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
     Returns
     -------
     (n, n_times) array of float
-        Heat that stays at a vertex after each time, in 1 / squared mesh units; each column is divided by the total
-        over the surface (heat trace).
+        Heat that remains at a vertex after each time, in 1 / squared mesh units; each column is divided by its integral
+        over the surface, the heat trace.
 
     Notes
     -----

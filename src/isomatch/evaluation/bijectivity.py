@@ -8,7 +8,7 @@ from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.evaluation.princeton import geodesic_errors
-from isomatch.geodesics import nearest_along_edges
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh
 
 
@@ -48,7 +48,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
     images = np.unique(correspondence.vertices[correspondence.matched])
     if not len(images):
         return 0.0
-    gap, _ = nearest_along_edges(target, images)
+    gap, _ = distance_along_edges_to_nearest(target, images)
     return float(target.vertex_areas[gap <= reach * np.sqrt(target.area)].sum() / target.area)
 
 

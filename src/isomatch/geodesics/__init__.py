@@ -1,25 +1,41 @@
-"""Distance columns: geodesic engines and the sampling that drives them."""
+"""Geodesic distances: the engines that compute them, and farthest point sampling."""
 
-from isomatch.geodesics._pending import RestrictedEngine, euclidean_farthest_points, nearest_along_edges
-from isomatch.geodesics.engines import EngineName, MetricSpace, distance_engine, geodesic_distances
+from isomatch.geodesics.component_engine import ComponentEngine
+from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest
+from isomatch.geodesics.engines import (
+    ENGINES,
+    MetricSpace,
+    distance_engine,
+    engine_names,
+    geodesic_distances,
+)
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from isomatch.geodesics.pairs import pair_distances
-from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.geodesics.sampling import Sampling, farthest_point_sampling, peripheral_vertex
+from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
+from isomatch.geodesics.restricted import RestrictedEngine
+from isomatch.geodesics.sampling import (
+    Sampling,
+    euclidean_farthest_points,
+    farthest_point_sampling,
+    peripheral_vertex,
+)
 
 __all__ = [
+    "ENGINES",
+    "ColumnEngine",
+    "ComponentEngine",
     "DistanceEngine",
-    "EngineName",
     "GivenFunction",
     "GivenMatrix",
     "MetricSpace",
     "RestrictedEngine",
     "Sampling",
+    "distance_along_edges_to_nearest",
     "distance_engine",
+    "engine_names",
     "euclidean_farthest_points",
     "farthest_point_sampling",
     "geodesic_distances",
-    "nearest_along_edges",
     "pair_distances",
     "peripheral_vertex",
 ]

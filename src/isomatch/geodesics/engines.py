@@ -1,8 +1,8 @@
-"""The door to the engines: choose one by name, or take what the user has."""
+"""Choose a distance engine by name; the registry of all engines."""
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,35 +17,54 @@ from isomatch.geodesics.heat import Heat
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.surfaces import Graph, Mesh, PointCloud
 
-EngineName = Literal["fast_marching", "exact", "heat", "dijkstra"]
+ENGINES: dict[type, tuple[type[Any], ...]] = {
+    Mesh: (FastMarching, Exact, Heat, Dijkstra),
+    PointCloud: (Dijkstra,),
+    Graph: (Dijkstra,),
+}
+"""The registry: engine classes for each kind of surface, the default first. All lists of names derive from it."""
 
 MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
-"""Whatever distances can be asked of: a shape, an n × n matrix, a function of sources, or an engine."""
-
-# the engines of each kind of shape, its natural one first
-ENGINES: dict[type, dict[str, Any]] = {
-    Mesh: {"fast_marching": FastMarching, "exact": Exact, "heat": Heat, "dijkstra": Dijkstra},
-    PointCloud: {"dijkstra": Dijkstra},
-    Graph: {"dijkstra": Dijkstra},
-}
+"""Everything that has distances: a surface, an n × n matrix, a function of sources, or an engine."""
 
 
-def distance_engine(surface: MetricSpace, name: EngineName | None = None) -> DistanceEngine:
-    """Set up an engine for distance columns.
+def engine_names(kind: type | None = None) -> tuple[str, ...]:
+    """Names that `distance_engine` accepts.
+
+    Parameters
+    ----------
+    kind : type, optional
+        Class of a surface; by default all of them.
+
+    Returns
+    -------
+    tuple of str
+        The default of that kind first.
+
+    Examples
+    --------
+    >>> engine_names(Mesh)[0], engine_names(Graph)[0]
+    ('fast_marching', 'dijkstra')
+    """
+    known = [engines for each, engines in ENGINES.items() if kind is None or issubclass(kind, each)]
+    return tuple(dict.fromkeys(engine.name for engines in known for engine in engines))
+
+
+def distance_engine(surface: MetricSpace, name: str | None = None) -> DistanceEngine:
+    """Set up the engine that computes the distances of a surface, or wrap distances that are given.
 
     Parameters
     ----------
     surface : Mesh, PointCloud, Graph, (n, n) array, callable or DistanceEngine
-        What distances are wanted of. An array holds all distances; a callable maps an (m,) array of sources to (m, n)
-        distances and is asked for one column to learn n; an engine is returned as it is.
-    name : {"fast_marching", "exact", "heat", "dijkstra"}, optional
-        How distances are computed; by default ``"fast_marching"`` on a mesh and ``"dijkstra"`` on a point cloud or a
-        graph, which know no other.
+        The metric space, n points. An array holds all distances; a callable maps an (m,) array of sources to (m, n)
+        distances and is called with one source to learn n; an engine is returned as it is.
+    name : str, optional
+        One of ``engine_names(type(surface))``; by default the first of them.
 
     Returns
     -------
     DistanceEngine
-        ``.name`` says which it is: one of the above, ``"matrix"`` or ``"function"``.
+        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given.
 
     Raises
     ------
@@ -64,13 +83,13 @@ def distance_engine(surface: MetricSpace, name: EngineName | None = None) -> Dis
     """
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
-            chosen = next(iter(engines)) if name is None else name
-            if chosen not in engines:
-                raise SettingError(
-                    f"a {kind.__name__} has no engine {chosen!r}; available: {', '.join(map(repr, engines))}"
-                )
-            engine: DistanceEngine = engines[chosen](surface)
-            return engine
+            for chosen in engines:
+                if name in (None, chosen.name):
+                    engine: DistanceEngine = chosen(surface)
+                    return engine
+            raise SettingError(
+                f"a {kind.__name__} has no engine {name!r}; available: {', '.join(map(repr, engine_names(kind)))}"
+            )
     given: DistanceEngine
     if isinstance(surface, DistanceEngine):
         given = surface
@@ -90,9 +109,7 @@ def distance_engine(surface: MetricSpace, name: EngineName | None = None) -> Dis
     return given
 
 
-def geodesic_distances(
-    surface: MetricSpace, sources: ArrayLike, engine: EngineName | None = None
-) -> FloatArray:
+def geodesic_distances(surface: MetricSpace, sources: ArrayLike, engine: str | None = None) -> FloatArray:
     """Geodesic distances from some vertices to all others.
 
     Parameters
@@ -101,27 +118,27 @@ def geodesic_distances(
         The surface, n vertices; see `distance_engine`.
     sources : (m,) array_like of int
         Source vertices.
-    engine : {"fast_marching", "exact", "heat", "dijkstra"}, optional
-        How the distances are computed; by default ``"fast_marching"`` on a mesh, ``"dijkstra"`` on the others.
+    engine : str, optional
+        How the distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
 
     Returns
     -------
     (m, n) array of float
-        Distances in mesh units; ``inf`` where no path leads, so across components.
+        Distances in mesh units; ``inf`` where no path leads, as between components.
 
     Raises
     ------
     MeshError
         If a coordinate is not finite or an index, of a face or a source, is out of range.
     SettingError, MissingDependencyError
-        If the surface has no such engine, or the engine's package is missing.
+        If the surface has no such engine, or the engine's package is not installed.
     MemoryBudgetError
         If the result would be larger than allowed.
 
     Notes
     -----
-    O(m n log n) time for fast marching and Dijkstra, on all threads; 8 m n bytes for the result. For many sources set
-    up the engine once, with `distance_engine`.
+    O(m n log n) time for fast marching and Dijkstra, on all threads; 8 m n bytes for the result. To ask more than once,
+    set up the engine once, with `distance_engine`.
 
     Examples
     --------

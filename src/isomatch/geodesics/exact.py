@@ -1,4 +1,4 @@
-"""Exact polyhedral geodesics, from the package pygeodesic."""
+"""Exact geodesic distances on the polyhedron, computed by the package pygeodesic."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
-from isomatch.geodesics.pieces import PieceEngine, Solver
+from isomatch.geodesics.component_engine import ComponentEngine, Solver
 from isomatch.surfaces import Mesh, check
 
-_UNFIT = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
+_REFUSED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
 
-class Exact(PieceEngine):
-    """Exact geodesic distances on the polyhedron, by propagating windows of rays along edges.
+class Exact(ComponentEngine):
+    """Exact geodesic distances on the polyhedron, by propagating windows of straight rays across edges.
 
     Parameters
     ----------
@@ -27,12 +27,12 @@ class Exact(PieceEngine):
     MissingDependencyError
         Without the package ``pygeodesic``.
     MeshError
-        If the mesh is not manifold or has a face twice, which the package does not survive.
+        If the mesh is not manifold or has a face twice, which the package cannot handle.
 
     Notes
     -----
     Mitchell, Mount & Papadimitriou, *The discrete geodesic problem*, SIAM J. Comput. 1987, as implemented by
-    D. Kirsanov. O(n² log n) time a column in the worst case, on one thread; about 60 ms at 5 000 vertices, some
+    D. Kirsanov. O(n² log n) time per column in the worst case, on one thread; about 60 ms at 5 000 vertices, about
     40 times as long as fast marching.
     """
 
@@ -42,15 +42,15 @@ class Exact(PieceEngine):
         self._algorithm = _package()
         super().__init__(mesh)
         report = check(mesh)
-        found = [name.replace("_", " ") for name in _UNFIT if len(getattr(report, name))]
+        found = [name.replace("_", " ") for name in _REFUSED if len(getattr(report, name))]
         if found:
             raise MeshError(
                 f"exact distances need a manifold mesh, and this one has {', '.join(found)}; call repair(mesh), "
                 "look at check(mesh), or use another engine"
             )
 
-    def _solver(self, piece: Mesh) -> Solver:
-        algorithm = self._algorithm(piece.vertices, piece.faces.astype(np.int32))
+    def _solver(self, component: Mesh) -> Solver:
+        algorithm = self._algorithm(component.vertices, component.faces.astype(np.int32))
 
         def distances_from(source: int) -> FloatArray:
             return np.asarray(algorithm.geodesicDistances(np.array([source]), None)[0], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The compiled loop of fast marching: one front, from a vertex to all others, in O(n log n)."""
+"""The compiled loop of fast marching: one front from one vertex to all others in O(n log n)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._threads import n_threads, parallel_map
 from isomatch.geodesics.stencil import Stencil
 
-MOST_SHIFT = 0.02  # of an edge: most that the curvature of a front may change a distance by in one triangle
-MOST_FOCUS = 0.3  # a front runs together no faster than to a point 1 / 0.3 steps ahead
-TIE = 1e-6  # of a step: paths that differ by less are equal, and the first one found is kept
+MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
+MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead
+TIE = 1e-6  # of a step; paths that differ by less count as equal, and the first one found is kept
 
 
 def march(stencil: Stencil, sources: IntArray) -> FloatArray:
@@ -31,16 +31,19 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
 
     Notes
     -----
-    A front is carried across a triangle by unfolding its *virtual source*: the point of the plane at the known
-    distances from the two known vertices. Where the straight line from it to the third vertex misses the edge
-    between them, the path runs along an edge. On a flat surface this is exact up to the order in which vertices
-    become known. Sources are shared among threads; O(n log n) time each and 28 bytes a vertex and thread.
+    *Update.* Two vertices of a triangle have known distances. The *virtual source* is the point of the triangle's
+    plane at these distances from them, on the other side of the edge between them. The third vertex gets its straight
+    distance from the virtual source if the straight line crosses that edge, and otherwise the distance of one of the
+    two vertices plus the length of an edge. On a flat surface this is exact up to the order in which vertices become
+    known.
 
-    On a curved surface a front at distance d is not curved like a circle of radius d. Its curvature κ obeys the
-    Riccati equation κ' = −κ² − K along its rays, K being the Gaussian curvature. The *excess* ε = κ − 1/d is carried
-    from vertex to vertex; where a ray crosses an edge of length L at t, under the angle α, the distance is less
-    than that from the virtual source by ½ ε sin²α t (L − t), to leading order. Without this the error is of first
-    order in the edge length, and on rough meshes three times as large.
+    *Curvature correction.* On a curved surface a front at distance d does not have the curvature 1/d of a circle. Its
+    curvature κ obeys the Riccati equation κ' = −κ² − K along its rays, K being the Gaussian curvature. The *excess*
+    ε = κ − 1/d is propagated from vertex to vertex. Where a ray crosses an edge of length L at t, at the angle α, the
+    distance is less than that from the virtual source by ½ ε sin²α t (L − t), to leading order. Without this
+    correction the error is of first order in the edge length, and on rough meshes three times as large.
+
+    *Cost.* O(n log n) time per source; sources are distributed over threads, each with 28 bytes per vertex.
     """
     out = np.full((len(sources), stencil.n_vertices), np.inf)
     threads = max(1, min(n_threads(), len(sources)))
@@ -54,9 +57,9 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
 
 
 def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
-    """Lower ``nearest`` to the distance from one more source, marching only where that source is the nearest.
+    """Lower ``nearest`` (n,) in place to the distance from one more source, marching only where it is the nearest.
 
-    ``nearest`` (n,) is changed in place. The fronts of p successive sources together cost about log p full ones.
+    The fronts of p successive sources together cost about log p full ones.
     """
     distance = np.full(stencil.n_vertices, np.inf)
     _march(*stencil.arrays, source, distance, nearest)
@@ -68,16 +71,20 @@ _NO_BOUND = np.zeros(0)
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _excess(before: float, radius: float, step: float, gauss: float) -> float:  # pragma: no cover - compiled
-    """Excess of a front's curvature at ``radius``, one ``step`` after it was ``before``.
+    """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier.
 
-    Limits keep rough meshes in order: a front is no more curved than a circle of one step around its last edge.
+    Solves the Riccati equation κ' = −κ² − K over the step, to first order in K. The result is limited, because the
+    curvature of rough meshes is noisy: the radius of a diverging front is at least one step, and that of a converging
+    front at least 1 / MOST_FOCUS steps.
     """
     start = radius - step
     if step <= 0.0:
         return before
-    spread = before * start  # how much faster than a circle the front spreads, at the start
+    spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
     share = start / radius
+    # κ' = −κ²: the radius of curvature 1/κ grows by the step. A front that converges is kept before its focus.
     bent = (1.0 + spread) / max(radius + spread * step, 0.5 * start)
+    # κ = 1/r + δ with small δ: (r² δ)' = −K r², integrated from start to radius and divided by radius²
     bent -= gauss * step * (1.0 + share + share * share) / 3.0
     return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
 
@@ -93,14 +100,15 @@ def _march(
     distance: FloatArray,
     bound: FloatArray,
 ) -> None:  # pragma: no cover - compiled
-    """Label-setting march with an indexed binary heap; ``distance`` (n,) enters as inf and leaves as the result.
+    """Set distances in increasing order, as in Dijkstra's algorithm, with an indexed binary heap.
 
-    With a bound, a vertex that is no nearer than its bound is neither kept nor passed on.
+    ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no
+    nearer than its bound stays at ``inf``, and the front does not continue from it.
     """
     n = len(start) - 1
-    known = np.full(n, np.inf)
+    known = np.full(n, np.inf)  # final distances; inf while tentative, −1 where the bound is nearer
     excess = np.zeros(n)
-    slot = np.full(n, -1, np.int32)  # place in the heap
+    slot = np.full(n, -1, np.int32)  # index in the heap, −1 for a vertex never reached
     heap = np.zeros(n, np.int32)
     size = 1
     heap[0] = source
@@ -127,7 +135,7 @@ def _march(
                 hole = child
             heap[hole] = moved
             slot[moved] = hole
-        if len(bound) and dv >= bound[v]:
+        if len(bound) and dv >= bound[v]:  # an earlier source is nearer: the front ends here
             distance[v] = np.inf
             known[v] = -1.0
             continue
@@ -137,35 +145,39 @@ def _march(
             if known[c] != np.inf:
                 continue
             step = np.float64(shape[e, 3])
-            candidate = radius = dv + step
+            candidate = radius = dv + step  # along the edge from v
             bent = excess[v]
             gauss = curvature[v]
             w = other[e]
             dw = known[w]
             if dw != np.inf and dw >= 0.0:
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
+                # in the plane of the stencil, v = (0, 0), w = (length, 0), c = (x, y), y > 0; the virtual source at
+                # distances dv and dw is (sx, −√squared), and height is how far above it c lies
                 sx = 0.5 * (length + (dv * dv - dw * dw) / length) if length > 0.0 else 0.0
                 squared = dv * dv - sx * sx
                 if squared > 0.0:
                     height = y + np.sqrt(squared)
-                    crossing = sx * y + x * (height - y)  # where the line meets the edge, times the height
+                    # abscissa at which the ray from there to c crosses the edge, times height
+                    crossing = sx * y + x * (height - y)
                     if crossing >= 0.0 and crossing <= length * height:
                         straight = np.sqrt((x - sx) ** 2 + height * height)
-                        part = crossing / (height * length)
+                        part = crossing / (height * length)  # of the edge, from v
                         mean = excess[v] + part * (excess[w] - excess[v])
+                        # ½ ε sin²α t (L − t) with sin α = height / straight and t = part L
                         shift = 0.5 * mean * (height / straight) ** 2 * part * (1.0 - part) * length * length
                         most = MOST_SHIFT * min(length, straight)
                         shift = min(max(shift, -most), most)
                         if straight - shift < candidate:
                             candidate = straight - shift
                             radius = straight
-                            step = straight * y / height
+                            step = straight * y / height  # length of the ray beyond the edge
                             bent = mean
                             gauss = curvature[v] + part * (curvature[w] - curvature[v])
             if candidate < distance[c] - TIE * step:
                 distance[c] = candidate
                 excess[c] = _excess(bent, radius, step, 0.5 * (gauss + curvature[c]))
-                hole = slot[c]
+                hole = slot[c]  # insert c, or sift it up from where it is
                 if hole < 0:
                     hole = size
                     size += 1

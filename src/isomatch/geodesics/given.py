@@ -1,4 +1,4 @@
-"""Distances that the user has: a matrix, or a function that gives columns."""
+"""Distances given by the user: a matrix, or a function that returns columns."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from isomatch.errors import MeshError, some
 from isomatch.geodesics.protocol import ColumnEngine
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
+"""Maps sources (m,) to distance columns (m, n)."""
 
-ASYMMETRY = 0.01  # of the largest distance: what fast marching and its like may differ by in both directions
-DIAGONAL = 1e-6  # of the largest distance: what may stand for zero
+ASYMMETRY = 0.01  # of the largest distance; fast marching from i to j and from j to i differs by less
+DIAGONAL = 1e-6  # of the largest distance; below it the distance of a point to itself counts as 0
 ROWS = 256  # rows of a matrix that are checked at once
 
 
@@ -24,17 +25,17 @@ class GivenMatrix(ColumnEngine):
     Parameters
     ----------
     matrix : (n, n) array
-        Distances, finite or ``inf``. It is not copied, so it may be a memory map. Row and column of a point may differ
-        by 1 % of the largest distance, as they do when computed approximately; their mean is used.
+        Distances, finite or ``inf``. It is not copied, so it may be a memory map. d_ij and d_ji may differ by 1 % of the
+        largest distance, as they do when computed approximately; their mean is used.
 
     Raises
     ------
     MeshError
-        If it is not square or not real, or has an entry that is NaN, negative, not 0 on the diagonal or not symmetric.
+        If the matrix is not square, real and symmetric with a diagonal of 0, or has entries that are negative or NaN.
 
     Notes
     -----
-    Reading and checking take O(n²) time once, and no memory of that order.
+    Reading and checking take O(n²) time once, but no memory of that order. O(n) time per column.
     """
 
     name = "matrix"
@@ -76,15 +77,15 @@ class GivenFunction(ColumnEngine):
     Parameters
     ----------
     function : callable
-        Takes an (m,) array of int, returns (m, n) distances, finite or ``inf``. What it returns is checked each time.
+        Takes an (m,) array of int and returns (m, n) distances, finite or ``inf``. Every result is checked.
     n_points : int, optional
-        Number of points n. By default the function is asked for one column to learn it.
+        Number of points n; by default the function is called with one source to learn it.
 
     Raises
     ------
     MeshError
-        If what the function returns has the wrong shape, or a distance that is NaN or negative, or not 0 from a
-        source to itself.
+        If the function returns the wrong shape, a distance that is negative or NaN, or a distance other than 0 from
+        a source to itself.
     """
 
     name = "function"
@@ -118,7 +119,7 @@ class GivenFunction(ColumnEngine):
 
 
 def _difference(a: FloatArray, b: AnyArray) -> FloatArray:
-    with np.errstate(invalid="ignore"):  # inf − inf, where both agree
+    with np.errstate(invalid="ignore"):  # inf − inf is NaN; equal entries are compared before
         return np.asarray(a - b)
 
 

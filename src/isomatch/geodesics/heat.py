@@ -1,4 +1,4 @@
-"""The heat method, from the package potpourri3d."""
+"""The heat method for distances, computed by the package potpourri3d."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
-from isomatch.geodesics.pieces import PieceEngine, Solver
+from isomatch.geodesics.component_engine import ComponentEngine, Solver
 from isomatch.surfaces import Mesh
 
 
-class Heat(PieceEngine):
-    """Smooth approximate distances: heat flows for a short time, its directions are integrated.
+class Heat(ComponentEngine):
+    """Smooth approximate distances: heat diffuses for a short time, and the directions of its gradient are integrated.
 
     Parameters
     ----------
@@ -30,9 +30,8 @@ class Heat(PieceEngine):
     Notes
     -----
     Crane, Weischedel & Wardetzky, *The heat method for distance computation*, CACM 2017, on the robust Laplacian of
-    Sharp & Crane 2020. Two sparse solves a column after one factorisation a component, on one thread. It is
-    smoother than the distance, and no metric: neither symmetric nor an upper bound. The package itself gives finite
-    numbers across components; here each component is solved alone.
+    Sharp & Crane 2020. Two sparse solves per column after one factorisation per component, on one thread. The
+    result is smoother than the distance and is not a metric: neither symmetric nor an upper bound.
     """
 
     name = "heat"
@@ -41,25 +40,25 @@ class Heat(PieceEngine):
         self._method = _package()
         super().__init__(mesh)
 
-    def _solver(self, piece: Mesh) -> Solver:
+    def _solver(self, component: Mesh) -> Solver:
         try:
-            solver = self._method(piece.vertices, piece.faces)
+            solver = self._method(component.vertices, component.faces)
         except RuntimeError as error:
-            raise _unsolvable(piece) from error
+            raise _unsolvable(component) from error
 
         def distances_from(source: int) -> FloatArray:
             distances = np.asarray(solver.compute_distance(source), dtype=np.float64)
             if not np.isfinite(distances).all():
-                raise _unsolvable(piece)
+                raise _unsolvable(component)
             return np.maximum(distances, 0.0)
 
         return distances_from
 
 
-def _unsolvable(piece: Mesh) -> MeshError:
+def _unsolvable(component: Mesh) -> MeshError:
     return MeshError(
-        f"the heat method cannot be solved on a component of {piece.n_vertices} vertices and area {piece.area:.3g}; "
-        "look at check(mesh), or use another engine"
+        f"the heat method cannot be solved on a component of {component.n_vertices} vertices and area "
+        f"{component.area:.3g}; look at check(mesh), or use another engine"
     )
 
 

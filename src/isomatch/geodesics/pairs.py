@@ -1,4 +1,4 @@
-"""Distances of pairs of points, with no more columns than there are different sources."""
+"""Distances of pairs of points, from one distance column per distinct source."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, some
 from isomatch.geodesics.protocol import DistanceEngine
 
-BLOCK = 64  # columns held at once
+BLOCK = 64  # columns held at a time
 
 
 def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
@@ -30,11 +30,11 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
     Raises
     ------
     MeshError
-        If there is no such point.
+        If ``pairs`` has another shape or type, or names a point that does not exist.
 
     Notes
     -----
-    One column for each different source, 64 at once: name the rarer end of the pairs first.
+    One column per distinct source, 64 at a time: of the two ends, put the one with fewer distinct points first.
 
     Examples
     --------

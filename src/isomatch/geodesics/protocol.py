@@ -1,4 +1,4 @@
-"""What a geodesic engine is: whatever answers "how far is every point from these?"."""
+"""The interface of distance engines, and the base class of those in this package."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from isomatch.errors import MeshError, some
 
 @runtime_checkable
 class DistanceEngine(Protocol):
-    """Distance columns of a metric space of n points: all that bases and matching need to know of it."""
+    """Distances of a metric space of n points, one column (source) at a time; nothing else of the space is needed."""
 
     name: str
     n_points: int
 
     def distances_from(self, sources: IntArray) -> FloatArray:
-        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
+        """(m, n) distances from each of m sources; ``inf`` where no path leads."""
         ...
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
@@ -33,17 +33,21 @@ class DistanceEngine(Protocol):
 
 
 class ColumnEngine(ABC):
-    """The engines of this package: sources and memory are checked here, columns computed by ``_columns``."""
+    """Base class of the engines of this package, which checks sources and memory.
+
+    A subclass sets ``name`` and ``n_points`` and implements ``_columns``. It overrides `lower` where its front can stop
+    as soon as another source is nearer.
+    """
 
     name: str
     n_points: int
 
     def distances_from(self, sources: ArrayLike) -> FloatArray:
-        """(m, n) distances from each of m sources; ``inf`` where unreachable."""
+        """(m, n) distances from each of m sources; ``inf`` where no path leads."""
         wanted = np.atleast_1d(np.asarray(sources))
         if wanted.ndim != 1 or (wanted.size and wanted.dtype.kind not in "iu"):
             raise MeshError("sources must be a one-dimensional array of vertex indices")
-        self._require(wanted)
+        self._require_in_range(wanted)
         require_memory(
             8.0 * len(wanted) * self.n_points, f"{len(wanted)} distance columns", "ask for fewer at once"
         )
@@ -55,7 +59,7 @@ class ColumnEngine(ABC):
         np.minimum(nearest, column, out=nearest)
         return column
 
-    def _require(self, sources: IntArray) -> None:
+    def _require_in_range(self, sources: IntArray) -> None:
         bad = sources[(sources < 0) | (sources >= self.n_points)]
         if len(bad):
             raise MeshError(

@@ -1,4 +1,4 @@
-"""The update stencils of fast marching: which pair of vertices may carry a front to which third vertex."""
+"""The update stencils of fast marching: which pairs of vertices may update the distance of which third vertex."""
 
 from __future__ import annotations
 
@@ -10,29 +10,39 @@ import numpy as np
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch.surfaces import Mesh
 
-UNFOLD_STEPS = 40  # faces crossed at most in search of a vertex that splits an obtuse angle
-
-RIGHT_ANGLE = 1e-9  # cosines below this are those of a right angle, which needs and gives no split
+UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
+RIGHT_ANGLE = 1e-9  # angles whose cosine is smaller in magnitude count as right, which need no split
 
 
 @dataclass(frozen=True, eq=False)
 class Stencil:
-    """Directed updates, grouped by the vertex that triggers them.
+    """Directed updates, grouped by the vertex that triggers them, in compressed sparse row form.
 
-    Entry e in ``start[v]:start[v + 1]`` says: once v is known, the pair (v, ``other[e]``) may give the distance of
-    ``target[e]``. In the plane of the triangle, v is at the origin, the other vertex at (``shape[e, 0]``, 0) and
-    the target at (``shape[e, 1]``, ``shape[e, 2]``) with a positive ordinate, ``shape[e, 3]`` from v.
+    Entry e in ``start[v]:start[v + 1]`` means: once the distance of v is known, the pair (v, ``other[e]``) may update
+    ``target[e]``. In the plane of the triangle v is at (0, 0), the other vertex at (``shape[e, 0]``, 0) and the target at
+    (``shape[e, 1]``, ``shape[e, 2]``) with a positive ordinate, at distance ``shape[e, 3]`` from v.
+
+    Parameters
+    ----------
+    start : (n + 1,) array of int
+        First entry of each vertex.
+    other, target : (e,) arrays of int32
+        The second known vertex, and the vertex that is updated.
+    shape : (e, 4) array of float32
+        The triangle in its plane, in mesh units.
+    curvature : (n,) array of float
+        Gaussian curvature, in 1 / squared mesh units.
     """
 
-    start: IntArray  # (n + 1,)
-    other: AnyArray  # (e,) int32
-    target: AnyArray  # (e,) int32
-    shape: Float32Array  # (e, 4)
-    curvature: FloatArray  # (n,) Gaussian curvature
+    start: IntArray
+    other: AnyArray
+    target: AnyArray
+    shape: Float32Array
+    curvature: FloatArray
 
     @property
     def arrays(self) -> tuple[IntArray, AnyArray, AnyArray, Float32Array, FloatArray]:
-        """All of them, in order, for compiled loops."""
+        """All arrays in order, as arguments of a compiled loop."""
         return self.start, self.other, self.target, self.shape, self.curvature
 
     @property
@@ -44,11 +54,22 @@ class Stencil:
 def stencil_of(mesh: Mesh) -> Stencil:
     """Build the stencils of a mesh: every corner, and for obtuse corners the unfolded neighbours that split them.
 
-    An obtuse corner c of a face (a, b, c) can be reached by a front before a or b is known. Following Kimmel &
-    Sethian (1998), faces beyond the edge (a, b) are unfolded into the plane until a vertex d lies within the range
-    in which both angles at c become acute; (a, d) and (d, b) then update c as well.
+    Parameters
+    ----------
+    mesh : Mesh
+        A mesh of n vertices; it need not be manifold.
 
-    Cost: O(faces) time, about 240 bytes a vertex.
+    Returns
+    -------
+    Stencil
+        Two directed updates per corner of a face, and up to four more per obtuse corner.
+
+    Notes
+    -----
+    A front can reach an obtuse corner c of a face (a, b, c) before a or b is known. Following Kimmel & Sethian,
+    *Computing geodesic paths on manifolds*, PNAS 1998, faces beyond the edge (a, b) are unfolded into the plane until
+    a vertex d splits the angle at c into two acute ones; then (a, d) and (d, b) update c as well. O(faces) time,
+    about 240 bytes per vertex.
     """
     faces = mesh.sound_faces
     opposite = _opposite_corners(faces, mesh.n_vertices)
@@ -63,7 +84,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
 
 
 def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
-    """Angle missing to a full turn over the area of a vertex, (n,); 0 on boundaries and where not manifold."""
+    """Angle defect 2π − Σ angles divided by vertex area, (n,); 0 on boundaries and at non-manifold edges."""
     corner = mesh.sound_faces.ravel()
     at, following, before = (
         mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
@@ -71,7 +92,7 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     one, two = following - at, before - at
     angles = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.einsum("ij,ij->i", one, two))
     missing = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
-    rim = np.flatnonzero(opposite < 0)
+    rim = np.flatnonzero(opposite < 0)  # corners that face a boundary edge; its ends are the other two
     missing[corner[rim - rim % 3 + (rim + 1) % 3]] = 0.0
     missing[corner[rim - rim % 3 + (rim + 2) % 3]] = 0.0
     area = mesh.vertex_areas
@@ -79,7 +100,7 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Planar shape (|ab|, x, y) of triangles with a at the origin, b on the axis, c at (x, y), y >= 0."""
+    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0."""
     ab, ac = b - a, c - a
     length = np.linalg.norm(ab, axis=1)
     safe = np.where(length > 0, length, 1.0)
@@ -89,7 +110,7 @@ def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stencil:
-    """Write each update (c; a, b) once under a and, mirrored, once under b, sorted by trigger."""
+    """Store each update (c; a, b) once for the trigger a and, mirrored, once for the trigger b."""
     n = len(curvature)
     target, a, b = corners.T
     mirrored = np.column_stack([shape[:, 0], shape[:, 0] - shape[:, 1], shape[:, 2]])
@@ -108,12 +129,12 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
 
 
 def _opposite_corners(faces: IntArray, n: int) -> IntArray:
-    """For corner h = 3 f + i, the corner across the edge that faces it, or −1 at boundaries and where not manifold."""
+    """Corner across the edge opposite to each corner h = 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
     a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     key = np.minimum(a, b) * n + np.maximum(a, b)
     order = np.argsort(key, kind="stable")
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    pair = first[count == 2]
+    pair = first[count == 2]  # edges of exactly two faces
     opposite = np.full(faces.size, -1, dtype=np.int64)
     opposite[order[pair]] = order[pair + 1]
     opposite[order[pair + 1]] = order[pair]
@@ -124,6 +145,7 @@ def _opposite_corners(faces: IntArray, n: int) -> IntArray:
 def _split_obtuse(
     points: FloatArray, corner_vertex: IntArray, opposite: IntArray
 ) -> tuple[IntArray, FloatArray]:  # pragma: no cover - compiled
+    """Find the updates (c; e, d) of obtuse corners c by unfolded vertices d, (u, 3), and their shapes, (u, 3)."""
     n_corners = len(corner_vertex)
     limit = 2 * (n_corners // 3)  # a face has at most one obtuse corner, which gives at most two updates
     corners = np.zeros((limit, 3), np.int64)
@@ -144,7 +166,7 @@ def _split_obtuse(
         cb_length = np.sqrt(bx * bx + by * by)
         if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:
             continue
-        # (lx, ly), (rx, ry): the unfolded edge in front; d must see the angle within 90 degrees of both a and b
+        # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90° of both a and b.
         left, lx, ly = a, ax, 0.0
         right, rx, ry = b, bx, by
         gate = opposite[h]
@@ -156,12 +178,12 @@ def _split_obtuse(
             length = np.sqrt(ex * ex + ey * ey)
             if length == 0.0:
                 break
-            # in space, d relative to the edge (left, right)
+            # position of d relative to the edge (left, right), measured in space: lengths do not change by unfolding
             edge = points[right] - points[left]
             to_d = points[d] - points[left]
             along = (edge * to_d).sum() / length
             away = np.sqrt(max((to_d**2).sum() - along * along, 0.0))
-            # the side away from c
+            # unit normal of the unfolded edge, pointing away from c
             nx, ny = ey / length, -ex / length
             if nx * -lx + ny * -ly > 0.0:
                 nx, ny = -nx, -ny
@@ -178,15 +200,16 @@ def _split_obtuse(
                     span = np.sqrt((dx - px) ** 2 + (dy - py) ** 2)
                     if span == 0.0 or e == d or d == c:
                         continue
+                    # c in the frame with e at the origin and d on the axis
                     x = -(px * (dx - px) + py * (dy - py)) / span
                     y = abs(px * (dy - py) - py * (dx - px)) / span
                     corners[count, 0], corners[count, 1], corners[count, 2] = c, e, d
                     shape[count, 0], shape[count, 1], shape[count, 2] = span, x, y
                     count += 1
                 break
-            # d is outside the range: go on across the edge that the range passes through
+            # d is outside that range: cross the one of its two edges that the range passes through
             face = gate - gate % 3
-            if acute_to_a:  # too far towards a: cross the edge (d, right)
+            if acute_to_a:  # d is too far on the side of a: cross (d, right)
                 left_new, right_new = d, right
                 lx, ly = dx, dy
             else:

@@ -1,4 +1,4 @@
-"""Coordinates that single precision and other packages can live with."""
+"""Coordinates in the range that single precision and other packages can handle."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from isomatch.surfaces import Mesh
 
 
 def ordinary_unit(mesh: Mesh) -> float:
-    """Find what to divide coordinates by so that their squares stay in range; 1 for a mesh of ordinary size."""
+    """Length to divide coordinates by so that their squares neither overflow nor vanish; 1 at ordinary sizes."""
     extent = float(np.abs(mesh.vertices).max(initial=0.0))
     return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
 
@@ -20,5 +20,5 @@ def require_finite(mesh: Mesh) -> None:
     if len(bad):
         raise MeshError(
             f"vertices {some(bad)} have coordinates that are not finite, so no distance is defined; "
-            "mend the file or call repair(mesh)"
+            "correct the file or call repair(mesh)"
         )

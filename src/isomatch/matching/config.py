@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, Self
 from isomatch._settings import Settings, setting
 from isomatch.bases import Weighting
 from isomatch.errors import SettingError
-from isomatch.geodesics import EngineName
+from isomatch.geodesics import engine_names
 
 Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
@@ -301,8 +301,9 @@ class Config(Settings):
         Laplace–Beltrami functions for each shape.
     weights : {"area", "uniform"}
         Inner product of the distance basis; the paper uses "uniform".
-    engine : {"fast_marching", "exact", "heat", "dijkstra"}, optional
-        How geodesic distances are computed; by default fast marching on meshes, Dijkstra on point clouds and graphs.
+    engine : str, optional
+        How geodesic distances are computed, by a name of `engine_names`; by default fast marching on meshes, Dijkstra on
+        point clouds and graphs.
     n_search : int
         Vertices of each shape on which hypotheses are tried and compared.
     n_refine : int
@@ -338,7 +339,7 @@ class Config(Settings):
     rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
     n_functions: int = setting(200, "Melzi et al. 2019: 200 functions at 5 000 vertices", least=20)
     weights: Weighting = setting("area", "docs/paper.md, deviations: area weights")
-    engine: EngineName | None = setting(
+    engine: str | None = setting(
         None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"
     )
     n_search: int = setting(400, "measured on 50 pairs: 400 as good as 600, 300 fails on 1", least=100)
@@ -361,6 +362,10 @@ class Config(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.engine is not None and self.engine not in engine_names():
+            raise SettingError(
+                f"engine = {self.engine!r} is not one of {', '.join(map(repr, engine_names()))}"
+            )
         if self.n_refine < 2 * self.n_functions:
             raise SettingError(
                 f"n_refine = {self.n_refine} is below 2 n_functions = {2 * self.n_functions}: too few for the fit"

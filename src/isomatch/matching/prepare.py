@@ -25,10 +25,10 @@ from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
     RestrictedEngine,
+    distance_along_edges_to_nearest,
     distance_engine,
     euclidean_farthest_points,
     farthest_point_sampling,
-    nearest_along_edges,
     peripheral_vertex,
 )
 from isomatch.matching.body import Body, body_of
@@ -171,7 +171,7 @@ class PreparedShape:
         centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
         number = np.zeros(self.body.n_vertices, dtype=np.int64)
         number[centres] = np.arange(len(centres))
-        owner = number[nearest_along_edges(self.body, centres)[1]]
+        owner = number[distance_along_edges_to_nearest(self.body, centres)[1]]
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:

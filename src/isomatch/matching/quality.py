@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from isomatch._arrays import IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
-from isomatch.geodesics import nearest_along_edges
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Orientation
 from isomatch.matching.evidence import orientation_of
 from isomatch.matching.pair import ShapePair
@@ -45,7 +45,7 @@ def measure_quality(
         unit = source.intrinsic_scale / target.intrinsic_scale
     there = unit * target.distances.between(image[source.column_vertices], image[vertices])
     distortion = np.abs(source.columns[:, vertices] - there)
-    gap, _ = nearest_along_edges(target.body, np.unique(image))
+    gap, _ = distance_along_edges_to_nearest(target.body, np.unique(image))
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     basis = SampledBasis(source.laplace.vectors, vertices)
     landmark_error = np.nan

@@ -1,4 +1,4 @@
-"""Distances of pairs from a low-rank form, at the speed of memory."""
+"""Distances of pairs of points from a low-rank form, in a compiled loop limited by memory bandwidth."""
 
 from __future__ import annotations
 
@@ -8,13 +8,27 @@ import numpy as np
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._threads import n_threads, parallel_map
 
-FEWEST_FOR_THREADS = 50_000  # pairs; below, starting threads costs more than it saves
+FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
 
 
-def pair_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
-    """Σ_c Λ_c Q_ic Q_jc for pairs of rows of Q (n, k): (m,), summed in the precision of Q.
+def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray) -> FloatArray:
+    """Σ_c Λ_c Q_ic Q_jc for pairs (i, j) of rows of Q.
 
-    O(m k) time on all threads; nothing is gathered, so there is no memory but the result.
+    Parameters
+    ----------
+    vectors, values : (n, k) and (k,) arrays of float
+        Q and the diagonal of Λ.
+    i, j : (m,) arrays of int
+        Pairs of rows, from 0 to n − 1 or negative from the end. They are not checked.
+
+    Returns
+    -------
+    (m,) array of float
+        Sums, computed in the precision of Q.
+
+    Notes
+    -----
+    O(m k) time on all threads. Rows are not gathered, so that no memory but the result is needed.
     """
     out = np.zeros(len(i))
     parts = n_threads() if len(i) >= FEWEST_FOR_THREADS else 1

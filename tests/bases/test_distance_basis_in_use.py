@@ -1,4 +1,4 @@
-"""A basis in use: pairs, neighbours, its own error, precision, files."""
+"""Using a basis: distances of pairs, neighbours, the estimate of its error, precision, files."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from isomatch import (
     DistanceBasis,
     FormatError,
     MeshError,
+    MissingFileError,
     NotConvergedError,
     SettingError,
     distance_basis,
@@ -48,7 +49,7 @@ def test_many_pairs_are_those_of_the_rows(basis, threads, monkeypatch):
 
 @pytest.mark.parametrize("bad", [-2000, 1_000_000])
 def test_pairs_outside_the_surface(basis, bad):
-    """The compiled loop checks nothing."""
+    """They are checked before the compiled loop, which does not check."""
     with pytest.raises(MeshError, match=f"vertices {bad} are outside 0…"):
         basis.distance(0, bad)
 
@@ -86,13 +87,15 @@ def test_error_estimates_follow_the_truncation(basis, all_distances):
         assert estimates[k - 1] == pytest.approx(true_error(part, all_distances), rel=0.4)
 
 
-def test_held_out_columns_took_no_part(basis):
+def test_held_out_columns_are_not_samples(basis):
     assert len(basis.held_out.vertices) == 10
     assert not set(basis.held_out.vertices) & set(basis.samples)
 
 
 def test_without_held_out_columns_there_is_no_estimate(mesh):
-    with pytest.raises(SettingError, match=r"cannot be told; use distance_basis\(surface, held_out=10\)"):
+    with pytest.raises(
+        SettingError, match=r"cannot be estimated; use distance_basis\(surface, held_out=10\)"
+    ):
         distance_basis(mesh, 5, 10, held_out=0).error_estimate()
 
 
@@ -119,7 +122,7 @@ def test_tolerance_that_no_basis_reaches():
         ({"engine": "magic"}, "no engine 'magic'"),
     ],
 )
-def test_settings_that_make_no_sense(mesh, setting, message):
+def test_bad_settings_are_refused(mesh, setting, message):
     with pytest.raises(SettingError, match=message):
         distance_basis(mesh, 5, 10, **setting)
 
@@ -134,7 +137,7 @@ def test_single_precision_is_near_double(mesh, basis, all_distances):
     np.testing.assert_allclose(single.row(3), basis.row(3), atol=far)
 
 
-def test_what_is_saved_is_loaded(basis, tmp_path):
+def test_saving_and_loading_changes_nothing(basis, tmp_path):
     path = tmp_path / "basis.npz"
     basis.astype(np.float32).save(path)
     basis.save(path)
@@ -172,10 +175,15 @@ def test_files_that_hold_no_basis(content, tmp_path):
         DistanceBasis.load(path)
 
 
+def test_a_file_that_does_not_exist(tmp_path):
+    with pytest.raises(MissingFileError, match=r"basis.npz: no such file; check the name and the folder"):
+        DistanceBasis.load(tmp_path / "basis.npz")
+
+
 def test_a_matrix_of_distances_has_no_laplacian(mesh, all_distances):
     symmetric = (all_distances + all_distances.T) / 2
     given = distance_basis(symmetric, 20, 40)
     assert (given.method, given.engine) == ("nystrom", "matrix")
     assert given.error_estimate() < 0.05
-    with pytest.raises(SettingError, match=r"ndarray has no Laplacian.*method='nystrom'"):
+    with pytest.raises(SettingError, match=r"Mesh or PointCloud, not a ndarray; use method='nystrom'"):
         distance_basis(symmetric, 20, 40, "predicted")
