@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from isomatch._settings import Settings
+
 RECORD = Path(__file__).with_name("public_face.txt")
 ROOMS = (
     "surfaces",
@@ -63,9 +65,10 @@ def public_face() -> Iterator[str]:
         module = importlib.import_module(module_name)
         for name in sorted(module.__all__):
             thing = getattr(module, name)
+            thing = getattr(thing, "py_func", thing)  # of a compiled function, the one that was written
             full = f"{module_name}.{name}"
             if isinstance(thing, Mapping):
-                yield f"{full}: mapping of {', '.join(thing)}"
+                yield f"{full}: mapping of {', '.join(getattr(key, '__name__', str(key)) for key in thing)}"
             elif not (inspect.isclass(thing) or inspect.isfunction(thing)):
                 yield f"{full}: {assigned(module, name)}"
             elif thing in named:
@@ -137,9 +140,11 @@ def annotation(given) -> str:
 
 
 def default(thing) -> str:
-    """Write a default, shortly: of an array its shape, of a class or function its name."""
+    """Write a default, shortly: of an array its shape, of settings, a class or a function the name."""
     if isinstance(thing, np.ndarray):
         return f"array of shape {thing.shape}"
+    if isinstance(thing, Settings):
+        return f"{type(thing).__name__}()"
     return getattr(thing, "__name__", None) or without_modules(repr(thing))
 
 

@@ -15,6 +15,24 @@ RENAMED = {"isomatch.maps": "isomatch.correspondence"}
 """New full name of every old one: a module, or a name in a module."""
 
 
+def old_attributes(**renamed: str) -> Callable[[Any, str], Any]:
+    """Make the ``__getattr__`` of a class of which some attributes were renamed: old name = new name."""
+
+    def current(self: Any, name: str) -> Any:
+        if name not in renamed:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        _warn(f"{type(self).__name__}.{name}", renamed[name])
+        return getattr(self, renamed[name])
+
+    return current
+
+
+def _warn(old: str, new: str) -> None:
+    """Warn whoever used an old name: two frames up."""
+    message = f"{old} is now {new}; the old name will be removed in isomatch {REMOVED_IN}"
+    warn(message, DeprecationWarning, stacklevel=3)
+
+
 def old_names(module: str) -> Callable[[str], Any]:
     """Make the ``__getattr__`` of a module or package of which a part was renamed.
 
@@ -43,11 +61,7 @@ def old_names(module: str) -> Callable[[str], Any]:
         if new is None:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         found = resolve_name(new)
-        warn(
-            f"{old} is now {new}; the old name will be removed in isomatch {REMOVED_IN}",
-            DeprecationWarning,
-            stacklevel=2,
-        )
+        _warn(old, new)
         return found
 
     return current

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import Config, Mesh, MeshError, prepare
+from isomatch import Config, Mesh, MeshError, distance_engine, geodesic_distances, prepare
 from isomatch.datasets import creature
 from isomatch.descriptors import mean_curvature
 from shapes import disguised, icosphere, two_spheres
@@ -142,3 +142,58 @@ def test_open_sheet_is_prepared():
     shape = prepare(grid(15, 20))
     assert shape.body.n_vertices == 300
     assert np.isfinite(shape.signatures).all()
+
+
+def test_old_names_of_attributes_warn(shape):
+    for old, new in (("mesh", "surface"), ("mesh_vertex", "user_vertex"), ("spread", "sample_vertices")):
+        with pytest.warns(DeprecationWarning, match=rf"PreparedShape\.{old} is now {new}; .* removed in"):
+            assert getattr(shape, old) is getattr(shape, new)
+    with pytest.raises(AttributeError, match="has no attribute 'nose'"):
+        _ = shape.nose
+
+
+def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):
+    """A mesh with a vertex that no face uses: values on the body have a row too few for it."""
+    mesh = Mesh(np.vstack([[9, 9, 9], example[0].mesh.vertices]), example[0].mesh.faces + 1)
+    other = prepare(mesh)
+    values = np.random.default_rng(0).normal(size=(other.body.n_vertices, 3))
+    lifted = other.lift(values)
+    assert lifted.shape == (mesh.n_vertices, 3)
+    assert np.isnan(lifted[0]).all()
+    np.testing.assert_array_equal(other.restrict(lifted), values)
+    labels = other.lift(np.arange(other.body.n_vertices), -1)
+    assert labels.dtype.kind == "i"
+    assert labels[0] == -1
+
+
+@pytest.mark.parametrize("kind", ["matrix", "function", "engine"])
+def test_given_distances_take_the_place_of_the_engine(kind):
+    """In the user's units and vertices, of which one is no part of the body."""
+    made = creature(1500).mesh
+    mesh = Mesh(np.vstack([[9, 9, 9], 3 * made.vertices]), made.faces + 1)
+    n = mesh.n_vertices
+    matrix = np.full((n, n), np.inf)
+    matrix[0, 0] = 0.0
+    matrix[1:, 1:] = geodesic_distances(Mesh(mesh.vertices[1:], made.faces), np.arange(n - 1))
+    matrix = np.minimum(matrix, matrix.T)
+    distances = {
+        "matrix": matrix,
+        "function": lambda sources: matrix[sources],
+        "engine": distance_engine(matrix),
+    }
+    given = prepare(mesh, distances=distances[kind])
+    assert given.distances.engine == ("function" if kind == "function" else "matrix")
+    rows = given.user_vertex[given.column_vertices]
+    np.testing.assert_allclose(given.columns, matrix[rows][:, given.user_vertex] / given.scale, rtol=1e-6)
+    assert given.scale == pytest.approx(3 * made.area**0.5)
+
+
+def test_given_distances_of_another_shape(shape):
+    with pytest.raises(MeshError, match=r"between 3 points, the shape has .* one row for each vertex"):
+        prepare(shape.surface, distances=np.ones((3, 3)) - np.eye(3))
+
+
+def test_engine_by_name():
+    mesh = creature(1500).mesh
+    assert prepare(mesh, Config(engine="dijkstra")).distances.engine == "dijkstra"
+    assert prepare(mesh).distances.engine == "fast_marching"

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._renamed import old_attributes
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
 from isomatch.correspondence import (
@@ -103,6 +105,17 @@ class PreparedShape:
     left_out: float
     notes: tuple[str, ...]
     seconds: float
+
+    if not TYPE_CHECKING:  # otherwise a misspelt attribute would pass as one that was renamed
+        __getattr__ = old_attributes(
+            mesh="surface",
+            mesh_vertex="user_vertex",
+            samples="column_vertices",
+            features="extremities",
+            feature_columns="extremity_columns",
+            spread="sample_vertices",
+            cloud="points",
+        )
 
     def __repr__(self) -> str:
         return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
