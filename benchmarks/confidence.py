@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 
 import isomatch
-from isomatch import Config, Mesh
-from isomatch.datasets.benchmarks import BenchmarkPair, benchmark_set
-from isomatch.matching import hypotheses, pipeline
-from studies import asked_for, changed, in_parallel, mean_error
+from isomatch import Config
+from isomatch.datasets import BenchmarkPair, benchmark_set
+from isomatch.matching import SearchSettings
+from studies import asked_for, in_parallel, mean_error, noisy
 
 RIGHT, WRONG = 3.0, 10.0
 SEED = 2026
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
-    "weakened": "hypotheses from four extremal points only, no flips, no compositions; the winner's twins are evidence",
-    "blind": "the same without twins: the right map is often not among the hypotheses",
+    "weakened": "hypotheses from four extremities and flips of one map only",
+    "blind": "the same without flips: the right map is often not among the hypotheses",
     "noise": "Gaussian noise of 0.35 and of 0.6 edge lengths on both shapes",
     "other kind": "a quadruped and a biped, a cat and a horse, …: no map is right",
     "given mirror": "a symmetric creature with its mirror image given as initial map, and to be trusted",
@@ -85,33 +85,23 @@ def judged(job: Job) -> dict[str, Any]:
     if kind == "noise":
         rng = np.random.default_rng(SEED)
         share = (0.35, 0.6)[len(a) % 2]
-        source, target = _noisy(source, share, rng), _noisy(target, share, rng)
+        source, target = noisy(source, share, rng), noisy(target, share, rng)
     options: dict[str, Any] = {}
     if kind == "given mirror":
         assert pair.mirrored is not None
         options = {"initial_map": pair.mirrored[:, 1], "config": Config(hypotheses="given")}
     elif kind == "either side":
         options = {"config": Config(orientation="any")}
-    weaker = (
-        {"FEATURE_COUNTS": (4,), "FLIPPED_PARENTS": 0, "COMPOSED": 0, "RECOMPOSED": 0}
-        if kind in ("weakened", "blind")
-        else {}
-    )
-    blinder = {"twins": lambda *_: []} if kind == "blind" else {}
+    if kind in ("weakened", "blind"):
+        search = SearchSettings(extremity_counts=(4,), flipped=int(kind == "weakened"))
+        options = {"config": Config(search=search)}
     try:
-        with changed(hypotheses, **weaker), changed(pipeline, **blinder):
-            found = isomatch.match(source, target, **options)
+        found = isomatch.match(source, target, **options)
     except isomatch.IsomatchError as error:
         return row | {"outcome": type(error).__name__, "error": None}
     error = mean_error(pair, found.map, kind == "either side") if len(pair.truth) else None
     row |= {"outcome": found.outcome.name, "error": error}
     return row | {key: found.to_dict()["quality"][key] for key in EVIDENCE}
-
-
-def _noisy(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
-    i, j = mesh.edges.T
-    edge = np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1).mean()
-    return Mesh(mesh.vertices + share * edge * rng.standard_normal(mesh.vertices.shape), mesh.faces)
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -11,24 +11,20 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from isomatch.matching.nearest import Coordinates, nearest_in_cells
-from scipy.linalg import polar
 
-from isomatch import Config, MatchResult, PreparedShape, match
+from isomatch import Config, MatchResult, match
 from isomatch.baselines import gdd, gdd_post
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
 from isomatch.evaluation import counted, geodesic_errors, metric_distortion, true_landmarks
 from isomatch.evaluation.remembering import RememberingEngine
 from isomatch.geodesics import distance_engine
-from isomatch.matching import alignment, choice, pipeline, refine, spectral
-from isomatch.matching.pair import Pair
-from studies import asked_for, changed
+from isomatch.matching import PreparationSettings, RefinementSettings, SearchSettings
+from studies import asked_for
 
 SEED = 0
 AT_ONCE_STEPS = 12  # more change little
@@ -40,45 +36,32 @@ def whole(config: Config, pair: BenchmarkPair) -> Config:
     return replace(config, n_refine=pair.source.n_vertices)
 
 
-def unrestricted(target: Any, source: Any) -> Any:
-    """Find the orthogonal C that minimises ‖T C − S‖, real and imaginary columns mixed: a unitary C of the paper."""
-    cross = target.coordinates.swapaxes(-1, -2) @ source.coordinates
-    u, _, v = np.linalg.svd(cross, full_matrices=False)
-    return u @ v
-
-
-def at_once(pair: Pair, start: Coordinates) -> Coordinates:
-    """Post-process with all functions from the start, F orthogonal: the paper as it is written."""
-    source, target = pair.source.shape.laplace, pair.target.shape
-    k = min(len(source.values), len(target.laplace.values))
-    rows = nearest_in_cells(start[0], start[1][pair.refinement.rows], target.cells)
-    first = polar(pair.refinement.fit(target.laplace.vectors[rows, :k], k))[0]
-    return spectral.coordinates(pair, spectral.icp(pair, first, k, AT_ONCE_STEPS))
-
-
 def as_usual(config: Config, pair: BenchmarkPair) -> Config:
     """Change nothing."""
     return config
 
 
-MIXED = [(module, {"orthogonal_alignment": unrestricted}) for module in (alignment, choice, refine)]
-UNFLIPPED = [(pipeline, {"twins": lambda pair, winner, known: []})]
-MESH_UNITS = [(PreparedShape, {"intrinsic_scale": property(lambda shape: 1.0 / shape.scale)})]
-AT_ONCE = [(refine, {"by_laplace_icp": at_once})]
-VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config], list[Any]]] = {
-    "GDD": (gdd, Config(), as_usual, []),
-    "GDD, area weights": (match, Config(hypotheses="given", refinement="none"), as_usual, []),
-    "GDD, C not block-diagonal": (gdd, Config(), as_usual, MIXED),
-    "GDD, iterated on all vertices": (gdd, Config(), whole, []),
-    "GDD, distances in mesh units": (gdd, Config(), as_usual, MESH_UNITS),
-    "GDD, flips of the start not tried": (gdd, Config(), as_usual, UNFLIPPED),
-    "GDD, k = 30, p = 60": (gdd, Config(rank=30, n_columns=60), as_usual, []),
-    "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual, []),
-    "post": (gdd_post, Config(), as_usual, []),
-    "post, 200 functions at once, F orthogonal": (gdd_post, Config(), as_usual, AT_ONCE),
-    "post, area weights": (match, Config(hypotheses="given", refinement="laplace_icp"), as_usual, []),
-    "post, iterated on all vertices": (gdd_post, Config(), whole, []),
-    "post, 100 functions": (gdd_post, Config(n_functions=100), as_usual, []),
+MIXED = Config(preparation=PreparationSettings(block_diagonal=False))
+UNFLIPPED = Config(search=SearchSettings(variants_of_landmarks=False))
+FLIPS_ONLY = Config(search=SearchSettings(composed_variants=0))
+MESH_UNITS = Config(preparation=PreparationSettings(distance_unit="user"))
+AT_ONCE = Config(refining=RefinementSettings(laplace_steps_at_once=AT_ONCE_STEPS))
+BY_AREA: dict[str, Any] = {"hypotheses": "given", "search_rivals": False}
+VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config]]] = {
+    "GDD": (gdd, Config(), as_usual),
+    "GDD, area weights": (match, Config(refinement="none", **BY_AREA), as_usual),
+    "GDD, C not block-diagonal": (gdd, MIXED, as_usual),
+    "GDD, iterated on all vertices": (gdd, Config(), whole),
+    "GDD, distances in mesh units": (gdd, MESH_UNITS, as_usual),
+    "GDD, flips of the start not tried": (gdd, UNFLIPPED, as_usual),
+    "GDD, compositions of these flips not tried": (gdd, FLIPS_ONLY, as_usual),
+    "GDD, k = 30, p = 60": (gdd, Config(rank=30, n_columns=60), as_usual),
+    "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual),
+    "post": (gdd_post, Config(), as_usual),
+    "post, 200 functions at once, F orthogonal": (gdd_post, AT_ONCE, as_usual),
+    "post, area weights": (match, Config(refinement="laplace_icp", **BY_AREA), as_usual),
+    "post, iterated on all vertices": (gdd_post, Config(), whole),
+    "post, 100 functions": (gdd_post, Config(n_functions=100), as_usual),
 }
 
 
@@ -90,11 +73,8 @@ def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
     engines = source, target
     landmarks = true_landmarks(pair, seed=SEED, engines=engines)
     results = {}
-    for name, (method, config, scope, changes) in VARIANTS.items():
-        with ExitStack() as stack:
-            for module, values in changes:
-                stack.enter_context(changed(module, **values))
-            found = method(pair.source, pair.target, landmarks, config=scope(config, pair)).map
+    for name, (method, config, scope) in VARIANTS.items():
+        found = method(pair.source, pair.target, landmarks, config=scope(config, pair)).map
         error = counted(geodesic_errors(pair.target, found, pair.truth, 1000, SEED, engines[1])).mean()
         distortion = metric_distortion(
             pair.source, pair.target, found, pair.truth, n_rows=100, seed=SEED, engines=engines

@@ -14,31 +14,30 @@ from typing import Any
 import numpy as np
 
 from isomatch import Config, match, prepare
-from isomatch.datasets.benchmarks import benchmark_set
+from isomatch.datasets import benchmark_set
 from isomatch.evaluation import coverage, cycle_errors, dirichlet_energy
-from isomatch.matching import refine
-from studies import asked_for, changed, drawn, in_parallel, mean_error
+from isomatch.matching import RefinementSettings
+from studies import Job, asked_for, drawn, in_parallel, mean_error
 
 SEED = 8
 PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}
-VARIANTS: dict[str, tuple[Config, dict[str, Any]]] = {
-    "without settling": (Config(), {"SETTLING_STEPS": 0}),
-    "default": (Config(), {}),
-    "smooth": (Config(refinement="smooth"), {}),
+VARIANTS = {
+    "without registration": Config(refining=RefinementSettings(registration_steps=0)),
+    "default": Config(),
+    "smooth": Config(refinement="smooth"),
 }
 MEASURES = ("error", "cycle", "dirichlet", "coverage", "seconds")
 
 
-def measured(job: tuple[str, str, tuple[str, str]]) -> list[dict[str, Any]]:
+def measured(job: Job) -> list[dict[str, Any]]:
     """Match one pair both ways in every variant."""
     data, name, names = job
     pair = benchmark_set(name, data).load(*names)
     source, target = pair.source, pair.target
     shapes = prepare(source), prepare(target)
     rows = []
-    for variant, (config, values) in VARIANTS.items():
-        with changed(refine, **values):
-            there, back = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
+    for variant, config in VARIANTS.items():
+        there, back = (match(*ends, config=config) for ends in (shapes, shapes[::-1]))
         rows.append(
             {
                 "set": name,

@@ -1,4 +1,4 @@
-"""What the studies of this folder share: constants changed for a while, and pairs matched in parallel."""
+"""What the studies of this folder share: hard pairs, processes, errors and the command line."""
 
 from __future__ import annotations
 
@@ -6,31 +6,18 @@ import argparse
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
-from types import ModuleType
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from isomatch import Correspondence
-from isomatch.datasets.benchmarks import BenchmarkPair, benchmark_set
+import numpy as np
+
+from isomatch import Correspondence, Mesh
+from isomatch.datasets import BenchmarkPair, benchmark_set, creature, ground_truth, relabelled
 from isomatch.evaluation import counted, geodesic_errors
 
 T = TypeVar("T")
 R = TypeVar("R")
-
-
-@contextmanager
-def changed(module: ModuleType, **values: Any) -> Iterator[None]:
-    """Give constants of a module other values."""
-    usual = {name: getattr(module, name) for name in values}
-    try:
-        for name, value in values.items():
-            setattr(module, name, value)
-        yield
-    finally:
-        for name, value in usual.items():
-            setattr(module, name, value)
 
 
 def in_parallel(function: Callable[[T], R], jobs: Iterable[T]) -> Iterator[R]:
@@ -50,7 +37,69 @@ def mean_error(pair: BenchmarkPair, found: Correspondence, either_side: bool = F
     return float(100 * min(counted(each).mean() for each in errors))
 
 
-def drawn(data: str, counts: dict[str, int], seed: int) -> list[tuple[str, str, tuple[str, str]]]:
+Job = tuple[str, str, tuple[str, str]]  # folder of the sets, set, names of the pair
+HARD_PAIRS = Path(__file__).with_name("hard_pairs.txt")
+DAMAGES = ("noise", "decimation", "stretch")
+HARD_CREATURES = 10  # pairs of each kind of damage
+
+
+def hard_jobs(data: str) -> list[Job]:
+    """List pairs of real shapes that are hard, and creatures in a hard setting."""
+    lines = [line.split() for line in HARD_PAIRS.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    real = [(data, name, (source, target)) for name, source, target in lines]
+    damaged = [
+        (data, "hard creatures", (damage, str(i))) for i in range(HARD_CREATURES) for damage in DAMAGES
+    ]
+    return [*real, *damaged]
+
+
+def loaded(job: Job) -> BenchmarkPair:
+    """Read or make the pair of a job."""
+    data, name, names = job
+    if name == "hard creatures":
+        return damaged_creatures(names[0], int(names[1]))
+    return benchmark_set(name, data).load(*names)
+
+
+def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
+    """Make two poses of an asymmetric creature of 5000 vertices, the target relabelled and rotated.
+
+    "noise": Gaussian, of 0.4 edge lengths, on both. "decimation": the target has 1600 vertices. "stretch": its limbs are
+    longer by up to 45 %, the more the farther from the centre.
+    """
+    rng = np.random.default_rng(1000 + seed)
+    style = int(rng.integers(5))
+    sizes = (5000, 1600) if damage == "decimation" else (5000, 5000)
+    made = [
+        creature(
+            size,
+            kind=("quadruped", "biped")[seed % 2],
+            style=style,
+            pose=200 + 2 * seed + side,
+            triangulation=300 + 2 * seed + side,
+        )
+        for side, size in enumerate(sizes)
+    ]
+    source, target = (each.mesh for each in made)
+    if damage == "noise":
+        source, target = (noisy(mesh, 0.4 / 3**0.5, rng) for mesh in (source, target))
+    if damage == "stretch":
+        centre = np.average(target.vertices, axis=0, weights=target.vertex_areas)
+        radius = np.linalg.norm(target.vertices - centre, axis=1, keepdims=True)
+        longer = 1 + 0.45 * (radius / radius.max()) ** 1.5
+        target = Mesh(centre + (target.vertices - centre) * longer, target.faces)
+    target, new = relabelled(target, seed)
+    truth = np.column_stack([np.arange(source.n_vertices), new[ground_truth(*made).vertices]])
+    return BenchmarkPair(f"{damage}-{seed}", source, target, truth)
+
+
+def noisy(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
+    """Add Gaussian noise to every coordinate, of a share of the mean edge length."""
+    noise = share * mesh.edge_lengths.mean() * rng.standard_normal(mesh.vertices.shape)
+    return Mesh(mesh.vertices + noise, mesh.faces)
+
+
+def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
     """Folder, set and names of pairs drawn from some sets."""
     return [
         (data, name, pair)

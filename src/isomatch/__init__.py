@@ -1,4 +1,4 @@
-"""Point-to-point correspondence between near-isometric surfaces, from geodesic distances alone."""
+"""Point-to-point correspondence between near-isometric surfaces, by geodesic distance descriptors, spectra and curvature."""
 
 from typing import TYPE_CHECKING
 
