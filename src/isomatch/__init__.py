@@ -1,4 +1,7 @@
-"""Point-to-point correspondence between near-isometric surfaces, by geodesic distance descriptors, spectra and curvature."""
+"""Point-to-point correspondence between near-isometric surfaces.
+
+From geodesic distance descriptors, spectra, curvature and smoothed positions; no training, no landmarks needed.
+"""
 
 from typing import TYPE_CHECKING
 
