@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch._arrays import FloatArray, IntArray
@@ -51,3 +51,42 @@ class Dijkstra(ColumnEngine):
         blocks = [sources[first : first + BLOCK] for first in range(0, len(sources), BLOCK)]
         rows = parallel_map(lambda block: dijkstra(self._graph, indices=block), blocks)
         return np.concatenate(rows) if rows else np.zeros((0, self.n_points))
+
+
+def distance_along_edges_to_nearest(
+    surface: Mesh | PointCloud | Graph, vertices: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Compute the distance along edges from each vertex to the nearest of some, and which one that is.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        What has edges with lengths.
+    vertices : (m,) array of int
+        The vertices to measure from, at least one.
+
+    Returns
+    -------
+    distance : (n,) array of float
+        Length of the shortest path, in the units of the surface; ``inf`` where no path leads.
+    nearest : (n,) array of int
+        The vertex at the other end of that path; negative where there is none.
+
+    Notes
+    -----
+    One run of Dijkstra's algorithm from all vertices at once: O(e + n log n) for e edges.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> distance, nearest = distance_along_edges_to_nearest(square, np.array([1]))
+    >>> distance.tolist(), nearest.tolist()
+    ([1.0, 0.0, 1.0, 2.0], [1, 1, 1, 1])
+    """
+    i, j = surface.edges.T
+    lengths = np.maximum(surface.edge_lengths, 1e-300)
+    graph = coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()
+    distance, _, nearest = dijkstra(
+        graph, directed=False, indices=vertices, min_only=True, return_predecessors=True
+    )
+    return distance, nearest
