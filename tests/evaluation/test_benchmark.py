@@ -107,7 +107,7 @@ def test_rows_tables_and_resuming(small, tmp_path):
 def test_rows_of_another_version_are_computed_again_and_told_apart(small, monkeypatch, tmp_path):
     run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
     earlier = list(run_benchmark(run, tmp_path))
-    monkeypatch.setattr(benchmark_run, "version", lambda name: "99.0")
+    monkeypatch.setattr(benchmark_run, "installed_version", lambda: "99.0")
     later = list(run_benchmark(run, tmp_path))
     assert len(later) == 2
     assert read_rows(tmp_path) == earlier + later
@@ -355,6 +355,13 @@ def test_failures_are_counted():
 def test_nothing_run_yet(tmp_path):
     assert read_rows(tmp_path) == []
     assert write_tables(tmp_path) == []
+
+
+def test_settings_of_a_run_are_checked():
+    for bad in ({"n_pairs": 0}, {"n_points": 0}, {"jobs": 0}, {"seed": -1}):
+        name, value = next(iter(bad.items()))
+        with pytest.raises(SettingError, match=f"{name} = {value} is not an integer of at least"):
+            BenchmarkRun("example", **bad)
 
 
 def test_unknown_names_are_reported(tmp_path):

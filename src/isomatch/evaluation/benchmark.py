@@ -40,7 +40,7 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
             if identity_of(run.identity(pair, method)) not in done:
                 endings = jobs.setdefault((pair, base), [])
                 if ending and not endings and identity_of(run.identity(pair, base)) not in done:
-                    endings.append("")  # is computed anyway, and shows what was gained
+                    endings.append("")  # is computed anyway, and shows the gain
                 if ending not in endings:
                     endings.append(ending)
     with appending(out) as append:
@@ -121,6 +121,6 @@ class _Worker:
 
 
 def _problem(problem: Exception) -> Row:
-    """Name a problem, with what was being done."""
+    """Describe a problem, with the notes attached to it."""
     parts = [f"{type(problem).__name__}: {problem}", *getattr(problem, "__notes__", [])]
     return {"problem": " ".join(parts)}

@@ -1,8 +1,9 @@
-"""What a benchmark run consists of: the pairs of a set, methods, and where and how their maps are judged."""
+"""The definition of a benchmark run: the pairs of a set, the methods, and how their maps are judged."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import TypeAlias
 
@@ -85,7 +86,7 @@ class BenchmarkRun(Settings):
         return pair, benchmark_set(self.set_name, self.folder, self.landmarks).load(*names)
 
     def identity(self, names: PairNames, method: str) -> Row:
-        """Begin the row of a pair and a method with what tells it apart from others."""
+        """Values that identify the row of a pair and a method."""
         return {
             "set": self.set_name,
             "pair": "-".join(names),
@@ -93,7 +94,7 @@ class BenchmarkRun(Settings):
             "points": self.n_points,
             "seed": self.seed,
             "judged_at": "landmarks" if self.landmarks else "truth",
-            "version": version("isomatch"),
+            "version": installed_version(),
             "settings": settings_digest(method),
         }
 
@@ -101,3 +102,9 @@ class BenchmarkRun(Settings):
         """Whether a row has every measure of this run, and so no problem."""
         wanted = {"error": True, "cycle": self.cycles, "distortion_table": self.table_distortion}
         return all(name in row for name, asked in wanted.items() if asked)
+
+
+@cache
+def installed_version() -> str:
+    """Version of isomatch that is installed."""
+    return version("isomatch")

@@ -1,4 +1,4 @@
-"""A distance engine that keeps its columns: the true images of a pair are asked for by every method that is judged."""
+"""A distance engine that keeps its columns, because all methods of a pair are judged at the same true images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of benchmark runs on disk: one line of JSON for each, written whole, told apart by version and settings."""
+"""The rows of benchmark runs on disk: one line of JSON each, identified by version and settings among others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 from isomatch.errors import FormatError
 
 Row: TypeAlias = dict[str, Any]
-"""What was measured for one pair and one method; or what went wrong, under "problem"."""
+"""Measurements for one pair and one method, or the problem that prevented them."""
 
 IDENTITY = ("set", "pair", "method", "points", "seed", "judged_at", "version", "settings")
 FILE = "rows.jsonl"
@@ -30,9 +30,9 @@ def read_rows(out: str | Path) -> list[Row]:
     Returns
     -------
     list of dict
-        For each identity, the row written last, in the order of writing. Two rows are of one identity if they agree in
-        set, pair, method, number and seed of the points, what they are judged at, version of isomatch, and settings of
-        the method. An incomplete last line, as an interrupted run leaves it, is left out with a warning in the log.
+        In the order of writing. Of several rows with the same set, pair, method, points, seed, kind of truth, version of
+        isomatch and settings of the method, the last one. An incomplete last line, as an interrupted run leaves it, is
+        left out, with a warning in the log.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_rows(out: str | Path) -> list[Row]:
 
 @contextmanager
 def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
-    """Open the rows of a folder for writing: gives a function that adds a row, in a single write.
+    """Open the rows of a folder for writing; gives a function that adds a row in a single write.
 
     An incomplete last line is cut off first.
     """
@@ -76,5 +76,5 @@ def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
 
 
 def identity_of(row: Row) -> tuple[Any, ...]:
-    """Values by which rows are told apart; None for what rows of early versions do not have."""
+    """Values that identify a row; None for those that rows of early versions lack."""
     return tuple(row.get(name) for name in IDENTITY)

@@ -1,8 +1,9 @@
-"""One pair of a benchmark run: what its methods share, and what is measured of their maps."""
+"""One pair of a benchmark run: the preparation that its methods share, and the measurement of their maps."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -25,12 +26,12 @@ from isomatch.geodesics import distance_engine
 from isomatch.matching import Config, prepare
 
 DISTORTION_ROWS = 100  # points whose distances to 1000 others are compared in every row
-TABLE_SHARE = 4  # one of so many points is a row in the paper's table: columns are slow on large meshes
+TABLE_SHARE = 4  # a quarter of the points are rows of the table, because columns are slow on large meshes
 
 
 @dataclass(frozen=True)
 class Found:
-    """The map that a method found.
+    """The map that a method found, and its cost.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class Found:
     diagnostics : dict
         What the method reports about it.
     seconds : float
-        Time without preparation; with that of the map it was started from.
+        Time without preparation; for a map that was started from another one, that of both.
     preparations : frozenset of Config
         Settings of the prepared shapes that were used.
     """
@@ -95,58 +96,56 @@ class Subject:
         return Found(found, diagnostics, seconds, preparations)
 
     def measures(self, found: Found, back: Found | None = None) -> Row:
-        """Measure a map: errors × 100, and measures that need no truth.
-
-        A vertex without an image counts as √area. If the shapes are truly symmetric, one decision is made for the pair
-        between direct and mirrored truth. The seconds count each preparation once, though it serves other rows too.
-        """
-        run, pair, judged = self._run, self.pair, self._judged
-        n_points = run.n_points if run.landmarks is None else None
-        sides = sided_errors(
-            pair.target, found.map, judged.truth, judged.mirrored, n_points, run.seed, self._engines[1]
-        )
-        better = counted(sides.better)
-        errors = better if judged.symmetric else counted(sides.direct)
-        numbers = {
-            "error": 100 * errors.mean(),
-            "median": 100 * np.median(errors),
-            "p95": 100 * np.quantile(errors, 0.95),
-            "direct": 100 * counted(sides.direct).mean(),
-            "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
-            "either": 100 * better.mean(),
-            "unmatched": np.isinf(sides.direct).mean(),
-            "auc": area_under_curve(errors),
-            **{
-                f"within_{100 * t:02.0f}": share for t, share in zip(SHARES, cumulative_curve(errors, SHARES))
-            },
-            **self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS),
-            "coverage": coverage(pair.target, found.map),
-            "smoothness": dirichlet_energy(pair.source, pair.target, found.map),
-        }
+        """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
+        run, pair = self._run, self.pair
+        numbers = self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
+        numbers["coverage"] = coverage(pair.target, found.map)
+        numbers["smoothness"] = dirichlet_energy(pair.source, pair.target, found.map)
         if run.table_distortion:
-            n_columns = min(run.n_points, len(pair.truth))
-            numbers |= self._distortion(
-                "distortion_table",
-                found.map,
-                n_rows=n_columns // TABLE_SHARE,
-                n_columns=n_columns,
-                same_points=True,
-            )
+            n_points = min(run.n_points, len(pair.truth))
+            draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}
+            numbers |= self._distortion("distortion_table", found.map, **draw)
         if back is not None:
             cycle = cycle_errors(pair.source, found.map, back.map, run.n_points, run.seed, self._engines[0])
             numbers["cycle"] = 100 * counted(cycle).mean()
-        curves = {"curve": counted(sides.direct), "curve_either": better}
         return {
             "n_source": pair.source.n_vertices,
             "n_target": pair.target.n_vertices,
             "seconds": found.seconds + sum(self._prepared(config)[1] for config in found.preparations),
             "outcome": found.diagnostics.get("outcome", ""),
             "details": found.diagnostics,
-            **{name: float(number) if np.isfinite(number) else None for name, number in numbers.items()},
-            **{
-                name: [round(float(share), 4) for share in cumulative_curve(values)]
-                for name, values in curves.items()
-            },
+            **self._errors(found.map),
+            **_plain(numbers),
+        }
+
+    def _errors(self, found: Correspondence) -> Row:
+        """Errors × 100, and their curves; a vertex without an image counts as √(target area).
+
+        If the shapes are truly symmetric, one decision is made for the pair between direct and mirrored truth.
+        """
+        run, judged = self._run, self._judged
+        n_points = run.n_points if run.landmarks is None else None
+        sides = sided_errors(
+            judged.target, found, judged.truth, judged.mirrored, n_points, run.seed, self._engines[1]
+        )
+        direct, better = counted(sides.direct), counted(sides.better)
+        errors = better if judged.symmetric else direct
+        numbers = {
+            "error": 100 * errors.mean(),
+            "median": 100 * np.median(errors),
+            "p95": 100 * np.quantile(errors, 0.95),
+            "direct": 100 * direct.mean(),
+            "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
+            "either": 100 * better.mean(),
+            "unmatched": np.isinf(sides.direct).mean(),
+            "auc": area_under_curve(errors),
+        }
+        for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
+            numbers[f"within_{100 * threshold:02.0f}"] = share
+        curves = {"curve": direct, "curve_either": better}
+        return _plain(numbers) | {
+            name: [round(float(share), 4) for share in cumulative_curve(values)]
+            for name, values in curves.items()
         }
 
     def _distortion(self, name: str, found: Correspondence, **draw: Any) -> dict[str, float]:
@@ -156,3 +155,8 @@ class Subject:
             pair.source, pair.target, found, pair.truth, seed=self._run.seed, engines=self._engines, **draw
         )
         return {name: distortion.l2, f"{name}_truth": distortion.truth.l2 if distortion.truth else np.nan}
+
+
+def _plain(numbers: Mapping[str, Any]) -> Row:
+    """Turn numbers into those of JSON, which has None for what is not finite."""
+    return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
