@@ -212,6 +212,9 @@ def test_errors_at_landmarks(example_on_disk, monkeypatch, tmp_path):
     assert rows[1]["error"] == pytest.approx(100 * off / 4)
     np.testing.assert_array_equal(given[0], given[1])
     assert rows[0]["distortion_l2"] == rows[1]["distortion_l2"], "only errors are measured at landmarks"
+    (line,) = write_tables(tmp_path / "out")
+    assert (line["pairs"], line["judged_at"], line["mean"]) == (1, "landmarks", rows[1]["error"])
+    assert "at landmarks: direct" in (tmp_path / "out" / "curves.svg").read_text(encoding="utf-8")
     (folder / "landmarks" / "beast1.txt").unlink()
     (row,) = run_benchmark(replace(at_landmarks, seed=1), tmp_path / "out")
     assert "no landmarks of beast1" in row["problem"]

@@ -50,7 +50,8 @@ def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve],
             published_set = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
             others = [curve for curve in published if curve.set_name == published_set]
             _draw(axes, panels[kind], others, colours, kind == CONTINUED)
-            axes.set_title(f"{name}: {kind}", fontsize="medium")
+            at_landmarks = any(row["set"] == name and row.get("judged_at") == "landmarks" for row in good)
+            axes.set_title(f"{name}{', at landmarks' * at_landmarks}: {kind}", fontsize="medium")
     for suffix in ("png", "svg"):
         figure.savefig(out / f"curves.{suffix}", dpi=110)
 

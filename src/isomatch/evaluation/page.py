@@ -77,7 +77,7 @@ def write_page(
         summary=_table(SUMMARY, summary),
         gains=GAINS.format(_table(tuple(gains[0]), gains)) if gains else "",
         curves="data:image/svg+xml;base64," + b64encode(curves).decode("ascii"),
-        note=f"Rows of other versions, settings, points or seeds in rows.jsonl, not shown: {left_out}."
+        note=f"Rows of other versions, settings, points, seeds or truth in rows.jsonl, not shown: {left_out}."
         if left_out
         else "",
         count=f"{len(worst)} of {len(rows)}; those with a problem first.",

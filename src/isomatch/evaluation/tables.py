@@ -27,8 +27,9 @@ AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
 def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> list[dict[str, Any]]:
     """Write tables, curves and a page of the rows in a folder.
 
-    Of each set and method, only the rows that agree with the last one in points, seed, truth, version and settings are
-    shown, so that no mean is over rows that cannot be compared. The page says how many rows are left out.
+    Of each set and method, only the rows that agree with the last one in points, seed, version and settings are shown,
+    and of each set only those with the kind of truth of its last row, so that no mean is over rows that cannot be
+    compared. The page says how many rows are left out.
 
     Parameters
     ----------
@@ -60,11 +61,13 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
 
 
 def _comparable(rows: list[Row]) -> list[Row]:
-    """Of each set and method, keep the rows that differ from the last one in the pair alone."""
+    """Keep the rows that differ from the last of their set and method in the pair alone; one kind of truth a set."""
 
     def kind(row: Row) -> tuple[Any, ...]:
         return identity_of(row | {"pair": ""})
 
+    truth = {row["set"]: row.get("judged_at") for row in rows}
+    rows = [row for row in rows if row.get("judged_at") == truth[row["set"]]]
     last = {(row["set"], row["method"]): kind(row) for row in rows}
     return [row for row in rows if kind(row) == last[row["set"], row["method"]]]
 
