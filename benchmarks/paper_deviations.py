@@ -20,8 +20,7 @@ from isomatch import Config, MatchResult, match
 from isomatch.baselines import gdd, gdd_post
 from isomatch.datasets import BenchmarkPair
 from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.evaluation import counted, geodesic_errors, metric_distortion, true_landmarks
-from isomatch.evaluation.remembering import RememberingEngine
+from isomatch.evaluation import CachingEngine, counted, geodesic_errors, metric_distortion, true_landmarks
 from isomatch.geodesics import distance_engine
 from isomatch.matching import PreparationSettings, RefinementSettings, SearchSettings
 from studies import asked_for
@@ -67,9 +66,7 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
 
 def measured(pair: BenchmarkPair) -> dict[str, tuple[float, float]]:
     """Error and distortion over that of the truth, for each variant."""
-    source, target = (
-        RememberingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target)
-    )
+    source, target = (CachingEngine(distance_engine(mesh), 2.0**30) for mesh in (pair.source, pair.target))
     engines = source, target
     landmarks = true_landmarks(pair, seed=SEED, engines=engines)
     results = {}

@@ -96,27 +96,7 @@ def side_doors(room, source):
                 yield f"line {node.lineno}: {module} {', '.join(names)}".rstrip()
 
 
-INSIDERS = {
-    "datasets/creatures.py",
-    "datasets/example.py",
-    "datasets/tessellation.py",
-    "datasets/truth.py",
-    "evaluation/benchmark.py",
-    "evaluation/remembering.py",
-    "paper/distortion_table.py",
-    "paper/princeton_curves.py",
-    "paper/voronoi.py",
-}
-"""Files that still reach into another room; a file that no longer does must leave this list."""
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, id=name, marks=[pytest.mark.xfail(strict=True)] if name in INSIDERS else [])
-        for path, name in ((path, path.relative_to(PACKAGE).as_posix()) for path in FILES)
-    ],
-)
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_room_is_entered_by_its_front_door(path):
     found = list(side_doors(room_of(path), path.read_text(encoding="utf-8")))
     assert not found, "import public names from `isomatch.<room>`; export what is missing there"

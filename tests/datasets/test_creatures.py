@@ -10,7 +10,7 @@ from isomatch.datasets.example import make_example_pair
 from isomatch.datasets.implicit import Skin
 from isomatch.datasets.posing import natural_pose, posed
 from isomatch.datasets.truth import _closest_on_triangles, closest_points
-from isomatch.errors import IsomatchError, MissingDependencyError
+from isomatch.errors import InputError, MissingDependencyError, SettingError
 from isomatch.surfaces.mesh import Mesh
 
 KINDS = sorted(PLANS)
@@ -89,7 +89,7 @@ def test_same_arguments_give_the_same_creature(resting):
     np.testing.assert_array_equal(again.mesh.faces, resting.mesh.faces)
 
 
-def test_vertex_order_tells_nothing(resting):
+def test_vertex_order_reveals_nothing(resting):
     """Neighbours in order are as far apart as any two vertices."""
     apart = np.linalg.norm(np.diff(resting.rest, axis=0), axis=1).mean()
     random = resting.rest[np.random.default_rng(0).permutation(len(resting.rest))]
@@ -225,22 +225,22 @@ def test_without_scikit_image_the_error_says_what_to_install(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"n_vertices": 100}, "n_vertices=100 cannot show"),
-        ({"kind": "snake"}, "kind='snake' is no body plan; choose one of 'quadruped', 'biped'"),
-        ({"pose": {"wing": [0, 0, 1]}}, "turns 'wing', which is no joint; choose from waist"),
+        ({"n_vertices": 100}, "n_vertices = 100 is too coarse"),
+        ({"kind": "snake"}, "kind = 'snake' is no body plan; choose one of 'quadruped', 'biped'"),
+        ({"pose": {"wing": [0, 0, 1]}}, "rotates 'wing', which is no joint; choose from waist"),
         ({"pose": {"head": 30}}, "pose of 'head' is 30; give three finite angles"),
         ({"pose": {"head": [0, 0, np.nan]}}, "give three finite angles"),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
-    with pytest.raises(IsomatchError, match=message):
+    with pytest.raises(SettingError, match=message):
         creature(**{"n_vertices": 1500, **arguments})
 
 
 def test_truth_needs_one_body(resting):
-    with pytest.raises(IsomatchError, match="target symmetric=True, so they share no rest surface"):
+    with pytest.raises(InputError, match="target symmetric=True, so they share no rest surface"):
         ground_truth(resting, creature(1500, kind=resting.kind, symmetric=True))
-    with pytest.raises(IsomatchError, match="no mirrored truth"):
+    with pytest.raises(SettingError, match="no mirrored truth"):
         ground_truth(resting, resting, mirrored=True)
 
 

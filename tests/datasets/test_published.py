@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from isomatch import FormatError, Mesh, write_mesh
-from isomatch.datasets import faust, remeshed, scape, tosca
-from isomatch.datasets.benchmarks import benchmark_set
+from isomatch import FormatError, Mesh, MissingFileError, write_mesh
+from isomatch.datasets import benchmark_set, faust, remeshed, scape, tosca
 from shapes import icosphere
 
 BALL = icosphere(1)
@@ -92,7 +91,7 @@ def test_known_vertices_correspond_line_by_line(two_remeshed):
     save_vertices(root / "corres" / "woman10.sym.vts", MIRROR[marks["woman10"]])
     pair = remeshed(root).pair("man2", "woman10")
     assert pair.mirrored.tolist() == np.column_stack([marks["man2"], MIRROR[marks["woman10"]]]).tolist()
-    assert not pair.symmetric, "told beside, but a flip stays an error"
+    assert not pair.symmetric, "reported, but a flip stays an error"
 
 
 def test_pairs_are_those_listed(two_remeshed):
@@ -124,6 +123,37 @@ def test_landmarks_know_their_mirror_images(tmp_path):
     assert pair.mirrored.tolist() == [[7, 7], [3, 5], [5, 3]]
 
 
+@pytest.mark.parametrize("name", ["cat.npz", "tosca_cat.npz", "tosca.npz"])
+def test_landmarks_of_a_benchmark_set_are_on_the_shapes_that_are_matched(tmp_path, name):
+    for pose, mesh in (("cat0", BALL), ("cat1", EGG)):
+        save(tmp_path / "tosca" / f"{pose}.off", mesh)
+    (tmp_path / "landmarks").mkdir()
+    np.savez(tmp_path / "landmarks" / name, landmark_vertices=[7, 3, 5], symmetry_perm=[0, 2, 1])
+    dense = benchmark_set("tosca", tmp_path).load("cat0", "cat1")
+    pair = benchmark_set("tosca", tmp_path, tmp_path / "landmarks").load("cat0", "cat1")
+    np.testing.assert_array_equal(pair.target.vertices, dense.target.vertices)
+    image = dict(dense.truth.tolist())
+    assert pair.truth.tolist() == [[vertex, image[vertex]] for vertex in (7, 3, 5)]
+    assert pair.mirrored.tolist() == [[7, image[7]], [3, image[5]], [5, image[3]]]
+
+
+def test_an_archive_without_landmarks_is_reported(tmp_path):
+    save(tmp_path / "cat0.off", BALL)
+    (tmp_path / "landmarks").mkdir()
+    np.savez(tmp_path / "landmarks" / "cat.npz", vertices=[1])
+    with pytest.raises(
+        FormatError, match="no landmarks in this archive; expected an array 'landmark_vertices'"
+    ):
+        tosca(tmp_path).with_landmarks(tmp_path / "landmarks")["cat0"]
+
+
+def test_a_missing_file_of_triangles_is_reported(tmp_path):
+    save(tmp_path / "cat0.vert", BALL)
+    (tmp_path / "cat0.tri").unlink()
+    with pytest.raises(MissingFileError, match=r"cat0\.tri: this file is missing"):
+        tosca(tmp_path)["cat0"]
+
+
 def test_a_benchmark_set_hides_equal_indices(tmp_path):
     for name, mesh in (("cat0", BALL), ("cat1", EGG)):
         save(tmp_path / "tosca" / f"{name}.mat", mesh)
@@ -141,12 +171,12 @@ def test_a_benchmark_set_hides_equal_indices(tmp_path):
 @pytest.mark.parametrize("door", [tosca, scape, faust, remeshed])
 def test_an_empty_folder_says_where_to_obtain_the_set(tmp_path, door):
     with pytest.raises(
-        FormatError, match=f"no shapes of the set '{door.__name__}' in this folder; obtain .*"
+        MissingFileError, match=f"no shapes of the set '{door.__name__}' in this folder; obtain .*"
     ):
         door(tmp_path)
 
 
-def test_defects_are_told(tmp_path, two_remeshed):
+def test_defects_are_reported(tmp_path, two_remeshed):
     root, _ = two_remeshed
     save_vertices(root / "corres" / "man2.vts", [-1, 3])
     with pytest.raises(FormatError, match=r"man2.vts: entries 0 are not whole numbers from 1"):
@@ -164,12 +194,12 @@ def test_defects_are_told(tmp_path, two_remeshed):
     with pytest.raises(FormatError, match="0 rows"):
         remeshed(root)["man2"]
     (root / "corres" / "man2.vts").unlink()
-    with pytest.raises(FormatError, match=r"nothing is known about man2; expected man2\.vts"):
+    with pytest.raises(MissingFileError, match=r"there is no truth for man2; expected man2\.vts"):
         remeshed(root)["man2"]
-    with pytest.raises(FormatError, match="remeshed has no shape 'child'; it has man2, woman10"):
+    with pytest.raises(MissingFileError, match="remeshed has no shape 'child'; choose from man2, woman10"):
         remeshed(root)["child"]
     save(root / "ply" / "man2.ply", BALL)
-    with pytest.raises(FormatError, match="man2 is both"):
+    with pytest.raises(FormatError, match="man2 is both in"):
         remeshed(root)
 
 
@@ -181,23 +211,25 @@ def test_defects_are_told(tmp_path, two_remeshed):
         ("cat0.vert", b"1 2\n", "1 rows of 2 numbers, expected rows of 3"),
     ],
 )
-def test_broken_shapes_are_told(tmp_path, name, content, message):
+def test_broken_shapes_are_reported(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     (tmp_path / "cat0.tri").write_text("1 2 3\n")
     with pytest.raises(FormatError, match=message):
         tosca(tmp_path)["cat0"]
 
 
-def test_a_broken_archive_and_broken_landmarks_are_told(tmp_path):
+def test_a_broken_archive_and_broken_landmarks_are_reported(tmp_path):
     (tmp_path / "cat.npz").write_bytes(b"PK nothing")
     with pytest.raises(FormatError, match=r"cat.npz: cannot be read"):
         tosca(tmp_path)
     (tmp_path / "cat.npz").unlink()
     save(tmp_path / "cat0.off", BALL)
-    with pytest.raises(FormatError, match=r"no landmarks of cat0; expected cat0\.txt or cat\.txt"):
+    with pytest.raises(
+        MissingFileError, match=r"no landmarks of cat0; expected cat0, cat, tosca_cat or tosca, with"
+    ):
         tosca(tmp_path).with_landmarks(tmp_path)["cat0"]
     (tmp_path / "cat.txt").write_text("3 1\n4 9\n")
-    with pytest.raises(FormatError, match="mirrored to line 9, the last is 1"):
+    with pytest.raises(FormatError, match="mirrored to number 9, but the last is 1"):
         tosca(tmp_path).with_landmarks(tmp_path)["cat0"]
 
 

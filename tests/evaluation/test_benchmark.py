@@ -1,28 +1,43 @@
-"""Runs over a set: every pair is a row, interrupted runs go on, problems are told."""
+"""Runs over a set: every pair is a row, interrupted runs continue, problems are reported."""
 
 import csv
-from dataclasses import replace
+import json
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, FormatError, PreparedShape, SettingError, geodesic_distances
+from isomatch import (
+    Config,
+    Correspondence,
+    FormatError,
+    LandmarkError,
+    MissingFileError,
+    PreparedShape,
+    SettingError,
+    geodesic_distances,
+)
+from isomatch.cli import main
 from isomatch.cli.bench import bench
-from isomatch.datasets import BenchmarkPair, example_pair, ground_truth
-from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
+from isomatch.datasets import BenchmarkPair, BenchmarkSet, benchmark_set, example_pair, ground_truth
+from isomatch.datasets.benchmarks import relabelled
 from isomatch.evaluation import (
     CONTINUATIONS,
     METHODS,
     BenchmarkRun,
     Method,
-    benchmark,
+    benchmark_run,
+    counted,
+    cycle_errors,
     read_published_curves,
     read_rows,
+    rows_of,
     run_benchmark,
     summaries,
     true_landmarks,
     write_tables,
 )
+from isomatch.evaluation.methods import settings_digest
 
 
 @pytest.fixture
@@ -48,7 +63,7 @@ def small(monkeypatch):
         raise RuntimeError("no <map> today")
 
     chosen = BenchmarkSet("small", (("a", "b"), ("b", "c")), load)
-    monkeypatch.setattr(benchmark, "benchmark_set", lambda name, folder: chosen)
+    monkeypatch.setattr(benchmark_run, "benchmark_set", lambda name, folder, landmarks=None: chosen)
     fakes = {
         "right": answer(truth),
         "flipped": answer(wrong[:, 1]),
@@ -89,20 +104,206 @@ def test_rows_tables_and_resuming(small, tmp_path):
     assert "http" not in page.replace("http-equiv", ""), "nothing is loaded from elsewhere"
 
 
+def test_rows_of_another_version_are_computed_again_and_told_apart(small, monkeypatch, tmp_path):
+    run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
+    earlier = list(run_benchmark(run, tmp_path))
+    monkeypatch.setattr(benchmark_run, "installed_version", lambda: "99.0")
+    later = list(run_benchmark(run, tmp_path))
+    assert len(later) == 2
+    assert read_rows(tmp_path) == earlier + later
+    assert rows_of(run, tmp_path) == later
+    (line,) = write_tables(tmp_path)
+    assert (line["pairs"], line["version"]) == (2, "99.0"), "no mean over rows of two versions"
+    assert "not shown: 2." in (tmp_path / "index.html").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Strength:
+    """Settings of a method that only a test has."""
+
+    strength: int
+
+    def to_dict(self):
+        return asdict(self)
+
+
+def test_rows_of_other_settings_are_computed_again(small, monkeypatch, tmp_path):
+    given = []
+
+    def method(source, target, config):
+        given.append(config.strength)
+        return Correspondence(np.zeros(source.n_vertices, dtype=int), target.n_vertices)
+
+    for strength in (1, 2, 2, 1):
+        monkeypatch.setitem(METHODS, "set", Method(method, preparation=None, config=Strength(strength)))
+        run = BenchmarkRun("small", ("set",), n_pairs=1, n_points=20, jobs=1)
+        list(run_benchmark(run, tmp_path))
+    assert given == [1, 2]
+    assert len(read_rows(tmp_path)) == 2
+
+
+def test_every_setting_changes_the_digest(monkeypatch):
+    def digest(**changes):
+        monkeypatch.setitem(METHODS, "m", replace(Method(print, config=Strength(1)), **changes))
+        return settings_digest("m")
+
+    assert digest() == digest(config=Strength(1)) == digest(function=len)
+    changed = [
+        digest(config=Strength(2)),
+        digest(config=None),
+        digest(n_landmarks=5),
+        digest(preparation=None),
+        digest(preparation=replace(Config(), weights="uniform")),
+        settings_digest("m+gdd"),
+        settings_digest("m+isomatch"),
+    ]
+    assert len({digest(), *changed}) == 1 + len(changed)
+
+
+def test_a_torn_last_line_is_dropped_and_run_again(small, caplog, tmp_path):
+    run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
+    first, second = run_benchmark(run, tmp_path)
+    ledger = tmp_path / "rows.jsonl"
+    for cut in (1, 40):
+        ledger.write_bytes(ledger.read_bytes()[:-cut])
+        assert read_rows(tmp_path) == [first]
+        assert "the last line is incomplete" in caplog.text
+        (again,) = run_benchmark(run, tmp_path)
+        assert again["pair"] == second["pair"]
+        assert [json.loads(line)["pair"] for line in ledger.read_text().splitlines()] == ["a-b", "b-c"]
+    ledger.write_text("{}\nbroken\n{}\n")
+    with pytest.raises(FormatError, match=r"rows\.jsonl:2: not a row"):
+        read_rows(tmp_path)
+
+
+@pytest.fixture
+def example_on_disk(tmp_path):
+    """The shipped pair as a remeshed set with four landmarks, one of which is not where the dense truth is."""
+    source, target = (creature.mesh for creature in example_pair())
+    truth = ground_truth(*example_pair()).vertices
+    marks = {"beast0": np.arange(len(truth)), "beast1": truth}
+    picked = np.array([5, 500, 1500, 2500])
+    landmarks = {"beast0": picked, "beast1": truth[[5, 500, 1500, 7]]}
+    (tmp_path / "faust_r").mkdir()
+    (tmp_path / "landmarks").mkdir()
+    for name, mesh in (("beast0", source), ("beast1", target)):
+        arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "vts": marks[name]}
+        np.savez(tmp_path / "faust_r" / f"{name}.npz", **arrays)
+        np.savetxt(tmp_path / "landmarks" / f"{name}.txt", landmarks[name], fmt="%d")
+    (tmp_path / "faust_r" / "test_pairs.txt").write_text("beast0 beast1\n")
+    return tmp_path, target, truth
+
+
+def test_errors_at_landmarks(example_on_disk, monkeypatch, tmp_path):
+    folder, target, truth = example_on_disk
+    given = []
+
+    def method(one, other, landmarks):
+        given.append(landmarks)
+        return Correspondence(truth, other.n_vertices)
+
+    monkeypatch.setitem(METHODS, "right", Method(method, 5, preparation=None))
+    dense = BenchmarkRun("faust_r", ("right",), str(folder), n_points=50, jobs=1)
+    at_landmarks = replace(dense, landmarks=str(folder / "landmarks"))
+    rows = [row for run in (dense, at_landmarks, dense) for row in run_benchmark(run, tmp_path / "out")]
+    assert [(row["judged_at"], row["unmatched"]) for row in rows] == [("truth", 0), ("landmarks", 0)]
+    off = geodesic_distances(target, [truth[7]])[0, truth[2500]] / np.sqrt(target.area)
+    assert rows[0]["error"] == 0
+    assert rows[1]["error"] == pytest.approx(100 * off / 4)
+    np.testing.assert_array_equal(given[0], given[1])
+    assert rows[0]["distortion_l2"] == rows[1]["distortion_l2"], "only errors are measured at landmarks"
+    (line,) = write_tables(tmp_path / "out")
+    assert (line["pairs"], line["judged_at"], line["mean"]) == (1, "landmarks", rows[1]["error"])
+    assert "at landmarks: direct" in (tmp_path / "out" / "curves.svg").read_text(encoding="utf-8")
+    (folder / "landmarks" / "beast1.txt").unlink()
+    (row,) = run_benchmark(replace(at_landmarks, seed=1), tmp_path / "out")
+    assert "no landmarks of beast1" in row["problem"]
+
+
+def test_cycles_of_a_method_and_of_what_continues_it(monkeypatch, tmp_path):
+    there = Correspondence(ground_truth(*example_pair()).vertices, example_pair()[1].mesh.n_vertices)
+    maps = {there.shape: there, there.shape[::-1]: there.reversed()}
+    starts = []
+
+    def method(source, target):
+        return maps[source.n_vertices, target.n_vertices]
+
+    def continued(source, target, initial_map):
+        starts.append(initial_map)
+        return Correspondence(np.where(initial_map < 0, 0, initial_map), target.n_vertices)
+
+    monkeypatch.setitem(METHODS, "right", Method(method, preparation=None))
+    monkeypatch.setitem(CONTINUATIONS, "filled", Method(continued, preparation=None))
+    run = BenchmarkRun("example", ("right", "right+filled"), n_points=200, jobs=1)
+    assert all("cycle" not in row for row in run_benchmark(run, tmp_path))
+    starts.clear()
+    right, filled = run_benchmark(replace(run, cycles=True), tmp_path)
+    assert [len(start) for start in starts] == list(there.shape)
+    source = example_pair()[0].mesh
+    back = maps[there.shape[::-1]]
+    expected = 100 * counted(cycle_errors(source, there, back, 200)).mean()
+    assert right["cycle"] == pytest.approx(expected)
+    assert filled["cycle"] >= 0
+    assert list(run_benchmark(run, tmp_path)) == [], "rows with more measures serve as well"
+    assert write_tables(tmp_path)[0]["cycle"] == pytest.approx(expected)
+
+
+def test_a_failure_on_the_way_back_is_a_problem_that_says_so(small, monkeypatch, tmp_path):
+    n_source = example_pair()[0].mesh.n_vertices
+
+    def one_way(source, target):
+        if source.n_vertices != n_source:
+            raise ValueError("too long a way")
+        return Correspondence(np.zeros(n_source, dtype=int), target.n_vertices)
+
+    monkeypatch.setitem(METHODS, "one_way", Method(one_way, preparation=None))
+    run = BenchmarkRun("small", ("one_way",), n_pairs=1, n_points=20, jobs=1, cycles=True)
+    (row,) = run_benchmark(run, tmp_path)
+    assert row["problem"] == "ValueError: too long a way (target to source, for the cycle error)"
+
+
+def test_named_pairs_are_run_instead_of_drawn_ones(small, tmp_path):
+    run = BenchmarkRun("small", ("right",), n_points=20, jobs=1, pairs=(("b", "c"),))
+    assert [row["pair"] for row in run_benchmark(run, tmp_path)] == ["b-c"]
+
+
+def test_distortion_of_the_table_is_recorded_where_it_is_asked_for(small, tmp_path):
+    run = BenchmarkRun("small", ("right",), n_points=60, jobs=1, n_pairs=1)
+    (row,) = run_benchmark(run, tmp_path)
+    assert "distortion_table" not in row
+    (row,) = run_benchmark(replace(run, table_distortion=True), tmp_path)
+    assert row["distortion_table"] == row["distortion_table_truth"] > 0
+
+
+def test_the_command_judges_at_landmarks_and_measures_cycles(example_on_disk, capsys, tmp_path):
+    folder, _, _ = example_on_disk
+    places = ["--data", str(folder), "--landmarks", str(folder / "landmarks"), "-o", str(tmp_path / "out")]
+    options = ["--methods", "gdd", "--points", "100", "--jobs", "1", "--cycles"]
+    assert main(["bench", "--set", "faust_r", *places, *options]) == 0
+    assert "at landmarks  cycle error" in capsys.readouterr().out
+    (row,) = read_rows(tmp_path / "out")
+    assert row["judged_at"] == "landmarks"
+    assert 0 < row["cycle"] < 5
+    assert main(["bench", "--set", "example", *places, *options]) == 1
+    assert "the set 'example' has no hand-picked landmarks" in capsys.readouterr().err
+
+
 def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path):
     def turned(source, target, initial_map):
         return Correspondence(np.roll(initial_map, 7), target.n_vertices)
 
     monkeypatch.setitem(CONTINUATIONS, "turned", Method(turned, preparation=None))
-    monkeypatch.setitem(CONTINUATIONS, "failing", None)
+    monkeypatch.setitem(CONTINUATIONS, "failing", Method(turned, n_landmarks=5, preparation=None))
     run = BenchmarkRun("small", ("right+turned", "right+failing"), n_points=50, jobs=1)
     rows = list(run_benchmark(run, tmp_path))
-    assert [row["method"] for row in rows] == ["right", *run.methods] * 2, "the start itself is told as well"
+    assert [row["method"] for row in rows] == ["right", *run.methods] * 2, (
+        "the start itself is reported as well"
+    )
     assert len(small) == 2, "once for each pair"
     right, further, failed = rows[:3]
     assert right["error"] == 0 < further["error"]
     assert further["seconds"] > right["seconds"]
-    assert "NoneType" in failed["problem"], "the others are kept"
+    assert "unexpected keyword argument 'landmarks'" in failed["problem"], "the others are kept"
     table = write_tables(tmp_path)
     assert [line["method"] for line in table] == ["right", "right+failing", "right+turned"]
     with (tmp_path / "improvements.csv").open() as file:
@@ -117,17 +318,17 @@ def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path)
         BenchmarkRun("small", ("right+",))
 
 
-def test_mirrored_truth_is_told_but_does_not_excuse_shapes_that_are_not_symmetric(
+def test_mirrored_truth_is_reported_but_does_not_excuse_shapes_that_are_not_symmetric(
     small, monkeypatch, tmp_path
 ):
-    chosen = benchmark.benchmark_set("small", None)
+    chosen = benchmark_run.benchmark_set("small", None)
     lopsided = replace(chosen, load=lambda a, b: replace(chosen.load(a, b), symmetric=False))
-    monkeypatch.setattr(benchmark, "benchmark_set", lambda name, folder: lopsided)
+    monkeypatch.setattr(benchmark_run, "benchmark_set", lambda name, folder, landmarks=None: lopsided)
     row = next(run_benchmark(BenchmarkRun("small", ("flipped",), n_points=50, jobs=1), tmp_path))
     assert row["error"] == row["direct"] > row["mirrored"] == 0
 
 
-def test_published_curves_of_the_sets_are_drawn_beside(small, tmp_path):
+def test_published_curves_of_the_sets_are_drawn_for_comparison(small, tmp_path):
     curve = {"small|theirs|x": [0.0, 0.1], "small|theirs|y": [40.0, 90.0]}
     np.savez(tmp_path / "a.npz", **curve, **{"other|theirs|x": [0.0], "other|theirs|y": [1.0]})
     np.savez(tmp_path / "b.npz", **{"small|theirs|x": [0.0], "small|theirs|y": [0.0]})
@@ -141,8 +342,8 @@ def test_published_curves_of_the_sets_are_drawn_beside(small, tmp_path):
     assert drawn.count("theirs (published)") == 1
 
 
-def test_published_curves_that_cannot_be_read_are_told(tmp_path):
-    with pytest.raises(FormatError, match="no published curves; expected"):
+def test_published_curves_that_cannot_be_read_are_reported(tmp_path):
+    with pytest.raises(MissingFileError, match="no published curves; expected"):
         read_published_curves(tmp_path)
     (tmp_path / "a.npz").write_text("nothing")
     with pytest.raises(FormatError, match="cannot be read as curves"):
@@ -159,13 +360,24 @@ def test_nothing_run_yet(tmp_path):
     assert write_tables(tmp_path) == []
 
 
-def test_unknown_names_are_told():
-    with pytest.raises(SettingError, match="unknown method magic; known are isomatch"):
+def test_settings_of_a_run_are_checked():
+    for bad in ({"n_pairs": 0}, {"n_points": 0}, {"jobs": 0}, {"seed": -1}):
+        name, value = next(iter(bad.items()))
+        with pytest.raises(SettingError, match=f"{name} = {value} is not an integer of at least"):
+            BenchmarkRun("example", **bad)
+
+
+def test_unknown_names_are_reported(tmp_path):
+    with pytest.raises(SettingError, match="unknown method magic; choose from isomatch"):
         BenchmarkRun("creatures", ("magic",))
-    with pytest.raises(FormatError, match="unknown benchmark set 'horses'; known are faust_r"):
+    with pytest.raises(SettingError, match="unknown benchmark set 'horses'; choose from faust_r"):
         benchmark_set("horses")
-    with pytest.raises(FormatError, match="benchmark set scape not found in None"):
+    with pytest.raises(SettingError, match="'scape' has to be read from a folder, but none was given"):
         benchmark_set("scape")
+    with pytest.raises(MissingFileError, match="benchmark set 'scape' not found in"):
+        benchmark_set("scape", tmp_path)
+    with pytest.raises(SettingError, match="'creatures' has no hand-picked landmarks"):
+        benchmark_set("creatures", landmarks=tmp_path)
 
 
 def test_relabelling_moves_the_surface_and_nothing_else():
@@ -209,6 +421,11 @@ def test_true_landmarks(relabelled_pair):
     assert (landmarks != true_landmarks(pair, 5, seed=2)).any()
 
 
+def test_too_little_truth_for_landmarks_is_reported(relabelled_pair):
+    with pytest.raises(LandmarkError, match="only 3 of 4 true points are reliable, too few for 5 landmarks"):
+        true_landmarks(replace(relabelled_pair, truth=relabelled_pair.truth[:4]))
+
+
 def test_wrong_rows_of_the_truth_are_no_landmarks(relabelled_pair):
     pair = relabelled_pair
     at = np.array([np.flatnonzero(pair.truth[:, 0] == a)[0] for a in true_landmarks(pair)[:, 0]])
@@ -234,7 +451,7 @@ def test_methods_share_landmarks_and_prepared_shapes(small, monkeypatch, tmp_pat
     assert isinstance(shape, PreparedShape)
     assert shape is same is still
     assert nothing == {}
-    pair = benchmark.benchmark_set("small", None).load("a", "b")
+    pair = benchmark_run.benchmark_set("small", None).load("a", "b")
     np.testing.assert_array_equal(landmarks["landmarks"], true_landmarks(pair))
     assert (start["initial_map"] == 0).all()
     prepared = 2 * min(shape.seconds, 0.01)
@@ -247,8 +464,8 @@ def test_command_line_names_every_method():
 
 
 def test_phi_runs_as_a_method(relabelled_pair):
-    found, told = METHODS["phi"](
+    found, diagnostics = METHODS["phi"](
         relabelled_pair.source, relabelled_pair.target, {"landmarks": true_landmarks(relabelled_pair)}
     )
     assert (found.vertices == relabelled_pair.truth[:, 1]).mean() > 0.95
-    assert told["outcome"] == "CONVERGED"
+    assert diagnostics["outcome"] == "CONVERGED"

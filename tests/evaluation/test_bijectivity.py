@@ -42,7 +42,7 @@ def test_no_image_on_either_way_is_infinite():
     assert len(cycle_errors(grid, there, back, n_points=4)) == 4
 
 
-def test_maps_that_do_not_fit_are_told():
+def test_maps_that_do_not_fit_are_reported():
     grid = flat_grid(3, 3)
     with pytest.raises(MapError, match="does not fit"):
         coverage(grid, Correspondence([0], 4))

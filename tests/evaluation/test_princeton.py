@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, SettingError, geodesic_distances
+from isomatch import Correspondence, MapError, geodesic_distances
 from isomatch.evaluation import area_under_curve, counted, cumulative_curve, geodesic_errors, sided_errors
 from shapes import flat_grid
 
@@ -70,9 +70,9 @@ def test_one_flip_is_decided_for_the_whole_map(sheet):
     assert sided_errors(sheet, Correspondence(rows, n), truth).mirrored is None
 
 
-def test_truths_over_other_vertices_are_told(sheet):
+def test_truths_over_other_vertices_are_reported(sheet):
     truth = np.array([[3, 3], [4, 4]])
-    with pytest.raises(SettingError, match="differ in their source vertices"):
+    with pytest.raises(MapError, match="differ in their source vertices"):
         sided_errors(sheet, Correspondence(np.arange(180), 180), truth, truth[::-1])
 
 

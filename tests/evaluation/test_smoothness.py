@@ -76,6 +76,6 @@ def test_faces_without_images_or_area_are_left_out():
     assert np.isnan(torn_edges(grid, grid, Correspondence(np.full(9, -1), 9)))
 
 
-def test_a_map_of_other_shapes_is_told():
+def test_a_map_of_other_shapes_is_reported():
     with pytest.raises(MapError, match="does not fit"):
         dirichlet_energy(flat_grid(3, 3), flat_grid(3, 4), identity(flat_grid(3, 3)))

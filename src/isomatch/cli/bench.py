@@ -1,4 +1,4 @@
-"""``isomatch bench``: methods over a benchmark set, resumable, with tables and curves."""
+"""``isomatch bench``: run methods over benchmark sets, resumable, with tables and curves."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ def bench(
     points: int = 1000,
     seed: int = 0,
     jobs: int | None = None,
+    landmarks: Path | None = None,
+    cycles: bool = False,
     published: Path | None = None,
     json: bool = False,
 ) -> None:
@@ -31,36 +33,51 @@ def bench(
     sets : str
         faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures, example; several with commas.
     output : Path
-        Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves; rows already there are
-        not run again.
+        Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves. Rows that are already
+        there are not computed again, unless isomatch or the settings of the method have changed.
     data : Path
-        Folder of the sets, each in a folder of its name, as archives or as it was published; creatures, example: none.
+        Folder of the sets, each in a folder of its name, as archives or as published; creatures and example need none.
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
         gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
         given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of NAME;
-        NAME+gdd and NAME+gdd_post are the paper's.
+        NAME+gdd and NAME+gdd_post are the paper's methods started from it.
     pairs : int
-        Pairs to draw from each set; all by default.
+        Number of pairs to draw from each set; all by default.
     points : int
-        Truth points judged in each pair.
+        Number of truth points to judge for each pair.
     seed : int
         Seed of the draws of pairs, points and landmarks.
     jobs : int
-        Pairs at once, each on one thread; by default one for each processor. With 1, a pair has all threads.
+        Number of pairs to run at a time, each on one thread; by default one for each processor. With 1, a pair uses all
+        threads.
+    landmarks : Path
+        Folder of hand-picked landmarks, a file for each shape or class as described in ShapeSet.with_landmarks: measure
+        errors there, instead of at points of the dense truth.
+    cycles : bool
+        Also match each target to its source, and record the mean cycle error × 100 / √(source area).
     published : Path
-        Folder of published curves to draw beside, .npz with 'set|method|x' (errors) and 'set|method|y' (percent).
+        Folder of published curves to draw for comparison, .npz with 'set|method|x' (errors) and 'set|method|y' (percent).
     json : bool
         Print one JSON object and nothing else.
     """
-    folder = None if data is None else str(data)
-    beside = [] if published is None else read_published_curves(published)
+    curves = [] if published is None else read_published_curves(published)
     with progress() as stage:
         for name in sets.split(","):
-            run = BenchmarkRun(name, tuple(methods.split(",")), folder, pairs, points, seed, jobs)
+            run = BenchmarkRun(
+                set_name=name,
+                methods=tuple(methods.split(",")),
+                folder=None if data is None else str(data),
+                n_pairs=pairs,
+                n_points=points,
+                seed=seed,
+                jobs=jobs,
+                landmarks=None if landmarks is None else str(landmarks),
+                cycles=cycles,
+            )
             for count, row in enumerate(run_benchmark(run, output), 1):
                 stage(f"{name}: {count} rows, last {row['pair']} by {row['method']}")
-    table = write_tables(output, beside)
+    table = write_tables(output, curves)
     if json:
         say_json({"summary": table, "folder": str(output)})
         return
@@ -72,7 +89,9 @@ def bench(
         say(
             f"{row['set']:12} {row['method']:28} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
-            + (f"  {row['problems']} without a map" if row["problems"] else "")
+            + ("  at landmarks" if row["judged_at"] == "landmarks" else "")
+            + (f"  cycle error {row['cycle']:.2f}" if row["cycle"] is not None else "")
+            + (f"  {row['problems']} with a problem" if row["problems"] else "")
         )
     say(f"written to {output}: index.html, pairs.csv, summary.csv, curves.png, curves.svg")
 

@@ -1,4 +1,4 @@
-"""``isomatch paper``: the figures and tables of the paper, made anew."""
+"""``isomatch paper``: the figures and the table of the paper, reproduced."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def paper(
     json: bool = False,
     force: bool = False,
 ) -> None:
-    """Make a figure or table of the paper anew: picture, numbers, and a verdict.
+    """Reproduce a figure or the table of the paper: picture, numbers and verdicts.
 
     Parameters
     ----------
@@ -37,17 +37,18 @@ def paper(
     data : Path
         Folder of the sets tosca and scape, as for isomatch bench.
     quick : bool
-        Use the shipped pair of creatures instead, coarser; needs no data.
+        Use the shipped pair of creatures and coarser computations; needs no data.
     pairs : int
-        Pairs to draw from each set; the distortion table takes a sixth for each class.
+        Number of pairs to draw from each set; the distortion table draws a sixth of it for each class.
     points : int
-        Truth points judged in each pair.
+        Number of truth points to judge for each pair, at least 100.
     seed : int
         Seed of all draws.
     jobs : int
-        Pairs at once, each on one thread; by default one for each processor.
+        Number of pairs to run at a time, each on one thread; by default one for each processor.
     runs : Path
-        Folder of a benchmark run, whose rows and maps are used and added to; by default runs in the output folder.
+        Folder of benchmark runs: rows that are there are used, missing ones are added; by default runs in the output
+        folder.
     json : bool
         Print one JSON object and nothing else.
     force : bool

@@ -1,5 +1,6 @@
-"""Shapes with known correspondences."""
+"""Shapes with known correspondence: procedural creatures, the shipped pair, and published sets on disk."""
 
+from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
 from isomatch.datasets.creatures import Creature, creature, ground_truth, joint_names
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
@@ -8,10 +9,12 @@ from isomatch.datasets.truth import Truth
 
 __all__ = [
     "BenchmarkPair",
+    "BenchmarkSet",
     "Creature",
     "KnownShape",
     "ShapeSet",
     "Truth",
+    "benchmark_set",
     "creature",
     "example_pair",
     "faust",

@@ -1,4 +1,4 @@
-"""The bodies of the procedural creatures: limbs of round cones, and how far each joint bends naturally.
+"""The bodies of the procedural creatures: limbs of round cones, and the natural range of each joint.
 
 Axes: x points to the right (the mirror of a symmetric body is x → −x), y forward, z up.
 """
@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
-from isomatch.errors import IsomatchError
+from isomatch.errors import SettingError
 
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A point of a limb about which everything beyond it turns.
+    """A point of a limb about which everything beyond it rotates.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ class Joint:
     node : int
         Node of the limb; 0 is where the limb grows out of its parent.
     limits : three pairs of float
-        Natural range in degrees about x (pitch: forward goes up), y (roll) and z (yaw: forward goes left).
+        Natural range in degrees about x (pitch: positive raises what points forward), y (roll) and z (yaw: positive turns
+        it to the left).
     """
 
     name: str
@@ -69,22 +70,22 @@ def body(kind: str, style: int = 0, symmetric: bool = False) -> tuple[Limb, ...]
     style : int
         Seed of the proportions; 0 is the plain design.
     symmetric : bool
-        Leave out what tells left from right.
+        Leave out everything by which left and right differ.
 
     Raises
     ------
-    IsomatchError
+    SettingError
         If the body plan is unknown.
     """
     if kind not in PLANS:
-        raise IsomatchError(f"kind={kind!r} is no body plan; choose one of {', '.join(map(repr, PLANS))}")
+        raise SettingError(f"kind = {kind!r} is no body plan; choose one of {', '.join(map(repr, PLANS))}")
     draw = np.random.default_rng(style).uniform(-1, 1, 6) if style else np.zeros(6)
     return PLANS[kind](draw, 0.0 if symmetric else 1.0)
 
 
 def _quadruped(draw: FloatArray, lopsided: float) -> tuple[Limb, ...]:
     leg, girth, neck, head, ear, tail = 1 + draw * [0.15, 0.1, 0.2, 0.12, 0.3, 0.25]
-    rise = 0.5 * (leg - 1)  # legs stretch between the ground and the trunk, which rises with them
+    rise = 0.5 * (leg - 1)  # of the trunk, as the legs reach from the ground to the trunk
 
     trunk = _limb(
         "trunk", None, [[0, -0.36, 0.6], [0, 0, 0.63], [0, 0.34, 0.62]],
@@ -209,7 +210,7 @@ def _stretched(limb: Limb, factor: float) -> Limb:
 
 
 def _raised(limb: Limb, rise: float) -> FloatArray:
-    """Nodes lifted by ``rise``, but for the lower part of a leg, which stands on the ground."""
+    """Nodes raised by ``rise``, except those of the lower part of a leg, which stands on the ground."""
     grounded = limb.name.endswith("leg") & (np.arange(len(limb.nodes)) > 0)
     raised: FloatArray = limb.nodes + np.outer(~grounded, [0, 0, rise])
     return raised

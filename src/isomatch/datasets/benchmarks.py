@@ -1,4 +1,4 @@
-"""Benchmark sets on the user's disk, as lists of pairs with truth that index identity cannot leak into."""
+"""Benchmark sets as lists of pairs with truth, in which equal indices do not reveal the correspondence."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from isomatch.datasets.creatures import Creature, creature, ground_truth
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
 from isomatch.datasets.shape_set import BenchmarkPair, ShapeSet
-from isomatch.errors import FormatError
+from isomatch.errors import MissingFileError, SettingError
 from isomatch.surfaces import Mesh
 
-EXPECTED = "see docs/benchmarks.md for the layout of the folder and where the sets come from"
+EXPECTED = "docs/benchmarks.md describes the layout of the folder and where to obtain the sets"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class BenchmarkSet:
     load: Callable[[str, str], BenchmarkPair] = field(repr=False)
 
     def chosen(self, count: int | None, seed: int = 0) -> BenchmarkSet:
-        """Keep ``count`` pairs drawn without replacement, in their order; all if None."""
+        """Draw ``count`` pairs without replacement and keep their order; all if None."""
         if count is None or count >= len(self.pairs):
             return self
         keep = np.sort(np.random.default_rng(seed).choice(len(self.pairs), count, replace=False))
@@ -62,39 +62,51 @@ OPENERS: dict[str, Callable[[Path], ShapeSet]] = {
 }
 
 
-def benchmark_set(name: str, folder: str | Path | None = None) -> BenchmarkSet:
+def benchmark_set(
+    name: str, folder: str | Path | None = None, landmarks: str | Path | None = None
+) -> BenchmarkSet:
     """Open a benchmark set.
 
     Parameters
     ----------
     name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures", "example"}
-        Which set. Remeshed sets come with their published test pairs. The others hold every ordered pair of poses
-        (within a class); draw some with `BenchmarkSet.chosen`. "creatures" needs no folder.
-    folder : path, optional
-        Where the sets lie, each in a folder of its name: as archives or as it was published, see `tosca` and its
-        neighbours.
+        Name of the set. The remeshed sets have their published test pairs. The others have every ordered pair of poses
+        within a class, unless a ``test_pairs.txt`` lists others; `BenchmarkSet.chosen` draws some.
+    folder : path_like, optional
+        Folder of the sets, each in a folder of its name, as archives or as published: see `tosca`, `scape`, `faust` and
+        `remeshed`. "creatures" and "example" need none.
+    landmarks : path_like, optional
+        Folder of hand-picked landmarks, which then are the truth, see `ShapeSet.with_landmarks`.
 
     Raises
     ------
-    FormatError
-        If the set is unknown or not in the folder.
+    SettingError
+        If the set is unknown, needs a folder, or has no landmarks.
+    MissingFileError
+        If the set is not in the folder.
     """
-    if name == "creatures":
-        return _creatures()
-    if name == "example":
-        return _example()
+    if name in MADE:
+        if landmarks is not None:
+            raise SettingError(
+                f"the set {name!r} has no hand-picked landmarks; leave them out, or choose from {', '.join(OPENERS)}"
+            )
+        return MADE[name]()
     if name not in OPENERS:
-        raise FormatError(
-            f"unknown benchmark set {name!r}; known are {', '.join([*OPENERS, 'creatures', 'example'])}"
+        raise SettingError(f"unknown benchmark set {name!r}; choose from {', '.join([*OPENERS, *MADE])}")
+    if folder is None:
+        raise SettingError(
+            f"benchmark set {name!r} has to be read from a folder, but none was given; {EXPECTED}"
         )
-    if folder is None or not (Path(folder) / name).is_dir():
-        raise FormatError(f"benchmark set {name} not found in {folder}; {EXPECTED}")
+    if not (Path(folder) / name).is_dir():
+        raise MissingFileError(f"benchmark set {name!r} not found in {folder}; {EXPECTED}")
     shapes = OPENERS[name](Path(folder) / name)
-    return BenchmarkSet(name, shapes.pairs, partial(_hidden, shapes))
+    if landmarks is not None:
+        shapes = shapes.with_landmarks(landmarks)
+    return BenchmarkSet(name, shapes.pairs, partial(_relabelled_pair, shapes))
 
 
-def _hidden(shapes: ShapeSet, source: str, target: str) -> BenchmarkPair:
-    """Read a pair; a target that shares its source's triangulation is relabelled and rotated."""
+def _relabelled_pair(shapes: ShapeSet, source: str, target: str) -> BenchmarkPair:
+    """Read a pair; a target with the same triangulation as its source is relabelled and rotated."""
     pair = shapes.pair(source, target)
     if not shapes.shared:
         return pair
@@ -108,7 +120,7 @@ def _hidden(shapes: ShapeSet, source: str, target: str) -> BenchmarkPair:
 
 
 def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
-    """Shuffle vertices and faces and rotate at random; also return the new vertex of each old one."""
+    """Shuffle vertices and faces and rotate at random; also return the new index of each old vertex."""
     rng = np.random.default_rng(seed)
     new = rng.permutation(mesh.n_vertices)
     vertices = np.empty_like(mesh.vertices)
@@ -117,21 +129,19 @@ def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
 
 
 def _creatures() -> BenchmarkSet:
-    """Draw 40 pairs of creatures, half of them symmetric: two body plans, five bodies, 5 000 to 20 000 vertices."""
+    """Make 40 pairs of creatures, half of them symmetric: two body plans, five styles, 5 000 to 20 000 vertices."""
 
     def load(source: str, target: str) -> BenchmarkPair:
         a, b = _creature(source), _creature(target)
         mesh, new = relabelled(b.mesh, crc32(target.encode()))
-        rows = np.arange(a.mesh.n_vertices)
-        truth, mirrored = (
-            np.column_stack([rows, new[ground_truth(a, b, mirrored=side).vertices]])
-            if a.symmetric or not side
-            else None
-            for side in (False, True)
+
+        def truth(mirrored: bool) -> IntArray:
+            image = new[ground_truth(a, b, mirrored=mirrored).vertices]
+            return np.column_stack([np.arange(len(image)), image])
+
+        return BenchmarkPair(
+            f"{source}-{target}", a.mesh, mesh, truth(False), truth(True) if a.symmetric else None
         )
-        if truth is None:
-            raise FormatError("a creature without truth")
-        return BenchmarkPair(f"{source}-{target}", a.mesh, mesh, truth, mirrored)
 
     names = []
     for i in range(40):
@@ -144,7 +154,7 @@ def _creatures() -> BenchmarkSet:
 
 
 def _example() -> BenchmarkSet:
-    """Take the shipped pair, whose triangulations differ."""
+    """Make a set of the shipped pair, whose triangulations differ."""
 
     def load(source: str, target: str) -> BenchmarkPair:
         a, b = example_pair()
@@ -155,7 +165,11 @@ def _example() -> BenchmarkSet:
 
 
 def _creature(name: str) -> Creature:
-    """Make the creature of a name: kind, sides, style, pose (also the triangulation), number of vertices."""
+    """Make the creature of a name: kind, symmetry, style, pose (also the triangulation), number of vertices."""
     kind, sides, style, pose, size = name.split("_")
     options: dict[str, Any] = {"kind": kind, "style": int(style), "symmetric": sides == "symmetric"}
     return creature(int(size), pose=int(pose), triangulation=int(pose), **options)
+
+
+MADE = {"creatures": _creatures, "example": _example}
+"""Sets that need no folder."""

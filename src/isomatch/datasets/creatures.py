@@ -1,4 +1,4 @@
-"""Procedural articulated animals: at any resolution, in any pose, with exact ground truth."""
+"""Procedural articulated animals, at any resolution and in any pose, with exact ground truth."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from isomatch.datasets.implicit import Skin
 from isomatch.datasets.posing import Pose, natural_pose, posed
 from isomatch.datasets.tessellation import tessellate
 from isomatch.datasets.truth import Truth, closest_points
-from isomatch.errors import IsomatchError
-from isomatch.surfaces.mesh import Mesh
+from isomatch.errors import InputError, SettingError
+from isomatch.surfaces import Mesh
 
 FEWEST_VERTICES = 1500
 
 
 @dataclass(frozen=True, eq=False)
 class Creature:
-    """A posed animal that remembers its rest shape.
+    """A posed animal with its rest shape.
 
     Parameters
     ----------
     mesh : Mesh
-        The posed surface, n vertices: closed, manifold, outward, of genus 0, in one piece.
+        The posed surface, n vertices: closed, manifold, oriented outward, connected, of genus 0.
     rest : (n, 3) array
-        Where each vertex lies on the rest surface, which all creatures of one kind, style and symmetry share.
+        Position of each vertex on the rest surface, which all creatures of one kind, style and symmetry share.
     kind : str
         Body plan.
     style : int
@@ -67,7 +67,7 @@ def creature(
     Parameters
     ----------
     n_vertices : int
-        How many vertices, from 1500; the mesh has this many within 5 %.
+        Number of vertices, at least 1500; that of the mesh differs by up to 5 %.
     pose : int or mapping of str to (3,) array_like
         Seed of a random natural pose, 0 being the rest pose; or, for each joint that turns, its angles in
         degrees about x (to the right), y (forward) and z (up). `joint_names` lists the joints.
@@ -76,9 +76,9 @@ def creature(
     style : int
         Seed of the proportions; 0 is the plain design.
     symmetric : bool
-        Whether left mirrors right at rest. If not, an ear is longer, a leg thicker, the tail bent, and so on.
+        Whether the rest shape is its own mirror image. If not, an ear is longer, a leg thicker, the tail bent, and so on.
     triangulation : int
-        Seed of the triangulation. Two seeds share no vertex and no connectivity, on the same surface.
+        Seed of the triangulation. With two seeds, the same surface has no vertex and no connectivity in common.
 
     Returns
     -------
@@ -89,13 +89,13 @@ def creature(
     ------
     MissingDependencyError
         Without scikit-image: ``pip install 'isomatch[creatures]'``.
-    IsomatchError
+    SettingError
         If an argument is out of range, or a joint is unknown.
 
     Notes
     -----
-    Poses are near-isometric: 90 % of the edges change their length by less than 18 %, typically 11 %; the
-    others lie at joints near their limits. Time is linear in ``n_vertices``.
+    Poses are near-isometric: 90 % of the edges change their length by less than 18 %, typically by less than 11 %; the
+    others lie at joints bent almost to their limits. Time is linear in ``n_vertices``.
 
     Examples
     --------
@@ -106,8 +106,8 @@ def creature(
     True
     """
     if n_vertices < FEWEST_VERTICES:
-        raise IsomatchError(
-            f"n_vertices={n_vertices} cannot show a creature's thin limbs; ask for at least {FEWEST_VERTICES}"
+        raise SettingError(
+            f"n_vertices = {n_vertices} is too coarse for a creature's thin limbs; ask for at least {FEWEST_VERTICES}"
         )
     limbs = body(kind, style, symmetric)
     skin = Skin.of(limbs)
@@ -129,14 +129,14 @@ def joint_names(kind: str = "quadruped") -> tuple[str, ...]:
 
 
 def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) -> Truth:
-    """Find the true correspondence of two creatures of one body, through their common rest surface.
+    """Find the true correspondence of two creatures through their common rest surface.
 
     Parameters
     ----------
     source, target : Creature
         Of the same kind, style and symmetry; pose, resolution and triangulation may differ.
     mirrored : bool
-        Ask for the other truth of a symmetric creature, which takes left to right.
+        Find the other true correspondence of symmetric creatures, which maps left to right.
 
     Returns
     -------
@@ -145,8 +145,10 @@ def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) 
 
     Raises
     ------
-    IsomatchError
-        If the creatures differ in body, or the mirrored truth of an asymmetric one is asked for.
+    InputError
+        If the creatures differ in kind, style or symmetry.
+    SettingError
+        If the mirrored truth of an asymmetric creature is asked for.
 
     Notes
     -----
@@ -156,11 +158,11 @@ def ground_truth(source: Creature, target: Creature, *, mirrored: bool = False) 
     for what in ("kind", "style", "symmetric"):
         ours, theirs = getattr(source, what), getattr(target, what)
         if ours != theirs:
-            raise IsomatchError(
+            raise InputError(
                 f"source has {what}={ours!r} and target {what}={theirs!r}, so they share no rest "
                 "surface and have no ground truth; make both with the same one"
             )
     if mirrored and not source.symmetric:
-        raise IsomatchError("an asymmetric creature has no mirrored truth; make both with symmetric=True")
+        raise SettingError("an asymmetric creature has no mirrored truth; make both with symmetric=True")
     points = source.rest * [-1.0, 1.0, 1.0] if mirrored else source.rest
     return closest_points(points, target.rest_mesh)

@@ -1,6 +1,6 @@
 """The pair of creatures shipped with the package.
 
-To make it anew::
+To make it again::
 
     python -c "from isomatch.datasets.example import save_example_pair; save_example_pair()"
 """
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.datasets.creatures import Creature, creature
-from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces import Mesh
 
 FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"
 
@@ -38,12 +38,12 @@ RUNNING = {
 
 
 def example_pair() -> tuple[Creature, Creature]:
-    """Load two poses of one asymmetric animal, differently triangulated; nothing but numpy is needed.
+    """Load two poses of one asymmetric animal with different triangulations; only numpy is needed.
 
     Returns
     -------
     source, target : Creature
-        Standing and running with its head turned; `ground_truth` relates them.
+        Standing, and running with its head turned; `ground_truth` gives their correspondence.
 
     Examples
     --------

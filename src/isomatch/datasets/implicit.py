@@ -14,7 +14,7 @@ from isomatch.datasets.anatomy import Limb
 
 CHUNK = 2048  # points a thread handles at once
 BLEND = 0.022  # width of the fillet between limbs, in body units
-REACH = 0.05  # width over which a limb lets go of its parent when posed, in body units
+REACH = 0.05  # width of the transition between a limb and its parent when posed, in body units
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Skin:
     cones : (m, 8) array
         Start point, end point, start radius and end radius of each bone.
     owner : (m,) array of int
-        The limb each bone belongs to.
+        Limb that each bone belongs to.
     """
 
     cones: FloatArray
@@ -37,7 +37,7 @@ class Skin:
 
     @classmethod
     def of(cls, limbs: tuple[Limb, ...]) -> Skin:
-        """Cover the bones of all limbs."""
+        """Make the skin around the bones of all limbs."""
         bones = [np.c_[limb.nodes[:-1], limb.nodes[1:], limb.radii[:-1], limb.radii[1:]] for limb in limbs]
         return cls(np.concatenate(bones), np.repeat(np.arange(len(limbs)), [len(b) for b in bones]))
 
@@ -53,7 +53,7 @@ class Skin:
         return points
 
     def membership(self, points: FloatArray) -> FloatArray:
-        """How much each limb owns each point, (n, n_limbs); rows are positive and add up to one."""
+        """Share of each limb in each point, (n, n_limbs); rows are positive and add up to one."""
         n_limbs = int(self.owner.max()) + 1
         parts = parallel_map(
             lambda part: _membership(part, self.cones, self.owner, n_limbs, REACH), _chunks(points)

@@ -1,4 +1,4 @@
-"""Poses of a creature: each joint turns what lies beyond it, fading in smoothly across the joint.
+"""Poses of a creature: each joint rotates what lies beyond it, with a smooth transition at the joint.
 
 A pose is a smooth map of space restricted to the rest surface, so it does not depend on the triangulation.
 """
@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray
 from isomatch.datasets.anatomy import Joint, Limb
 from isomatch.datasets.implicit import Skin
-from isomatch.errors import IsomatchError
+from isomatch.errors import SettingError
 
 Pose = Mapping[str, ArrayLike]
 BEND_WIDTH = 2.3  # half-length of the bend at a joint, in radii of the limb there
 
 
 def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
-    """Draw the angles of every joint within its natural limits; seed 0 is the rest pose, without any."""
+    """Draw the angles of every joint within its natural limits; seed 0 is the rest pose, which has no angles."""
     if seed == 0:
         return {}
     rng = np.random.default_rng(seed)
@@ -28,7 +28,7 @@ def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
 
 
 def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> FloatArray:
-    """Carry (n, 3) rest positions to a pose.
+    """Move rest positions (n, 3) into a pose.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> 
     skin : Skin
         Its surface.
     pose : mapping of str to (3,) array_like
-        Rotation vector of each joint that turns, in degrees about the rest axes x, y, z.
+        Rotation vector of each joint that rotates, in degrees about the rest axes x, y, z.
 
     Returns
     -------
@@ -48,13 +48,13 @@ def posed(rest: FloatArray, limbs: tuple[Limb, ...], skin: Skin, pose: Pose) -> 
 
     Raises
     ------
-    IsomatchError
+    SettingError
         If a joint is unknown or its angles are not three finite numbers.
 
     Notes
     -----
-    With the fraction h in [0, 1], a joint at c turns x to c + R(h θ)(x − c). Children are turned before their
-    parents, so that the turns add up to forward kinematics. O(n) time and memory for each joint and limb.
+    A joint at c moves x to c + R(h θ)(x − c), with a fraction h in [0, 1]. Children are rotated before their parents, so
+    that the rotations compose to forward kinematics. O(n) time and memory for each joint and limb.
     """
     angles = _checked(pose, limbs)
     if not angles:
@@ -74,9 +74,9 @@ def _checked(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
     angles = {name: np.radians(np.asarray(value, dtype=float)) for name, value in pose.items()}
     for name, value in angles.items():
         if name not in known:
-            raise IsomatchError(f"pose turns {name!r}, which is no joint; choose from {', '.join(known)}")
+            raise SettingError(f"pose rotates {name!r}, which is no joint; choose from {', '.join(known)}")
         if value.shape != (3,) or not np.isfinite(value).all():
-            raise IsomatchError(
+            raise SettingError(
                 f"pose of {name!r} is {pose[name]!r}; give three finite angles, in degrees about x, y, z"
             )
     return {name: value for name, value in angles.items() if value.any()}
@@ -85,7 +85,7 @@ def _checked(pose: Pose, limbs: tuple[Limb, ...]) -> dict[str, FloatArray]:
 def _fraction(
     rest: FloatArray, membership: FloatArray, limbs: tuple[Limb, ...], limb: Limb, joint: Joint
 ) -> FloatArray:
-    """How much of a joint's turn each point follows, (n,): by its place along the limb, or its branch's."""
+    """Fraction of a joint's rotation at each point, (n,), by the position of the point, or of its branch, on the limb."""
     fraction = np.zeros(len(rest))
     for i, other in enumerate(limbs):
         branch = _branch(limbs, other, limb)
@@ -97,7 +97,7 @@ def _fraction(
 
 
 def _branch(limbs: tuple[Limb, ...], limb: Limb, ancestor: Limb) -> Limb | None:
-    """Find the child of ``ancestor`` through which ``limb`` hangs on it; None if it does not."""
+    """Find the child of ``ancestor`` from which ``limb`` descends; None if it does not descend from it."""
     by_name = {other.name: other for other in limbs}
     while limb.parent is not None and limb.parent != ancestor.name:
         limb = by_name[limb.parent]
@@ -105,7 +105,7 @@ def _branch(limbs: tuple[Limb, ...], limb: Limb, ancestor: Limb) -> Limb | None:
 
 
 def _beyond(points: FloatArray, limb: Limb, node: int) -> FloatArray:
-    """0 before a node of a limb, 1 beyond it, rising smoothly in between; 1 everywhere for its first node."""
+    """0 before a node of a limb, 1 beyond it, with a smooth transition; 1 everywhere for the first node."""
     if node == 0:
         return np.ones(len(points))
     axis = sum(step / np.linalg.norm(step) for step in np.diff(limb.nodes[node - 1 : node + 2], axis=0))
@@ -116,7 +116,7 @@ def _beyond(points: FloatArray, limb: Limb, node: int) -> FloatArray:
 
 
 def _turned(points: FloatArray, centre: FloatArray, angles: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Rodrigues' rotation of each point about a centre by its fraction of a rotation vector."""
+    """Rotate each point about a centre by its fraction of a rotation vector, by Rodrigues' formula."""
     angle = np.linalg.norm(angles)
     axis = angles / angle
     sine, cosine = np.sin(angle * fraction)[:, None], np.cos(angle * fraction)[:, None]

@@ -1,4 +1,4 @@
-"""Published sets of shapes with known correspondence, found in the user's own folders."""
+"""Published sets of shapes with known correspondence, opened from the user's folders."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 
 from isomatch.datasets.shape_files import SUFFIXES, shapes_in
 from isomatch.datasets.shape_set import ShapeSet
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MissingFileError
 
 OBTAIN = {
     "tosca": "TOSCA, the high-resolution shapes of the project Numerical Geometry of Non-Rigid Shapes (Bronstein, "
     "Bronstein & Kimmel)",
     "scape": "SCAPE, from its authors at Stanford (Anguelov et al., SIGGRAPH 2005)",
     "faust": "MPI FAUST, after registration with the Max Planck Institute for Intelligent Systems (Bogo et al., CVPR "
-    "2014); its training registrations are meant",
+    "2014); the set consists of its training registrations",
     "remeshed": "the remeshed sets, with the code of Ren et al., Continuous and Orientation-preserving Correspondences "
     "via Functional Maps, SIGGRAPH Asia 2018",
 }
@@ -26,18 +26,20 @@ def tosca(root: str | Path) -> ShapeSet:
     Parameters
     ----------
     root : path_like
-        Folder of the shapes, at any depth. Poses of a class share their triangulation. ``cat.sym.vts``, with the mirror
-        image of each vertex, counted from 1, adds mirrored truth.
+        Folder of the shapes, at any depth. Poses of a class share their triangulation. A file ``cat.sym.vts`` with the
+        mirror image of each vertex, counted from 1, adds mirrored truth.
 
     Returns
     -------
     ShapeSet
-        Opened; nothing read.
+        The set; its shapes are read when they are asked for.
 
     Raises
     ------
+    MissingFileError
+        If there are no such shapes; the message says where to obtain them.
     FormatError
-        If there are no such shapes, with where to obtain them, or a shape is there twice.
+        If a shape is in two files.
 
     References
     ----------
@@ -57,7 +59,7 @@ def scape(root: str | Path) -> ShapeSet:
 
 
 def faust(root: str | Path) -> ShapeSet:
-    """Open the training registrations of FAUST, ``tr_reg_000`` onwards; otherwise as `tosca`. Scans are passed over.
+    """Open the training registrations of FAUST, ``tr_reg_000`` onwards; otherwise as `tosca`. Scans are ignored.
 
     References
     ----------
@@ -67,25 +69,27 @@ def faust(root: str | Path) -> ShapeSet:
 
 
 def remeshed(root: str | Path) -> ShapeSet:
-    """Open shapes that were remeshed independently, with ``.vts`` files of corresponding vertices.
+    """Open shapes that were remeshed independently, with corresponding vertices in ``.vts`` files.
 
     Parameters
     ----------
     root : path_like
-        Holds, at any depth, shapes and for each ``<shape>.vts``: one vertex a line, counted from 1, line k of one shape
-        corresponding to line k of the other; also ``<shape>.sym.vts``, their mirror images, if known. Or
-        ``<source>_<target>.map``: the target vertex of each source vertex, counted from 1. ``test_pairs.txt``, one pair a
-        line, says which pairs to match.
+        Holds, at any depth, the shapes and for each a file ``<shape>.vts`` with one vertex a line, counted from 1; line
+        k of one shape corresponds to line k of the other. ``<shape>.sym.vts`` has their mirror images, if known.
+        Alternatively ``<source>_<target>.map`` has the target vertex of each source vertex, counted from 1.
+        ``test_pairs.txt`` lists the pairs to match, one a line.
 
     Returns
     -------
     ShapeSet
-        Opened; nothing read.
+        The set; its shapes are read when they are asked for.
 
     Raises
     ------
+    MissingFileError
+        If there are no shapes; the message says where to obtain them.
     FormatError
-        If there are no shapes, with where to obtain them, or a shape is there twice.
+        If a shape is in two files.
 
     References
     ----------
@@ -107,11 +111,11 @@ def _open(name: str, root: str | Path, pattern: str, shared: bool) -> ShapeSet:
         for shape in filter(re.compile(pattern).fullmatch, shapes_in(path)):
             if shape in shapes:
                 raise FormatError(
-                    f"{shape} is both {shapes[shape]} and {path}; give a folder with one of them"
+                    f"{shape} is both in {shapes[shape]} and in {path}; give a folder with one of them"
                 )
             shapes[shape] = path
     if not shapes:
-        raise FormatError(f"{root}: no shapes of the set {name!r} in this folder; obtain {OBTAIN[name]}")
+        raise MissingFileError(f"{root}: no shapes of the set {name!r} in this folder; obtain {OBTAIN[name]}")
     return ShapeSet(name, shapes, truths, shared, _listed(root / "test_pairs.txt"))
 
 

@@ -1,4 +1,4 @@
-"""One shape of a published set as it lies on disk: meshes in five kinds of files, indices in text."""
+"""Files of published sets: one shape from any of six formats, and lists of vertices."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch.errors import FormatError, some
+from isomatch.errors import FormatError, MissingFileError, some
 from isomatch.surfaces import Mesh, read_mesh
 
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 
 
 def shapes_in(path: Path) -> list[str]:
-    """Names of the shapes in a file: its own, or those of all poses in an archive of vertices with common faces."""
+    """Names of the shapes in a file: that of the file, or those of the poses in an archive with common faces."""
     if path.suffix != ".npz":
         return [path.stem]
     try:
@@ -38,15 +38,17 @@ def read_shape(path: Path, name: str) -> Mesh:
     ----------
     path : Path
         ``.off``, ``.obj``, ``.ply``; ``.mat`` with a struct ``surface`` of ``X``, ``Y``, ``Z`` and ``TRIV``; ``.vert``
-        with a ``.tri`` beside it, both text; ``.npz`` with ``faces`` and ``vertices`` or poses. Indices count from 1 in
-        ``.mat`` and ``.tri``, from 0 in ``.npz``.
+        with a ``.tri`` in the same folder, both text; ``.npz`` with ``faces`` and ``vertices`` or poses. Indices count
+        from 1 in ``.mat`` and ``.tri``, from 0 in ``.npz``.
     name : str
-        Which shape of the file, see `shapes_in`.
+        Name of the shape in the file, see `shapes_in`.
 
     Raises
     ------
+    MissingFileError
+        If the file, or the ``.tri`` of a ``.vert``, is missing.
     FormatError
-        If the file is not of its kind.
+        If the contents are not what the suffix says.
     """
     if path.suffix == ".npz":
         data = arrays(path)
@@ -54,8 +56,8 @@ def read_shape(path: Path, name: str) -> Mesh:
     if path.suffix == ".mat":
         return _read_mat(path)
     if path.suffix == ".vert":
-        beside = path.with_suffix(".tri")
-        return Mesh(_read_table(path, 3)[:, :3], _from(1, beside, _read_table(beside, 3)[:, :3]))
+        triangles = path.with_suffix(".tri")
+        return Mesh(_read_table(path, 3)[:, :3], _from(1, triangles, _read_table(triangles, 3)[:, :3]))
     return read_mesh(path)
 
 
@@ -65,17 +67,35 @@ def read_indices(path: Path) -> IntArray:
 
 
 def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
-    """Read landmarks from text: vertices, and the vertices that they are mirrored to, if a second column tells.
+    """Read landmarks and, if they are in the file, their mirror images.
 
-    Both columns count from 0: the vertex, and the line of the landmark that mirrors it.
+    Parameters
+    ----------
+    path : Path
+        Text with one landmark a line: its vertex and, optionally, the number of the landmark that is its mirror image; or
+        ``.npz`` with ``landmark_vertices`` and, optionally, ``symmetry_perm``. Vertices and numbers count from 0.
+
+    Returns
+    -------
+    vertices : (q,) array of int
+    mirrored : (q,) array of int, or None
+        Vertices of the mirror images.
     """
-    table = _from(0, path, _read_table(path))
-    vertices, line = table[:, 0], table[:, 1:2].ravel()
-    if line.max(initial=0) >= len(table):
+    if path.suffix == ".npz":
+        archive = arrays(path)
+        if "landmark_vertices" not in archive:
+            raise FormatError(f"{path}: no landmarks in this archive; expected an array 'landmark_vertices'")
+        columns = [archive[key] for key in ("landmark_vertices", "symmetry_perm") if key in archive]
+        table = _from(0, path, np.column_stack(columns))
+    else:
+        table = _from(0, path, _read_table(path))
+    vertices, number = table[:, 0], table[:, 1:2].ravel()
+    if number.max(initial=0) >= len(table):
         raise FormatError(
-            f"{path}: landmarks are mirrored to line {line.max()}, the last is {len(table) - 1}"
+            f"{path}: a landmark is mirrored to number {number.max()}, but the last is {len(table) - 1}; correct the "
+            "second column, which counts landmarks from 0"
         )
-    return vertices, vertices[line] if len(line) else None
+    return vertices, vertices[number] if len(number) else None
 
 
 @lru_cache(maxsize=64)
@@ -106,14 +126,14 @@ def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
     bad = np.flatnonzero(~(indices >= first) | (indices != np.rint(indices)))
     if len(bad):
         raise FormatError(
-            f"{path}: entries {some(bad)} are not whole numbers from {first}, from where indices count in such a file; "
-            "write it again by that rule, or use the original"
+            f"{path}: entries {some(bad)} are not whole numbers from {first}, where indices start in such a file; export "
+            "it again with such indices, or use the original"
         )
     return indices.astype(np.int64) - first
 
 
 def _read_table(path: Path, columns: int = 1) -> FloatArray:
-    """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas are blanks."""
+    """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
     try:
         lines = (
             path.read_text(encoding="utf-8", errors="replace")
@@ -133,4 +153,10 @@ def _read_table(path: Path, columns: int = 1) -> FloatArray:
 
 
 def _unreadable(path: Path, error: Exception) -> FormatError:
-    return FormatError(f"{path}: cannot be read ({error}); see docs/benchmarks.md for what such a file holds")
+    if isinstance(error, FileNotFoundError):
+        return MissingFileError(
+            f"{path}: this file is missing; docs/benchmarks.md lists the files of each set"
+        )
+    return FormatError(
+        f"{path}: cannot be read ({error}); docs/benchmarks.md describes the contents of such a file"
+    )

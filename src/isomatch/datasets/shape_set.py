@@ -10,20 +10,20 @@ import numpy as np
 
 from isomatch._arrays import IntArray
 from isomatch.datasets.shape_files import arrays, read_indices, read_landmarks, read_shape
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MissingFileError
 from isomatch.surfaces import Mesh
 
 
 @dataclass(frozen=True, eq=False)
 class KnownShape:
-    """A shape and its vertices that are known on other shapes.
+    """A shape and those of its vertices whose correspondence to other shapes is known.
 
     Parameters
     ----------
     mesh : Mesh
         The shape, in its file's units.
     marks : (q,) array of int
-        Vertices in an order common to all shapes of a group: mark k of one corresponds to mark k of the other.
+        Vertices in an order common to all shapes of a class: mark k of one corresponds to mark k of the other.
     mirrored : (q,) array of int, optional
         The left–right mirror image of each mark.
     """
@@ -35,7 +35,7 @@ class KnownShape:
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkPair:
-    """Two shapes and where some source vertices truly go.
+    """Two shapes and the true images of some source vertices.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ class BenchmarkPair:
     mirrored : (q, 2) array of int, optional
         The symmetric truth, where it is known.
     symmetric : bool
-        The shapes are truly symmetric, so that the mirrored truth is as good as the direct one; otherwise it is only
-        told beside.
+        The shapes are truly symmetric, so that the mirrored truth is as good as the direct one. Otherwise errors against
+        the mirrored truth are only reported in addition.
     """
 
     name: str
@@ -71,10 +71,10 @@ class ShapeSet:
     shapes : mapping of str to Path
         File of each shape.
     truths : mapping of str to Path
-        Files of truth by name: ``<shape>`` or ``<group>`` marks, the same with ``.sym`` mirrored marks,
-        ``<source>_<target>`` a dense map.
+        Files of truth by name: marks by ``<shape>`` or ``<class>``, their mirror images by the same name with ``.sym``, a
+        dense map by ``<source>_<target>``.
     shared : bool
-        Shapes of a group share their triangulation, so that equal vertices correspond.
+        Shapes of a class share their triangulation, so that equal vertices correspond.
     listed : tuple of (str, str)
         The pairs that the set comes with, if any.
     landmarks : Path, optional
@@ -101,25 +101,25 @@ class ShapeSet:
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The pairs that the set lists; else those with a dense map; else all ordered pairs within a group."""
+        """The pairs that the set lists; otherwise those with a dense map, or else all ordered pairs within a class."""
         within = [(a, b) for a in self.names for b in self.names if a != b and _group(a) == _group(b)]
         return self.listed or tuple(pair for pair in within if self._map(*pair)) or tuple(within)
 
     def mesh(self, name: str) -> Mesh:
-        """Read a shape; `FormatError` if there is none of that name."""
+        """Read a shape; `MissingFileError` if there is none of that name."""
         if name not in self.shapes:
-            raise FormatError(f"{self.name} has no shape {name!r}; it has {', '.join(self.names)}")
+            raise MissingFileError(f"{self.name} has no shape {name!r}; choose from {', '.join(self.names)}")
         return read_shape(self.shapes[name], name)
 
     def __getitem__(self, name: str) -> KnownShape:
-        """Read a shape with its marks; `FormatError` if there is no such shape, or no truth about it."""
+        """Read a shape with its marks; `MissingFileError` if there is no such shape, or no truth about it."""
         mesh = self.mesh(name)
         marks, mirrored = self._marks(name, mesh) if self.landmarks is None else self._landmarks(name)
         for vertices in (marks, mirrored):
             if vertices is not None and vertices.max(initial=0) >= mesh.n_vertices:
                 raise FormatError(
                     f"{self.shapes[name]}: known vertices reach {vertices.max()}, but its vertices are "
-                    f"0…{mesh.n_vertices - 1}; truth and shape are of different versions"
+                    f"0…{mesh.n_vertices - 1}; truth and shape are of different versions, so obtain both from one source"
                 )
         if mirrored is not None and len(mirrored) != len(marks):
             raise FormatError(
@@ -138,13 +138,16 @@ class ShapeSet:
         Returns
         -------
         BenchmarkPair
-            In the order of the files: where the triangulation is shared, equal vertices correspond, so relabel before
-            anything is matched. Where the target's symmetry is known, mirrored truth too.
+            With the vertices in the order of the files. Where the triangulation is shared, equal vertices correspond, so
+            relabel the target before matching, as `benchmark_set` does. With mirrored truth if the target's symmetry is
+            known.
 
         Raises
         ------
+        MissingFileError
+            If either shape or its truth is missing.
         FormatError
-            If either shape is missing, or the two have no common truth.
+            If a file cannot be read, or the two shapes have no common truth.
         """
         name = f"{source}-{target}"
         dense = self._map(source, target)
@@ -167,19 +170,20 @@ class ShapeSet:
         return BenchmarkPair(name, a.mesh, b.mesh, truth, mirrored, symmetric=False)
 
     def with_landmarks(self, folder: str | Path) -> ShapeSet:
-        """Judge at landmarks alone.
+        """Take hand-picked landmarks as the only marks.
 
         Parameters
         ----------
         folder : path_like
-            Holds ``<shape>.txt``, or ``<class>.txt`` (``cat.txt``) where poses share a triangulation: one landmark a
-            line, its 0-based vertex and, where a symmetry is known, the 0-based number of the landmark that it is
-            mirrored to; ``#`` comments.
+            Holds a file for each shape, or for each class where poses share a triangulation: ``cat0``, ``cat``,
+            ``tosca_cat`` or ``tosca``, for example, with the suffix ``.txt`` or ``.npz``. Text has one landmark a line:
+            its vertex and, where a symmetry is known, the number of the landmark that is its mirror image; ``#`` starts
+            a comment. An archive has the same in arrays ``landmark_vertices`` and ``symmetry_perm``. All count from 0.
 
         Returns
         -------
         ShapeSet
-            The same shapes, with landmarks as marks.
+            The same shapes, with landmarks as marks. A missing file is a `MissingFileError` when a shape is read.
         """
         return replace(self, landmarks=Path(folder))
 
@@ -199,20 +203,22 @@ class ShapeSet:
         if marks is None and self.shared:
             marks = np.arange(mesh.n_vertices)
         if marks is None:
-            raise FormatError(
-                f"{path}: nothing is known about {name}; expected {name}.vts, one vertex a line counted from 1, in the "
+            raise MissingFileError(
+                f"{path}: there is no truth for {name}; expected {name}.vts, one vertex a line counted from 1, in the "
                 "folder of the set"
             )
         return marks, mirrored
 
     def _landmarks(self, name: str) -> tuple[IntArray, IntArray | None]:
-        """Landmarks of a shape, and the landmarks that they are mirrored to."""
+        """Landmarks of a shape, and their mirror images."""
         folder = self.landmarks or Path()
-        files = [folder / f"{key}.txt" for key in (name, _group(name))]
-        for path in files:
+        keys = (name, _group(name), f"{self.name}_{_group(name)}", self.name)
+        for path in (folder / f"{key}{suffix}" for key in keys for suffix in (".txt", ".npz")):
             if path.exists():
                 return read_landmarks(path)
-        raise FormatError(f"{folder}: no landmarks of {name}; expected {files[0].name} or {files[1].name}")
+        raise MissingFileError(
+            f"{folder}: no landmarks of {name}; expected {', '.join(keys[:-1])} or {keys[-1]}, with .txt or .npz"
+        )
 
 
 def _group(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Triangulations of an implicit surface of genus 0, as many different ones as there are seeds."""
+"""Triangulations of an implicit surface of genus 0, a different one for each seed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.datasets.implicit import Skin
-from isomatch.errors import IsomatchError, MissingDependencyError
-from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.errors import MissingDependencyError, SettingError
+from isomatch.surfaces import Mesh
 
 LARGEST_GRID_MESH = 60_000  # vertices; a larger mesh is subdivided from one of at most this size
 LEAST_CROSSING = 0.4  # of a grid step: keeps marching cubes from cutting off tiny corners
@@ -22,29 +22,29 @@ logger = logging.getLogger(__name__)
 def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
     """Triangulate a skin.
 
-    Marching cubes on a grid that the seed turns, shifts and rescales; then rounds of Delaunay edge flips and
-    tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices return to
-    the surface. Vertices and faces end in random order.
+    Marching cubes on a grid that the seed rotates, shifts and rescales; then rounds of Delaunay edge flips and
+    tangential smoothing; then, for large meshes, midpoint subdivision. After every step, vertices are projected onto
+    the surface. Vertices and faces are in random order.
 
     Parameters
     ----------
     skin : Skin
         The surface.
     n_vertices : int
-        Number of vertices wanted; the result is within 5 %.
+        Number of vertices wanted; that of the result differs by up to 5 %.
     seed : int
-        Which triangulation.
+        Seed of the triangulation.
 
     Returns
     -------
     Mesh
-        Closed, manifold, outward, of genus 0 and in one piece.
+        Closed, manifold, oriented outward, connected, of genus 0.
 
     Raises
     ------
     MissingDependencyError
         Without scikit-image.
-    IsomatchError
+    SettingError
         If the mesh is too coarse to have the surface's topology.
     """
     rng = np.random.default_rng(seed)
@@ -54,11 +54,10 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
         vertices, faces = _marching_cubes(skin, n_grid_vertices, rng)
         if _is_sphere(vertices, faces):
             break
-        logger.debug("marching cubes missed the topology; trying another grid")
+        logger.debug("marching cubes gave the wrong topology; trying another grid")
     else:
-        raise IsomatchError(
-            f"n_vertices={n_vertices} is too coarse: no grid of that size sees the thin limbs; "
-            "ask for more vertices"
+        raise SettingError(
+            f"n_vertices = {n_vertices} is too coarse: no grid of that size resolves thin limbs; ask for more vertices"
         )
     vertices = skin.project(vertices)
     for _ in range(10):
@@ -73,7 +72,7 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
 
 
 def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> tuple[FloatArray, IntArray]:
-    """March on a random grid whose step gives about the number of vertices wanted."""
+    """Run marching cubes on a random grid whose step gives about the number of vertices wanted."""
     march = _skimage_marching_cubes()
     turn = Rotation.random(random_state=rng).as_matrix()
     shift = rng.uniform(0, 1, 3)
@@ -90,7 +89,7 @@ def _marching_cubes(skin: Skin, n_vertices: float, rng: np.random.Generator) -> 
 
 
 def _sampled(skin: Skin, step: float, turn: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sample the field on a grid in turned axes around the surface, and the grid's origin in these axes."""
+    """Sample the field on a grid in rotated axes around the surface; also give the grid's origin in these axes."""
     ends = skin.cones[:, :6].reshape(-1, 3) @ turn
     margin = skin.cones[:, 6:].max() + 0.1
     origin = ends.min(axis=0) - margin - shift * step
@@ -108,8 +107,8 @@ def _skimage_marching_cubes() -> Any:
         from skimage.measure import marching_cubes
     except ImportError as error:
         raise MissingDependencyError(
-            "making a creature needs scikit-image for its marching cubes; run: "
-            "pip install 'isomatch[creatures]', or use example_pair(), which is shipped ready-made"
+            "making a creature needs the marching cubes of scikit-image; run: pip install 'isomatch[creatures]', or use "
+            "example_pair(), which is shipped with the package"
         ) from error
     return marching_cubes
 
@@ -169,7 +168,7 @@ def _smoothed(skin: Skin, vertices: FloatArray, faces: IntArray, rounds: int) ->
     degree = np.bincount(i, minlength=n)[:, None]
     for _ in range(rounds):
         step = neighbours @ vertices / degree - vertices
-        normals = vertex_normals(vertices, faces)
+        normals = Mesh(vertices, faces).vertex_normals
         step -= np.einsum("ij,ij->i", step, normals)[:, None] * normals
         vertices = skin.project(vertices + 0.7 * step, steps=1)
     return vertices
@@ -187,7 +186,7 @@ def _subdivided(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntA
 
 
 def _shuffled(vertices: FloatArray, faces: IntArray, rng: np.random.Generator) -> Mesh:
-    """Random order of vertices, of faces and of the corners of each face, so that order tells nothing."""
+    """Put vertices, faces and the corners of each face in random order, so that the order reveals nothing."""
     order = rng.permutation(len(vertices))
     position = np.argsort(order)
     faces = position[faces[rng.permutation(len(faces))]]

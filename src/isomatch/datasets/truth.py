@@ -1,4 +1,4 @@
-"""Exact closest points of a triangle mesh, as ground truth between two triangulations of one surface."""
+"""Ground truth between two triangulations of one surface: exact closest points of a triangle mesh."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces import Mesh
 
 CHUNK = 50_000  # points handled at once, to bound memory
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Where each of n source vertices belongs on the target.
+    """True image of each of n source vertices on the target.
 
     Parameters
     ----------
     vertices : (n,) array of int
         Nearest target vertex.
     faces : (n,) array of int
-        Target face that holds the closest point.
+        Target face that contains the closest point.
     barycentric : (n, 3) array
         Weights of the three corners of that face.
     """
@@ -40,13 +40,13 @@ class Truth:
 
 
 def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
-    """Closest point of a mesh to each of (n, 3) points.
+    """Find the closest point of a mesh to each of (n, 3) points.
 
     Notes
     -----
-    A face with centroid c and all corners within R of it is no closer to p than |p − c| − R. So once the k
-    nearest centroids have given the distance d, and the k-th centroid is farther than d + R, no other face
-    can be closer. Points for which this fails are tried again with more centroids, up to all of them.
+    A face whose corners lie within R of its centroid c is at least |p − c| − R away from p. So if the faces of the k
+    nearest centroids are at least d away, and the k-th centroid is farther than d + R, no other face is closer than d.
+    Points for which this fails are searched again with more centroids, up to all of them.
     """
     triangles = mesh.vertices[mesh.faces]
     centroids = triangles.mean(axis=1)
@@ -74,7 +74,7 @@ def closest_points(points: FloatArray, mesh: Mesh) -> Truth:
 def _closest_on_triangles(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Barycentric coordinates (…, 3) of, and distance (…) to, the closest point of each (…, 3, 3) triangle.
 
-    It is the foot of the perpendicular where that falls inside, and else the best point of the three edges.
+    It is the foot of the perpendicular if that lies inside, otherwise the closest point of the three edges.
     """
     offset = triangles - points[..., None, :]
     weights = _foot(offset)

@@ -1,10 +1,15 @@
 """Maps against the truth: errors, curves, and runs over benchmark sets."""
 
-from isomatch.evaluation.benchmark import BenchmarkRun, read_rows, run_benchmark
+from isomatch.evaluation.benchmark import rows_of, run_benchmark
+from isomatch.evaluation.benchmark_run import BenchmarkRun
 from isomatch.evaluation.bijectivity import coverage, cycle_errors
+from isomatch.evaluation.caching import CachingEngine
 from isomatch.evaluation.distortion import MetricDistortion, distance_table, metric_distortion
-from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method, true_landmarks
+from isomatch.evaluation.ledger import read_rows
+from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method
 from isomatch.evaluation.princeton import (
+    LIMIT,
+    THRESHOLDS,
     SidedErrors,
     area_under_curve,
     counted,
@@ -15,11 +20,15 @@ from isomatch.evaluation.princeton import (
 from isomatch.evaluation.published_curves import PublishedCurve, read_published_curves
 from isomatch.evaluation.smoothness import conformal_distortion, dirichlet_energy, torn_edges
 from isomatch.evaluation.tables import improvements, summaries, write_tables
+from isomatch.evaluation.true_landmarks import true_landmarks
 
 __all__ = [
     "CONTINUATIONS",
+    "LIMIT",
     "METHODS",
+    "THRESHOLDS",
     "BenchmarkRun",
+    "CachingEngine",
     "Method",
     "MetricDistortion",
     "PublishedCurve",
@@ -37,6 +46,7 @@ __all__ = [
     "metric_distortion",
     "read_published_curves",
     "read_rows",
+    "rows_of",
     "run_benchmark",
     "sided_errors",
     "summaries",

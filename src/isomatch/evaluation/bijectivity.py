@@ -1,4 +1,4 @@
-"""Onto and one-to-one: how much of the target a map reaches, and how far there and back leads astray."""
+"""How nearly a map is bijective: the share of the target that it reaches, and its cycle error with a map back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.evaluation.princeton import geodesic_errors
-from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.geodesics import DistanceEngine, distance_along_edges_to_nearest
 from isomatch.surfaces import Mesh
 
 
@@ -22,9 +22,9 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
     correspondence : Correspondence
         Map source → target; its vertices are judged.
     reach : float
-        A target vertex counts, with its area, when an image lies this near along edges, in √(target area). With 0, the
-        usual measure, only images themselves count: even a good map between independent samplings then stays well
-        below 1, and a coarse source covers little of a fine target.
+        A target vertex is covered, with its area, when an image lies within this distance along edges, in
+        √(target area). With 0, the usual measure, only images themselves are covered: even a good map between
+        independent triangulations then stays well below 1, and a coarse source covers little of a fine target.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
     Raises
     ------
     MapError
-        If the map ends on another number of vertices.
+        If the map was made for a target with another number of vertices.
 
     Examples
     --------
@@ -44,7 +44,9 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
     (0.5, 1.0)
     """
     if correspondence.n_target != target.n_vertices:
-        raise MapError(f"{correspondence!r} does not fit {target!r}")
+        raise MapError(
+            f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
+        )
     images = np.unique(correspondence.vertices[correspondence.matched])
     if not len(images):
         return 0.0
@@ -53,9 +55,14 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
 
 
 def cycle_errors(
-    source: Mesh, there: Correspondence, back: Correspondence, n_points: int | None = None, seed: int = 0
+    source: Mesh,
+    there: Correspondence,
+    back: Correspondence,
+    n_points: int | None = None,
+    seed: int = 0,
+    engine: DistanceEngine | None = None,
 ) -> FloatArray:
-    """Geodesic distance on the source between a vertex and where there-and-back leads it, divided by √(source area).
+    """Geodesic distance on the source between a vertex and its image under both maps, divided by √(source area).
 
     Parameters
     ----------
@@ -64,14 +71,16 @@ def cycle_errors(
     there, back : Correspondence
         Maps source → target and target → source.
     n_points : int, optional
-        Judge this many vertices, drawn without replacement; all by default.
+        Number of vertices to judge, drawn without replacement; all by default.
     seed : int
-        Seeds the draw.
+        Seed of the draw.
+    engine : DistanceEngine, optional
+        Distances on the source; by default by fast marching.
 
     Returns
     -------
     (n_source,) or (n_points,) array of float
-        0 where the maps undo each other; ``inf`` where either has no image.
+        0 where the maps are inverse to each other; ``inf`` where either has no image.
 
     Raises
     ------
@@ -90,6 +99,8 @@ def cycle_errors(
     """
     cycle = there.then(back)
     if cycle.shape != (source.n_vertices, source.n_vertices):
-        raise MapError(f"{there!r} and {back!r} do not lead from {source!r} to itself")
+        raise MapError(
+            f"{there!r} and {back!r} do not lead from {source!r} to itself; give maps source → target and back"
+        )
     vertices = np.arange(source.n_vertices)
-    return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed)
+    return geodesic_errors(source, cycle, np.column_stack([vertices, vertices]), n_points, seed, engine)

@@ -17,12 +17,12 @@ from isomatch.evaluation.published_curves import PublishedCurve
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = (  # Petroff 2021: ten that the colour-blind tell apart
+COLOURS = (  # Petroff 2021: ten colours that the colour-blind can distinguish
     "#3f90da", "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70", "#717581", "#92dadd",
 )  # fmt: skip
-BROKEN = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # dashes of published curves: the ten colours in each
-DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another's map"
-OWN = "isomatch"
+DASHES = ((0, (1, 1.5)), (0, (6, 1.5, 1, 1.5)))  # of published curves: the ten colours in each style
+DIRECT, EITHER, CONTINUED = "direct truth", "one flip allowed for each pair", "started from another map"
+OURS = "isomatch"
 Panel = dict[str, tuple[FloatArray, int]]
 """Mean curve and number of pairs of each method."""
 
@@ -30,8 +30,8 @@ Panel = dict[str, tuple[FloatArray, int]]
 def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve], out: Path) -> None:
     """Write ``curves.png`` and ``curves.svg``.
 
-    Each set has a panel of its methods against the direct truth; one against the better side of each pair, where that
-    differs; and one of what starts from the maps of others, with these as thin lines, if anything does.
+    Each set has a panel of its methods against the direct truth; one against the better of direct and mirrored truth for
+    each pair, if that differs; and one of methods started from the maps of others, shown as thin lines, if there are any.
     """
     from matplotlib.figure import Figure
 
@@ -40,17 +40,18 @@ def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve],
     if not sets:
         return
     kinds = [kind for kind in (DIRECT, EITHER, CONTINUED) if any(kind in panels for panels in sets.values())]
-    families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OWN)
+    families = dict.fromkeys(_family(method) for method in _distinct(good, "method") if method != OURS)
     colours = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(families)}
     figure = Figure((7.2 * len(kinds), 5.2 * len(sets)), layout="constrained")
     grid = figure.subplots(len(sets), len(kinds), squeeze=False)
     for ((name, panels), kind), axes in zip(product(sets.items(), kinds), grid.ravel()):
         axes.set_axis_off()
         if kind in panels:
-            theirs = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
-            beside = [curve for curve in published if curve.set_name == theirs]
-            _draw(axes, panels[kind], beside, colours, kind == CONTINUED)
-            axes.set_title(f"{name}: {kind}", fontsize="medium")
+            published_set = {DIRECT: name, EITHER: f"{name}_AllowingFlips"}.get(kind)
+            others = [curve for curve in published if curve.set_name == published_set]
+            _draw(axes, panels[kind], others, colours, kind == CONTINUED)
+            at_landmarks = any(row["set"] == name and row.get("judged_at") == "landmarks" for row in good)
+            axes.set_title(f"{name}{', at landmarks' * at_landmarks}: {kind}", fontsize="medium")
     for suffix in ("png", "svg"):
         figure.savefig(out / f"curves.{suffix}", dpi=110)
 
@@ -60,7 +61,7 @@ def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
 
 
 def _family(method: str) -> str:
-    """Name of a method, whatever it is given and whatever follows."""
+    """Name of a method without what it is given and what continues from its map."""
     return method.partition("+")[0].removesuffix("_5pt")
 
 
@@ -75,7 +76,7 @@ def _panels(rows: list[dict[str, Any]]) -> dict[str, Panel]:
         else:
             panels[DIRECT][method], panels[EITHER][method] = (direct, len(members)), (either, len(members))
     if panels[CONTINUED]:
-        bases = {method.partition("+")[0] for method in panels[CONTINUED]} | {OWN}
+        bases = {method.partition("+")[0] for method in panels[CONTINUED]} | {OURS}
         panels[CONTINUED] |= {method: panel for method, panel in panels[DIRECT].items() if method in bases}
     if all(np.array_equal(panels[DIRECT][method][0], panels[EITHER][method][0]) for method in panels[DIRECT]):
         panels[EITHER] = {}
@@ -83,25 +84,25 @@ def _panels(rows: list[dict[str, Any]]) -> dict[str, Panel]:
 
 
 def _draw(
-    axes: Axes, panel: Panel, beside: Sequence[PublishedCurve], colours: dict[str, str], continued: bool
+    axes: Axes, panel: Panel, others: Sequence[PublishedCurve], colours: dict[str, str], continued: bool
 ) -> None:
-    """Best curve first in the legend; what is given landmarks is solid, what is not is dotted."""
+    """Draw one panel, best curve first in the legend: solid lines for methods with landmarks, dotted for others."""
     for name, (curve, count) in sorted(panel.items(), key=lambda item: -float(item[1][0].mean())):
         base, plus, _ = name.partition("+")
-        led = name == OWN or base not in METHODS or METHODS[base].n_landmarks
+        given_landmarks = name == OURS or base not in METHODS or METHODS[base].n_landmarks
         axes.plot(
             THRESHOLDS,
             100 * curve,
-            linestyle=("--" if led else "-.") if plus else "-" if led else ":",
+            linestyle=("--" if given_landmarks else "-.") if plus else "-" if given_landmarks else ":",
             color=colours.get(_family(name), "black"),
-            linewidth=2.6 if name == OWN else 0.7 if continued and not plus else 1.6,
-            zorder=3 if name == OWN else 2,
-            label=f"{name} ({count})" if plus or not continued or name == OWN else None,
+            linewidth=2.6 if name == OURS else 0.7 if continued and not plus else 1.6,
+            zorder=3 if name == OURS else 2,
+            label=f"{name} ({count})" if plus or not continued or name == OURS else None,
         )
-    for theirs, (dashes, colour) in zip(beside, product(BROKEN, COLOURS)):
-        label = f"{theirs.method} (published)"
+    for other, (dashes, colour) in zip(others, product(DASHES, COLOURS)):
+        label = f"{other.method} (published)"
         axes.plot(
-            theirs.errors, 100 * theirs.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
+            other.errors, 100 * other.shares, linestyle=dashes, color=colour, linewidth=1.1, label=label
         )
     axes.set_axis_on()
     axes.set(

@@ -1,4 +1,4 @@
-"""Metric distortion: how much a map changes geodesic distances, in the largest and in the mean."""
+"""Metric distortion: how much a map changes geodesic distances, at most and in the mean square."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class MetricDistortion:
     Parameters
     ----------
     linf : float
-        ½ max |d₁ − d₂|: the distortion of which the Gromov–Hausdorff distance is the least over all maps.
+        ½ max |d₁ − d₂|; the Gromov–Hausdorff distance is its infimum over all maps.
     l2 : float
-        Mean of (d₁ − d₂)², so in squared units.
+        Mean of (d₁ − d₂)², in squared units.
     truth : MetricDistortion, optional
-        The same of the true correspondence, which no isometry makes 0 either.
+        Distortion of the true correspondence, which is not 0 because real shapes are only nearly isometric.
     """
 
     linf: float
@@ -42,35 +42,39 @@ def metric_distortion(
     *,
     n_rows: int = 1000,
     n_columns: int = 1000,
+    same_points: bool = False,
     normalised: bool = True,
     seed: int = 0,
     engines: tuple[DistanceEngine, DistanceEngine] | None = None,
 ) -> MetricDistortion:
-    """Compare geodesic distances between drawn points with those between their images.
+    """Compare geodesic distances between random points with those between their images.
 
     Parameters
     ----------
     source, target : Mesh
         The surfaces.
     correspondence : Correspondence
-        Map source → target; its vertices are judged, those without an image left out.
+        Map source → target; its vertices are judged. Vertices without an image are left out.
     truth : (q, 2) array of int, optional
         Rows (source vertex, target vertex). If given, points are drawn from these source vertices, and the distortion
-        of the truth is told beside that of the map.
+        of the truth is returned as well.
     n_rows, n_columns : int
-        Points drawn, without replacement, at the two ends of the distances.
+        Number of points, drawn without replacement, at the two ends of the distances.
+    same_points : bool
+        Take the rows from among the columns, as in the paper's table, so that the distances are those within one set of
+        points. By default both are drawn independently.
     normalised : bool
-        Divide the distances of each shape by its own √area, so that scale does not count; or leave mesh units.
+        Divide the distances of each shape by its √area, so that scale does not count; otherwise keep mesh units.
     seed : int
-        Seeds the draws.
+        Seed of the draws.
     engines : two DistanceEngine, optional
         Distances on the source and on the target; by default by fast marching.
 
     Returns
     -------
     MetricDistortion
-        ``inf`` where a map tears connected points to where no path leads; pairs that no path joins on either shape
-        are passed over.
+        ``inf`` if two connected points have images that are not connected, or the reverse. Pairs that are not connected
+        on either shape are left out.
 
     Raises
     ------
@@ -79,9 +83,9 @@ def metric_distortion(
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, whose table has the mean square over 1000 random rows and
-    columns. n_rows distance columns on the source and up to as many on the target (twice with truth), n_rows × n_columns
-    numbers. Of drawn points, ``linf`` is a bound from below.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017; their table has the mean square over the distances of
+    1000 random points. Computes n_rows distance columns on the source and up to as many on the target (twice with truth),
+    and holds n_rows × n_columns numbers. Over a sample of points, ``linf`` is a lower bound.
 
     Examples
     --------
@@ -94,14 +98,22 @@ def metric_distortion(
     0.7071
     """
     if correspondence.shape != (source.n_vertices, target.n_vertices):
-        raise MapError(f"{correspondence!r} does not fit {source!r} and {target!r}")
+        raise MapError(
+            f"{correspondence!r} does not fit {source!r} and {target!r}; give the shapes that the map was made for"
+        )
     image = correspondence.vertices
     pairs = np.column_stack([np.arange(len(image)), image]) if truth is None else truth
     pairs = pairs[correspondence.matched[pairs[:, 0]]]
     if not len(pairs):
-        raise MapError(f"{correspondence!r} maps none of the points to be judged")
+        raise MapError(
+            f"{correspondence!r} maps none of the points to be judged, so that no distances can be compared"
+        )
     rng = np.random.default_rng(seed)
-    rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
+    if same_points:
+        columns = pairs[rng.choice(len(pairs), min(n_columns, len(pairs)), replace=False)]
+        rows = columns[:n_rows]
+    else:
+        rows, columns = (pairs[rng.permutation(len(pairs))[:count]] for count in (n_rows, n_columns))
     units = [np.sqrt(mesh.area) if normalised else 1.0 for mesh in (source, target)]
     one, other = engines or (distance_engine(source), distance_engine(target))
     here = distance_table(one, rows[:, 0], columns[:, 0]) / units[0]
@@ -117,14 +129,14 @@ def metric_distortion(
 
 
 def distance_table(engine: DistanceEngine, rows: IntArray, columns: IntArray) -> FloatArray:
-    """Distances (r, c) from each of some points to each of others; a repeated row is computed once.
+    """Distances (r, c) between two lists of points.
 
-    Costs a distance column for each distinct row, of which 64 are held at once.
+    Costs one distance column for each distinct row; 64 columns are held at a time.
     """
-    sources, again = np.unique(rows, return_inverse=True)
+    sources, place = np.unique(rows, return_inverse=True)
     blocks = [
         engine.distances_from(sources[first : first + BLOCK])[:, columns]
         for first in range(0, len(sources), BLOCK)
     ]
-    table: FloatArray = np.concatenate(blocks)[again]
+    table: FloatArray = np.concatenate(blocks)[place]
     return table

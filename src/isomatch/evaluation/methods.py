@@ -1,16 +1,22 @@
-"""The methods a benchmark can run, by name, and the true landmarks some of them are given."""
+"""The methods that a benchmark can run, by name."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, TypeAlias
-
-import numpy as np
+from hashlib import sha256
+from typing import Any, Protocol, TypeAlias
 
 from isomatch._arrays import IntArray
 from isomatch.baselines import (
+    FunctionalMapsConfig,
+    GmdsConfig,
+    GradientFieldsConfig,
+    GromovWassersteinConfig,
+    LaplaceConfig,
+    SpectralGmdsConfig,
+    ZoomOutConfig,
     functional_maps,
     gdd,
     gdd_post,
@@ -23,17 +29,19 @@ from isomatch.baselines import (
     zoomout,
 )
 from isomatch.correspondence import Correspondence
-from isomatch.datasets import BenchmarkPair
 from isomatch.errors import SettingError
-from isomatch.geodesics import DistanceEngine, distance_engine
+from isomatch.evaluation.true_landmarks import N_LANDMARKS
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Mesh
 
-Surface: TypeAlias = Mesh | PreparedShape
+MatchInput: TypeAlias = Mesh | PreparedShape
 
-N_LANDMARKS = 5  # as in the paper
-REFERENCES = 30  # true pairs by which others are checked
-SOUND = 0.95  # share of the truth from which landmarks are drawn
+
+class MethodConfig(Protocol):
+    """Settings of `match` or of a baseline."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
 
 
 @dataclass(frozen=True)
@@ -43,52 +51,64 @@ class Method:
     Parameters
     ----------
     function : callable
-        Of source and target, and of ``landmarks`` if it takes them.
+        Takes source and target, and ``landmarks``, ``initial_map`` and ``config`` where these are given.
     n_landmarks : int
-        True landmarks it is given.
+        Number of true landmarks that the method is given.
     preparation : Config, optional
-        Settings of the prepared shapes it is given; None where it takes meshes alone.
+        Settings of the prepared shapes that the method is given; None if it is given meshes.
+    config : optional
+        Settings that the method is given; None if it takes none.
     """
 
     function: Callable[..., MatchResult | Correspondence]
     n_landmarks: int = 0
     preparation: Config | None = field(default_factory=Config)
+    config: MethodConfig | None = None
 
     def __call__(
-        self, source: Surface, target: Surface, given: Mapping[str, IntArray]
+        self, source: MatchInput, target: MatchInput, hints: Mapping[str, IntArray]
     ) -> tuple[Correspondence, dict[str, Any]]:
-        """Map source to target from what is given, by names of arguments; also give what the method tells of itself."""
-        found = self.function(source, target, **given)
+        """Match source to target with hints, by argument name; return the map and the method's diagnostics."""
+        settings = {} if self.config is None else {"config": self.config}
+        found = self.function(source, target, **hints, **settings)
         return (found.map, found.to_dict()) if isinstance(found, MatchResult) else (found, {})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that the method is set to, as plain values."""
+        return {
+            "n_landmarks": self.n_landmarks,
+            "preparation": self.preparation and self.preparation.to_dict(),
+            "config": self.config and self.config.to_dict(),
+        }
 
 
 AS_PUBLISHED = Config(weights="uniform")
 METHODS = {
-    "isomatch": Method(match),
-    "gdd": Method(gdd, N_LANDMARKS, AS_PUBLISHED),
-    "gdd_post": Method(gdd_post, N_LANDMARKS, AS_PUBLISHED),
-    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS),
-    "functional_maps": Method(functional_maps),
-    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS),
-    "zoomout": Method(zoomout),
-    "zoomout_5pt": Method(zoomout, N_LANDMARKS),
-    "gmds": Method(gmds),
-    "gmds_5pt": Method(gmds, N_LANDMARKS),
-    "gw": Method(gromov_wasserstein),
-    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS),
-    "sgmds": Method(spectral_gmds),
-    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS),
-    "sgf": Method(spectral_gradient_fields),
-    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS),
+    "isomatch": Method(match, config=Config()),
+    "gdd": Method(gdd, N_LANDMARKS, AS_PUBLISHED, AS_PUBLISHED),
+    "gdd_post": Method(gdd_post, N_LANDMARKS, AS_PUBLISHED, AS_PUBLISHED),
+    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS, config=LaplaceConfig()),
+    "functional_maps": Method(functional_maps, config=FunctionalMapsConfig()),
+    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS, config=FunctionalMapsConfig()),
+    "zoomout": Method(zoomout, config=ZoomOutConfig()),
+    "zoomout_5pt": Method(zoomout, N_LANDMARKS, config=ZoomOutConfig()),
+    "gmds": Method(gmds, config=GmdsConfig()),
+    "gmds_5pt": Method(gmds, N_LANDMARKS, config=GmdsConfig()),
+    "gw": Method(gromov_wasserstein, config=GromovWassersteinConfig()),
+    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS, config=GromovWassersteinConfig()),
+    "sgmds": Method(spectral_gmds, config=SpectralGmdsConfig()),
+    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS, config=SpectralGmdsConfig()),
+    "sgf": Method(spectral_gradient_fields, config=GradientFieldsConfig()),
+    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS, config=GradientFieldsConfig()),
     "pyfm": Method(pyfm_zoomout, preparation=None),
 }
 
 CONTINUATIONS = {
-    "isomatch": Method(partial(match, config=Config(hypotheses="given"))),
-    "gdd": Method(gdd, preparation=AS_PUBLISHED),
-    "gdd_post": Method(gdd_post, preparation=AS_PUBLISHED),
+    "isomatch": Method(match, config=Config(hypotheses="given")),
+    "gdd": Method(gdd, preparation=AS_PUBLISHED, config=AS_PUBLISHED),
+    "gdd_post": Method(gdd_post, preparation=AS_PUBLISHED, config=AS_PUBLISHED),
 }
-"""What can start from the map of another method: "sgmds_5pt+gdd" is GDD from the map of SGMDS."""
+"""Methods that can start from the map of another: "sgmds_5pt+gdd" is GDD started from the map of SGMDS."""
 
 
 def parts_of(name: str) -> tuple[str, str]:
@@ -102,52 +122,22 @@ def parts_of(name: str) -> tuple[str, str]:
     base, plus, ending = name.partition("+")
     if base not in METHODS or (plus and ending not in CONTINUATIONS):
         raise SettingError(
-            f"unknown method {name}; known are {', '.join(METHODS)}, and any of them followed by "
+            f"unknown method {name}; choose from {', '.join(METHODS)}, and any of them followed by "
             + " or ".join(f"+{known}" for known in CONTINUATIONS)
         )
     return base, ending
 
 
-def true_landmarks(
-    pair: BenchmarkPair,
-    count: int = N_LANDMARKS,
-    seed: int = 0,
-    engines: tuple[DistanceEngine, DistanceEngine] | None = None,
-) -> IntArray:
-    """Draw true pairs far from one another: farthest points of the source among those whose image is known.
+def settings_digest(name: str) -> str:
+    """Hash the settings of a method, and of the method that it starts from, in 12 hexadecimal digits.
 
-    Parameters
-    ----------
-    pair : BenchmarkPair
-        Two shapes and the truth.
-    count : int
-        Landmarks to draw.
-    seed : int
-        Draws references; the first landmark is the point farthest from the first of them.
-    engines : two DistanceEngine, optional
-        Distances on the source and on the target; by default by fast marching.
+    Equal for equal settings on every machine, and different as soon as one of them changes.
 
-    Returns
-    -------
-    (count, 2) array of int
-        Rows (source vertex, target vertex).
-
-    Notes
-    -----
-    Published truth has a few wrong rows where limbs touch, a hand for the other. So distances to the references are
-    compared on both shapes, and the twentieth of the rows that fits worst is not drawn from.
+    Examples
+    --------
+    >>> settings_digest("gdd") == settings_digest("gdd_post"), settings_digest("gdd") == settings_digest("phi")
+    (True, False)
     """
-    references = pair.truth[np.random.default_rng(seed).integers(len(pair.truth), size=REFERENCES)]
-    source, target = engines or (distance_engine(pair.source), distance_engine(pair.target))
-    here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
-    there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)
-    joined = np.isfinite(here) & np.isfinite(there)  # where not, on another component, the mismatch is √area
-    mismatch = np.abs(np.subtract(here, there, where=joined, out=np.ones(here.shape))).mean(axis=0)
-    known = np.flatnonzero(joined[0] & (mismatch <= np.quantile(mismatch, SOUND)))
-    rows = [known[here[0, known].argmax()]]
-    nearest = np.full(len(known), np.inf)
-    while len(rows) < count:
-        distances = source.distances_from(pair.truth[rows[-1:], 0])[0]
-        nearest = np.minimum(nearest, distances[pair.truth[known, 0]])
-        rows.append(known[nearest.argmax()])
-    return pair.truth[rows]
+    base, ending = parts_of(name)
+    settings = [METHODS[base].to_dict()] + ([CONTINUATIONS[ending].to_dict()] if ending else [])
+    return sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""One page that tells how a benchmark run went, and needs no other file."""
+"""The page of a benchmark run: one file that needs no other."""
 
 from __future__ import annotations
 
@@ -11,34 +11,42 @@ from string import Template
 from typing import Any
 
 MOST_PAIRS = 20  # worst pairs shown
-WORDS = ("set", "pair", "method", "outcome", "problem")  # columns of text
+WORDS = ("set", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
 MEANINGS = {
     "mean, median, max": "of the pairs' mean errors",
     "failures": "pairs with a mean error above 10",
-    "problems": "pairs without a map; they are left out of the means",
+    "problems": "pairs that could not be matched or measured; they are left out of the means",
     "auc": "area under the cumulative curve of errors up to 0.25, best 1",
     "within_05, within_10, within_25": "share of correspondences with an error up to 0.05, 0.10, 0.25 √(target area)",
     "direct, mirrored": "error against the truth, and against the truth after a left–right flip, where that is known; "
-    "error is the smaller one for shapes that are truly symmetric, else the direct",
-    "either": "the smaller of direct and mirrored, one decision for each pair",
-    "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape in its own √area, by "
-    "the map and by the truth",
+    "the error is the smaller of both for shapes that are truly symmetric, otherwise the direct one",
+    "either": "the smaller of direct and mirrored, with one decision for each pair",
+    "distortion_l2, distortion_l2_truth": "mean squared change of geodesic distances, each shape's divided by its √area, "
+    "by the map and by the truth; 100 × 1000 random points",
+    "distortion_table, distortion_table_truth": "the same as in the paper's table: over the distances within one set of "
+    "random points",
+    "cycle": "mean distance on the source, × 100 / √(source area), between a vertex and its image under the map and the "
+    "same method's map back",
     "coverage": "share of the target's area whose vertices are images",
-    "smoothness": "Dirichlet energy of the map / target area: 1 for an isometry, more where it stretches or jumps",
-    "name+isomatch, name+gdd, name+gdd_post": "these, started from the map of that method; the table compares both on "
-    "the same pairs: before, after, and the share of pairs in which it became smaller",
-    "seconds": "of the match, preparation included; of both methods, where one starts from the "
-    "other; every row counts the preparation it needs once, though a pair is prepared once for all",
+    "smoothness": "Dirichlet energy of the map / target area: 1 for an isometry, more for a map that stretches or is "
+    "discontinuous",
+    "name+isomatch, name+gdd, name+gdd_post": "isomatch, gdd or gdd_post started from the map of that method; the table "
+    "compares both on the same pairs: before, after, and the share of pairs for which the value became smaller",
+    "seconds": "time of the match, preparation included; of both methods, if one starts from the map of the other; every "
+    "row counts the preparation once, though a pair is prepared once for all rows",
+    "judged_at": "truth: errors at random points of the dense truth; landmarks: errors at hand-picked landmarks",
+    "version": "version of isomatch",
 }
 SUMMARY = (
-    "set", "method", "pairs", "mean", "median", "max", "either", "failures", "problems", "auc", "within_05", "within_10",
-    "within_25", "distortion_l2", "distortion_l2_truth", "coverage", "smoothness", "seconds",
+    "set", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
+    "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table",
+    "distortion_table_truth", "cycle", "coverage", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (
-    "set", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "coverage", "smoothness",
-    "seconds", "outcome", "problem",
+    "set", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
+    "coverage", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
-GAINS = '<h2>Started from another\'s map</h2>\n<div class="wide">{}</div>'
+GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
 
 
 def write_page(
@@ -47,6 +55,7 @@ def write_page(
     gains: list[dict[str, Any]],
     rows: list[dict[str, Any]],
     curves: bytes,
+    left_out: int = 0,
 ) -> None:
     """Write the page of a run.
 
@@ -55,9 +64,11 @@ def write_page(
     path : Path
         HTML file to write; an existing one is replaced.
     summary, gains, rows : list of dict
-        One for each set and method, one for each set and method that starts from another's map, and one for each pair.
+        One for each set and method, one for each set and method started from another map, and one for each pair.
     curves : bytes
         Picture of the curves, SVG.
+    left_out : int
+        Number of rows in the folder that are not shown because they cannot be compared with the others.
     """
     worst = sorted(rows, key=lambda row: -row.get("error", float("inf")))[:MOST_PAIRS]
     sets = ", ".join(dict.fromkeys(row["set"] for row in rows))
@@ -66,7 +77,10 @@ def write_page(
         summary=_table(SUMMARY, summary),
         gains=GAINS.format(_table(tuple(gains[0]), gains)) if gains else "",
         curves="data:image/svg+xml;base64," + b64encode(curves).decode("ascii"),
-        told=f"{len(worst)} of {len(rows)}; those without a map first.",
+        note=f"Rows of other versions, settings, points, seeds or truth in rows.jsonl, not shown: {left_out}."
+        if left_out
+        else "",
+        count=f"{len(worst)} of {len(rows)}; those with a problem first.",
         worst=_table(WORST, worst),
         columns="".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in MEANINGS.items()),
     )

@@ -1,4 +1,4 @@
-"""The Princeton protocol: geodesic error of a map against truth, direct or mirrored, and its cumulative curve."""
+"""The Princeton protocol: geodesic errors of a map against the direct or mirrored truth, and their cumulative curve."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
-from isomatch.errors import SettingError
+from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
 from isomatch.surfaces import Mesh
 
-LIMIT = 0.25  # where the published curves end
+LIMIT = 0.25  # largest error shown in published curves
 THRESHOLDS = np.linspace(0.0, LIMIT, 101)
-SHARES = (0.05, 0.10, 0.25)  # where the curve is told in tables
-UNMATCHED_ERROR = 1.0  # what a vertex without an image counts for in means: √(target area)
+SHARES = (0.05, 0.10, 0.25)  # thresholds reported in tables
+UNMATCHED_ERROR = 1.0  # of a vertex without an image, in means: √(target area)
 
 
 @dataclass(frozen=True, eq=False)
 class SidedErrors:
-    """Errors of one map against the direct truth and, where there is one, the mirrored.
+    """Errors of one map against the direct truth and, where it is known, the mirrored truth.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class SidedErrors:
 
     @property
     def better(self) -> FloatArray:
-        """(q,) errors of the better side: one decision for the whole map, never one for each vertex."""
+        """(q,) errors against the better truth: one decision for the whole map, not one for each vertex."""
         return self.direct if self.mirrored is None or not self.flipped else self.mirrored
 
 
@@ -62,9 +62,9 @@ def geodesic_errors(
     truth : (q, 2) array of int
         Rows (source vertex, target vertex).
     n_points : int, optional
-        Judge this many rows, drawn without replacement; all by default.
+        Number of rows to judge, drawn without replacement; all by default.
     seed : int
-        Seeds the draw.
+        Seed of the draw.
     engine : DistanceEngine, optional
         Distances on the target; by default by fast marching.
 
@@ -76,15 +76,15 @@ def geodesic_errors(
     Notes
     -----
     Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One distance column for each distinct true image,
-    in batches; no n × n matrix.
+    computed in batches; no n × n matrix.
     """
     if n_points is not None and n_points < len(truth):
         truth = truth[np.sort(np.random.default_rng(seed).choice(len(truth), n_points, replace=False))]
     image = correspondence.vertices[truth[:, 0]]
-    held = image >= 0
+    matched = image >= 0
     errors = np.full(len(truth), np.inf)
-    pairs = np.column_stack([truth[held, 1], image[held]])
-    errors[held] = pair_distances(engine or distance_engine(target), pairs) / np.sqrt(target.area)
+    pairs = np.column_stack([truth[matched, 1], image[matched]])
+    errors[matched] = pair_distances(engine or distance_engine(target), pairs) / np.sqrt(target.area)
     return errors
 
 
@@ -104,16 +104,16 @@ def sided_errors(
     target, correspondence, truth, n_points, seed, engine
         As for `geodesic_errors`.
     mirrored : (q, 2) array of int, optional
-        The truth after a left–right flip of one shape, with the same source vertices row by row.
+        The truth after a left–right flip of one shape, with the same source vertex in each row.
 
     Returns
     -------
     SidedErrors
-        Both sides, over the same rows.
+        Errors against both, over the same rows.
 
     Raises
     ------
-    SettingError
+    MapError
         If the two truths differ in their source vertices.
 
     Examples
@@ -126,7 +126,7 @@ def sided_errors(
     (True, [1.0, 1.0, 1.0, 1.0], [0.0, 0.0, 0.0, 0.0])
     """
     if mirrored is not None and not np.array_equal(truth[:, 0], mirrored[:, 0]):
-        raise SettingError("direct and mirrored truth differ in their source vertices; give the same rows")
+        raise MapError("direct and mirrored truth differ in their source vertices; give the same rows")
     return SidedErrors(
         geodesic_errors(target, correspondence, truth, n_points, seed, engine),
         None
@@ -136,7 +136,7 @@ def sided_errors(
 
 
 def counted(errors: FloatArray) -> FloatArray:
-    """Errors for means: a vertex without an image counts as √(target area)."""
+    """Errors as they enter means: a vertex without an image counts as √(target area)."""
     return np.where(np.isfinite(errors), errors, UNMATCHED_ERROR)
 
 
@@ -146,9 +146,9 @@ def cumulative_curve(errors: FloatArray, thresholds: ArrayLike = THRESHOLDS) -> 
 
 
 def area_under_curve(errors: FloatArray, limit: float = LIMIT) -> float:
-    """Area under the cumulative curve on [0, limit] / limit: 1 if all errors are 0, 0 if none is below the limit.
+    """Area under the cumulative curve on [0, limit], divided by the limit: from 0 to 1, which is perfect.
 
-    Exact, without thresholds: an error e adds its share of the curve from e to the limit.
+    Computed exactly, without thresholds: each error e contributes its step from e to the limit.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Curves that others published, to draw beside one's own."""
+"""Published curves of other methods, for comparison."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from zipfile import BadZipFile
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MissingFileError
 
 
 @dataclass(frozen=True, eq=False)
 class PublishedCurve:
-    """A cumulative curve of errors.
+    """A published cumulative curve of errors.
 
     Parameters
     ----------
     set_name, method : str
-        What was matched, and by which method.
+        The set that was matched, and the method.
     errors : (q,) array of float
         Geodesic error / √area, ascending.
     shares : (q,) array of float
@@ -38,17 +38,19 @@ def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
     Parameters
     ----------
     folder : path_like
-        Holds ``.npz`` archives with two arrays a curve: ``set|method|x``, errors, and ``set|method|y``, percent.
+        Holds ``.npz`` archives with two arrays for each curve: ``set|method|x``, errors, and ``set|method|y``, percent.
 
     Returns
     -------
     list of PublishedCurve
-        By file name; of curves of the same set and method, the first.
+        In the order of the file names; of several curves of one set and method, the first.
 
     Raises
     ------
+    MissingFileError
+        If there is no curve in the folder.
     FormatError
-        If there is none, or a file cannot be read.
+        If a file cannot be read.
     """
     curves: dict[tuple[str, str], PublishedCurve] = {}
     for path in sorted(Path(folder).glob("*.npz")):
@@ -60,9 +62,9 @@ def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
                         curve = PublishedCurve(name, method, data[key], data[f"{name}|{method}|y"] / 100)
                         curves.setdefault((name, method), curve)
         except (OSError, ValueError, KeyError, BadZipFile) as error:
-            raise FormatError(f"{path}: cannot be read as curves ({error}); mend or remove it") from error
+            raise FormatError(f"{path}: cannot be read as curves ({error}); repair or remove it") from error
     if not curves:
-        raise FormatError(
+        raise MissingFileError(
             f"{folder}: no published curves; expected .npz files with arrays 'set|method|x' (errors) and "
             "'set|method|y' (percent)"
         )

@@ -1,4 +1,4 @@
-"""Smoothness of a map: its Dirichlet energy, how far it is from conformal, and the edges that it tears."""
+"""Smoothness of a map: its Dirichlet energy, its conformal distortion, and the edges that it tears."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
     Returns
     -------
     float
-        1 for a conformal bijection, isometries among them, in every scale; 0 for a constant map. A map that stretches, or
-        jumps between neighbours, has more.
+        1 for a conformal bijection, such as an isometry, at any scale; 0 for a constant map. More for a map that
+        stretches or that is discontinuous.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
 
     Notes
     -----
-    The energy of the piecewise linear map: a face with angles α and image edges e opposite to them adds ¼ Σ cot α |e|²
+    The energy of the piecewise linear map: a face with angles α and opposite image edges e contributes ¼ Σ cot α |e|²
     (Pinkall & Polthier, *Computing Discrete Minimal Surfaces and Their Conjugates*, 1993). Linear time.
 
     Examples
@@ -47,7 +47,7 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
 
 
 def conformal_distortion(source: Mesh, target: Mesh, correspondence: Correspondence) -> float:
-    """Dirichlet energy over the area of the images, less 1: 0 for a conformal map, never below.
+    """Dirichlet energy divided by the area of the images, minus 1: at least 0, and 0 for a conformal map.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def conformal_distortion(source: Mesh, target: Mesh, correspondence: Corresponde
     Returns
     -------
     float
-        Unlike the energy it does not count folds or what is left uncovered; ``nan`` if the images have no area.
+        Unlike the energy, it does not depend on folds or on what is left uncovered; ``nan`` if the images have no area.
 
     Examples
     --------
@@ -71,17 +71,17 @@ def conformal_distortion(source: Mesh, target: Mesh, correspondence: Corresponde
 
 
 def torn_edges(source: Mesh, target: Mesh, correspondence: Correspondence, factor: float = 2.0) -> float:
-    """Share of source edges whose ends are carried more than ``factor`` times as far apart.
+    """Share of source edges that the map stretches by more than a factor.
 
     Parameters
     ----------
     source, target : Mesh
-        The surfaces; each one's lengths are divided by its √area, so that scale does not count.
+        The surfaces. Lengths on each are divided by its √area, so that scale does not count.
     correspondence : Correspondence
         Map source → target. Edges with an end without an image are left out.
     factor : float
-        Bound of the stretch. Images are compared along straight lines, which between neighbours tell a jump as well as
-        geodesics do.
+        Largest stretch allowed. The distance of two images is measured along a straight line, which is enough to find the
+        jumps between neighbours.
 
     Returns
     -------
@@ -103,8 +103,8 @@ def torn_edges(source: Mesh, target: Mesh, correspondence: Correspondence, facto
     i, j = source.edges[correspondence.matched[source.edges].all(axis=1)].T
     if not len(i):
         return np.nan
-    lengths, carried = (np.linalg.norm(x[i] - x[j], axis=1) for x in (source.vertices, images))
-    return float((carried > factor * lengths / np.sqrt(source.area)).mean())
+    lengths, mapped = (np.linalg.norm(x[i] - x[j], axis=1) for x in (source.vertices, images))
+    return float((mapped > factor * lengths / np.sqrt(source.area)).mean())
 
 
 def _energy_and_area(source: Mesh, target: Mesh, correspondence: Correspondence) -> tuple[float, float]:
@@ -112,18 +112,20 @@ def _energy_and_area(source: Mesh, target: Mesh, correspondence: Correspondence)
     images = _images(source, target, correspondence)
     kept = correspondence.matched[source.sound_faces].all(axis=1) & (source.face_areas > 0)
     faces = source.faces[kept]
-    edges, carried = (
+    edges, mapped = (
         np.roll(x[faces], -1, axis=1) - np.roll(x[faces], 1, axis=1) for x in (source.vertices, images)
     )
-    # the edges opposite to the corners run round the face, so two of them enclose π − α: (faces, corners, xyz)
+    # (faces, corners, xyz); the edges run round the face, so that two successive ones enclose the angle π − α
     cosines = -np.einsum("fcx,fcx->fc", np.roll(edges, 1, axis=1), np.roll(edges, -1, axis=1))
     cotangents = cosines / (2 * source.face_areas[kept, None])
-    energy = 0.25 * (cotangents * (carried**2).sum(axis=2)).sum()
+    energy = 0.25 * (cotangents * (mapped**2).sum(axis=2)).sum()
     return float(energy), Mesh(np.nan_to_num(images), faces).area
 
 
 def _images(source: Mesh, target: Mesh, correspondence: Correspondence) -> FloatArray:
     """(n_source, 3) precise images; nan where unmatched."""
     if correspondence.shape != (source.n_vertices, target.n_vertices):
-        raise MapError(f"{correspondence!r} does not fit {source!r} and {target!r}")
+        raise MapError(
+            f"{correspondence!r} does not fit {source!r} and {target!r}; give the shapes that the map was made for"
+        )
     return correspondence @ target.vertices

@@ -1,4 +1,4 @@
-"""Tables of benchmark runs."""
+"""The tables of a folder of benchmark runs."""
 
 from __future__ import annotations
 
@@ -9,30 +9,35 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.evaluation.benchmark import read_rows
 from isomatch.evaluation.curves import draw_curves
+from isomatch.evaluation.ledger import Row, identity_of, read_rows
 from isomatch.evaluation.page import write_page
 from isomatch.evaluation.published_curves import PublishedCurve
 
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (
-    "set", "pair", "method", "n_source", "n_target", "error", "median", "p95", "direct", "mirrored",
-    "either", "unmatched", "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth",
+    "set", "pair", "method", "points", "seed", "judged_at", "version", "settings", "n_source", "n_target",
+    "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "auc", "within_05", "within_10",
+    "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle",
     "coverage", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
 AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
 
 
 def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> list[dict[str, Any]]:
-    """Write what a run has found so far.
+    """Write tables, curves and a page of the rows in a folder.
+
+    Of each set and method, only the rows that agree with the last one in points, seed, version and settings are shown,
+    and of each set only those with the kind of truth of its last row, so that no mean is over rows that cannot be
+    compared. The page says how many rows are left out.
 
     Parameters
     ----------
     out : path_like
-        Folder of the run. ``pairs.csv``, ``summary.csv``, ``improvements.csv`` (see `improvements`), ``curves.png``,
-        ``curves.svg`` and ``index.html``, one page that needs no other file, are written into it.
+        Folder of the runs. ``pairs.csv``, ``summary.csv``, ``improvements.csv`` (see `improvements`), ``curves.png``,
+        ``curves.svg`` and ``index.html``, a page that needs no other file, are written into it.
     published : sequence of PublishedCurve
-        Curves to draw beside, those of the sets that were run.
+        Published curves to draw for comparison; those of other sets are ignored.
 
     Returns
     -------
@@ -40,7 +45,8 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
         The summary, see `summaries`.
     """
     out = Path(out)
-    rows = sorted(read_rows(out), key=lambda row: (row["set"], row["method"], row["pair"]))
+    every = read_rows(out)
+    rows = sorted(_comparable(every), key=lambda row: (row["set"], row["method"], row["pair"]))
     table = summaries(rows)
     _write_csv(out / "pairs.csv", rows, COLUMNS)
     if table:
@@ -49,13 +55,26 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
         if gains:
             _write_csv(out / "improvements.csv", gains, tuple(gains[0]))
         draw_curves(rows, published, out)
-        write_page(out / "index.html", table, gains, rows, (out / "curves.svg").read_bytes())
+        curves = (out / "curves.svg").read_bytes()
+        write_page(out / "index.html", table, gains, rows, curves, len(every) - len(rows))
     return table
 
 
-def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Mean, median, worst, failures and means of the other measures for each set and method, in order of appearance."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+def _comparable(rows: list[Row]) -> list[Row]:
+    """Keep the rows that differ from the last of their set and method in the pair alone; one kind of truth a set."""
+
+    def kind(row: Row) -> tuple[Any, ...]:
+        return identity_of(row | {"pair": ""})
+
+    truth = {row["set"]: row.get("judged_at") for row in rows}
+    rows = [row for row in rows if row.get("judged_at") == truth[row["set"]]]
+    last = {(row["set"], row["method"]): kind(row) for row in rows}
+    return [row for row in rows if kind(row) == last[row["set"], row["method"]]]
+
+
+def summaries(rows: list[Row]) -> list[dict[str, Any]]:
+    """Mean, median and largest error, failures, and means of the other measures, for each set and method."""
+    groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["set"], row["method"]), []).append(row)
     table = []
@@ -66,6 +85,8 @@ def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             {
                 "set": name,
                 "method": method,
+                "judged_at": members[-1].get("judged_at"),
+                "version": members[-1].get("version"),
                 "pairs": len(members),
                 "mean": float(errors.mean()) if len(good) else None,
                 "median": float(np.median(errors)) if len(good) else None,
@@ -78,14 +99,15 @@ def summaries(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return table
 
 
-def improvements(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Compare what starts from a method's map with the method itself, on the pairs that both mapped.
+def improvements(rows: list[Row]) -> list[dict[str, Any]]:
+    """Compare maps that were started from another method's map with that map, on the pairs for which both exist.
 
-    For each set and continued method: mean error and distortion before and after, and the share of pairs in which each
-    became smaller. Distortion is infinite where a map tears; its means are those of the other pairs, which are counted.
+    For each set and each such method: mean error and distortion before and after, and the share of pairs for which each
+    became smaller. The distortion of a map that tears is infinite; such pairs are left out of its means, and
+    "distortion_pairs" is the number of the others.
     """
     good = {(row["set"], row["method"], row["pair"]): row for row in rows if "problem" not in row}
-    groups: dict[tuple[str, str], list[tuple[dict[str, Any], dict[str, Any]]]] = {}
+    groups: dict[tuple[str, str], list[tuple[Row, Row]]] = {}
     for (name, method, pair), row in good.items():
         before = good.get((name, method.partition("+")[0], pair))
         if "+" in method and before:
@@ -96,18 +118,18 @@ def improvements(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         for key in ("error", "distortion_l2"):
             values = [[np.inf if row[key] is None else row[key] for row in both] for both in members]
             before, after = np.array(values).T
-            whole = np.isfinite(before) & np.isfinite(after)
-            line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[whole].tolist()) for x in (before, after))
+            finite = np.isfinite(before) & np.isfinite(after)
+            line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[finite].tolist()) for x in (before, after))
             line[f"{key}_smaller"] = float((after < before).mean())
-        line["distortion_pairs"] = int(whole.sum())
+        line["distortion_pairs"] = int(finite.sum())
         line["distortion_l2_truth"] = _mean([row["distortion_l2_truth"] for _, row in members])
         table.append(line)
     return table
 
 
 def _mean(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
+    finite = [value for value in values if value is not None]
+    return float(np.mean(finite)) if finite else None
 
 
 def _write_csv(path: Path, rows: list[dict[str, Any]], columns: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The figures and tables of Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, made anew."""
+"""The figures and the table of Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, reproduced."""
 
 from isomatch.paper.item import Item, Reproduction, Setting, Verdict
 from isomatch.paper.reproduce import ITEMS, reproduce

@@ -13,19 +13,19 @@ from isomatch.view import camera_of, surface_image
 
 N_VECTORS = 10
 N_SMOOTH = 50  # Laplace–Beltrami functions whose span counts as smooth
-RANGE = 2.5  # of a function of mean square 1, shown from −RANGE to RANGE
+RANGE = 2.5  # functions of mean square 1 are shown from −RANGE to RANGE
 COLOUR_MAP = "PuOr"
-MOST_ERROR, LEAST_SMOOTH = 0.05, 0.95  # what "most of the distances" and "smooth" are taken to mean
+MOST_ERROR, LEAST_SMOOTH = 0.05, 0.95  # meaning of "most of the distances" and "smooth"
 
 
 def make(setting: Setting) -> Reproduction:
-    """Compute and draw them on the cat."""
+    """Compute and draw the vectors on the cat."""
     name, mesh = setting.shape("cat0")
     basis = distance_basis(mesh, N_VECTORS, 2 * N_VECTORS, seed=setting.seed)
     area = mesh.area
     errors = basis.error_estimates()
     coefficients = laplace_basis(mesh, N_SMOOTH, setting.seed).coefficients(basis.vectors)
-    smooth = (coefficients**2).sum(axis=0)  # of 1, the square of each vector's norm
+    smooth = (coefficients**2).sum(axis=0)  # share of each vector's squared norm, which is 1
     rows = [
         {
             "vector": i + 1,
@@ -40,7 +40,7 @@ def make(setting: Setting) -> Reproduction:
     verdicts = [
         Verdict(
             "ten orthonormal vectors hold most of the distances",
-            f"relative error {errors[-1]:.3f} with {N_VECTORS} (estimated on columns that the fit has not seen; at most "
+            f"relative error {errors[-1]:.3f} with {N_VECTORS} (estimated on columns held out from the fit; at most "
             f"{MOST_ERROR} counts as most); QᵀAQ is within {skew:.0e} of the identity",
             bool(errors[-1] <= MOST_ERROR and skew < 1e-8),
         ),

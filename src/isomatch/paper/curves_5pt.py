@@ -28,7 +28,7 @@ def make(setting: Setting) -> Reproduction:
 
 
 def _above(above: str, below: str, curves: princeton_curves.Curves) -> Verdict:
-    """Whether one curve is nowhere below another."""
+    """Compare two curves: whether one is nowhere below the other."""
     lead, name, error = princeton_curves.least_lead(curves, above, below)
     sets = dict.fromkeys(name for name, _ in curves)
     areas = "; ".join(

@@ -1,4 +1,4 @@
-"""Figure 7: geodesic distance descriptors started from the map of another method, against that method alone."""
+"""Figure 7: geodesic distance descriptors started from the map of another method, compared with that method alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ METHODS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def make(setting: Setting) -> Reproduction:
-    """Run every baseline alone and as a start, and compare the areas under the curves."""
+    """Run each method alone and as a start, and compare the areas under the curves."""
     curves, facts = princeton_curves.measured(setting, tuple(METHODS))
     verdicts = [_better(baseline, curves) for baseline in BASELINES]
     figure = princeton_curves.draw(curves, METHODS, facts)
@@ -30,17 +30,17 @@ def make(setting: Setting) -> Reproduction:
 
 
 def _better(baseline: str, curves: princeton_curves.Curves) -> Verdict:
-    """Whether the start improves on every set."""
+    """Compare the areas of a method alone and as a start: whether they grow on every set."""
     areas = {
         name: [princeton_curves.area(curves[name, baseline + variant]) for variant in VARIANTS]
         for name in dict.fromkeys(name for name, _ in curves)
     }
-    told = "; ".join(
+    listed = "; ".join(
         f"{name} {a:.3f} → {b:.3f} (our refinement {c:.3f})" for name, (a, b, c) in areas.items()
     )
     return Verdict(
         f"started from {BASELINES[baseline][0]}, descriptors and post-processing improve on it",
-        f"area under the curve: {told}",
+        f"area under the curve: {listed}",
         all(after > alone for alone, after, _ in areas.values()),
     )
 

@@ -16,12 +16,12 @@ from isomatch.paper.item import Item, Reproduction, Setting, Verdict
 RANK = 50
 N_POINTS, QUICK_POINTS = 1000, 300
 BINS = 40
-CLEARLY = 0.1  # by which one rank correlation exceeds another clearly
+CLEARLY = 0.1  # difference of two rank correlations that counts as clear
 NAMES = {"gdd": "geodesic distance descriptors", "lbo": "Laplace–Beltrami eigenfunctions"}
 
 
 def embeddings(mesh: Mesh, seed: int = 0, rank: int = RANK) -> dict[str, FloatArray]:
-    """Descriptors (n, rank) of every vertex without units: those of geodesic distance, and Laplace eigenfunctions."""
+    """Dimensionless descriptors (n, rank): geodesic distance descriptors, and Laplace–Beltrami eigenfunctions."""
     descriptor = geodesic_distance_descriptor(distance_basis(mesh, rank, 2 * rank, seed=seed))
     return {
         "gdd": descriptor.coordinates / mesh.area**0.25,
@@ -30,7 +30,7 @@ def embeddings(mesh: Mesh, seed: int = 0, rank: int = RANK) -> dict[str, FloatAr
 
 
 def compared(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Geodesic distances / √area between all pairs of drawn vertices, and the distances of their descriptors."""
+    """Geodesic distances / √area between all pairs of random vertices, and the distances of their descriptors."""
     drawn = np.random.default_rng(seed).choice(mesh.n_vertices, n_points, replace=False)
     distances = geodesic_distances(mesh, drawn)[:, drawn] / np.sqrt(mesh.area)
     between = squareform((distances + distances.T) / 2, checks=False)
@@ -38,7 +38,7 @@ def compared(mesh: Mesh, n_points: int, seed: int = 0) -> tuple[FloatArray, dict
 
 
 def quantiles(geodesic: FloatArray, between: FloatArray) -> FloatArray:
-    """Middle of each bin of geodesic distance, and the 5, 50 and 95 % quantiles there: (bins, 4)."""
+    """Middle of each bin of geodesic distance, and the 5, 50 and 95 % quantiles in the bin: (bins, 4)."""
     edges = np.linspace(0.0, geodesic.max(), BINS + 1)
     bins = np.minimum(np.digitize(geodesic, edges) - 1, BINS - 1)
     full = [i for i in range(BINS) if (bins == i).sum() >= 20]
@@ -48,7 +48,7 @@ def quantiles(geodesic: FloatArray, between: FloatArray) -> FloatArray:
 
 
 def make(setting: Setting) -> Reproduction:
-    """Compare both on the cat."""
+    """Compare both descriptors on the cat."""
     name, mesh = setting.shape("cat0")
     geodesic, between = compared(mesh, QUICK_POINTS if setting.quick else N_POINTS, setting.seed)
     ranks = {kind: float(spearmanr(geodesic, e).statistic) for kind, e in between.items()}

@@ -1,4 +1,4 @@
-"""Figure 4: the distance from one vertex, geodesic and of descriptors, on the surface."""
+"""Figure 4: geodesic distance and distance of descriptors from one vertex, drawn on the surface."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ N_LISTED = 500  # vertices in the CSV
 
 
 def make(setting: Setting) -> Reproduction:
-    """Draw them on the cat, from the one of a few farthest points whose rank correlation is the median."""
+    """Draw them on the cat, from that one of a few farthest points whose rank correlation is the median."""
     name, mesh = setting.shape("cat0")
     engine = distance_engine(mesh)
     ends = farthest_point_sampling(engine, N_ENDS, peripheral_vertex(mesh, engine, setting.seed))
@@ -74,7 +74,7 @@ def make(setting: Setting) -> Reproduction:
 
 
 def _with_dot(values: FloatArray) -> FloatArray:
-    """Colour bands of the first column; a dot where the second is small."""
+    """Colour the first column in bands; draw a dot where the second is small."""
     banded = surface_panels.colours(COLOUR_MAP, 0.0, 1.0, BANDS)(values[:, :1])
     return np.where(values[:, 1:] < DOT, DOT_COLOUR, banded)
 

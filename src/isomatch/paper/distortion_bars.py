@@ -1,4 +1,4 @@
-"""The table of distortions as bars."""
+"""The table of distortions as a bar chart."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ LABELS = {
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
-    """Bars of distortion / truth, a group for each class; the paper's GDD as a line across."""
+    """Draw bars of distortion / truth, a group for each class; the paper's value of GDD as a line across its bar."""
     figure = Figure((8.5, 4.0), layout="constrained")
     axes = figure.add_subplot(ylabel="mean square distortion / that of the truth")
     shown = [method for method in LABELS if method in rows[0]]
-    places = dict(zip(shown, np.linspace(-0.4, 0.4, 2 * len(shown) + 1)[1::2]))  # of bars in their group
-    for method, place in places.items():
+    offsets = dict(
+        zip(shown, np.linspace(-0.4, 0.4, 2 * len(shown) + 1)[1::2])
+    )  # of the bars within their group
+    for method, offset in offsets.items():
         label, colour = LABELS[method]
         ratios = [row[f"{method}_over_truth"] for row in rows]
-        bars = axes.bar(np.arange(len(rows)) + place, ratios, 0.8 / len(shown), color=colour, label=label)
+        bars = axes.bar(np.arange(len(rows)) + offset, ratios, 0.8 / len(shown), color=colour, label=label)
         numbers = [f"{ratio:.2f}" for ratio in ratios]
         axes.bar_label(bars, numbers, label_type="center", color="white", size=7, rotation=90, weight="bold")
-    published = [(i + places["gdd"], row["paper_gdd"]) for i, row in enumerate(rows) if row["paper_gdd"]]
+    published = [(i + offsets["gdd"], row["paper_gdd"]) for i, row in enumerate(rows) if row["paper_gdd"]]
     if published:
         axes.plot(*zip(*published), "k_", markersize=14, label="GDD in the paper")
     axes.axhline(1.0, color="0.4", lw=0.8, label="truth")

@@ -1,4 +1,4 @@
-"""What every figure and table of the paper is made from, and what it has to give."""
+"""The interface of every figure and table of the paper: what it is made from, and what it returns."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from isomatch import Mesh, SettingError
-from isomatch._settings import require_least
+from isomatch._settings import Settings, setting
 from isomatch.datasets import example_pair, tosca
 
-RIVALS = {  # given landmarks: label, colour
+RIVALS = {  # other methods that are given landmarks: label, colour
     "sgf_5pt": ("Spectral-GF", "#CC79A7"),
     "sgmds_5pt": ("SGMDS", "#009E73"),
     "functional_maps_5pt": ("functional maps", "#0072B2"),
@@ -21,51 +21,56 @@ RIVALS = {  # given landmarks: label, colour
 
 
 def _silent(stage: str) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What is given to an item.
+class Setting(Settings):
+    """What an item is made from.
 
     Parameters
     ----------
     data : Path, optional
         Folder of the benchmark sets, as for `benchmark_set`; not needed if quick.
     runs : Path
-        Folder of the benchmark run whose rows are used and added to.
+        Folder of benchmark runs: rows that are there are used, missing ones are added.
     quick : bool
-        Use the shipped pair of creatures, coarser.
+        Use the shipped pair of creatures, and coarser computations.
     n_pairs, n_points, seed, jobs
         As for `BenchmarkRun`.
     progress : callable
-        Told the name of each stage.
+        Called with the name of each stage.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range, or there is no folder of data though the run is not quick.
     """
 
     data: Path | None
     runs: Path
     quick: bool = False
-    n_pairs: int = 12
-    n_points: int = 1000
-    seed: int = 0
-    jobs: int | None = None
+    n_pairs: int = setting(12, least=1)
+    n_points: int = setting(1000, least=100)
+    seed: int = setting(0, least=0)
+    jobs: int | None = setting(None, least=1)
     progress: Callable[[str], None] = field(default=_silent, repr=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.data is None and not self.quick:
             raise SettingError(
-                "no folder of meshes was given: the paper's shapes are those of TOSCA and SCAPE, which are not "
-                "shipped; pass --data DIR (docs/benchmarks.md tells its layout), or --quick for the shipped creatures"
+                "no folder of meshes was given: the paper's shapes are those of TOSCA and SCAPE, which are not shipped; "
+                "pass --data DIR (docs/benchmarks.md describes its layout), or --quick for the shipped creatures"
             )
-        require_least(self, n_pairs=1, n_points=100, seed=0, jobs=1)
 
     @property
     def folder(self) -> str | None:
-        """The folder of sets, as `benchmark_set` takes it."""
+        """Folder of the sets, as for `benchmark_set`."""
         return None if self.data is None else str(self.data)
 
     def shape(self, name: str) -> tuple[str, Mesh]:
-        """Read a shape of TOSCA, or take the shipped creature; its name and mesh."""
+        """Read a shape of TOSCA, or the shipped creature if quick; return its name and mesh."""
         if self.quick or self.data is None:
             return "creature", example_pair()[0].mesh
         return name, tosca(self.data / "tosca").mesh(name)
@@ -73,16 +78,16 @@ class Setting:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim of the paper, held against numbers.
+    """A claim of the paper, compared with measurements.
 
     Parameters
     ----------
     claim : str
         What the paper says.
     measured : str
-        What was found here.
+        What was measured here.
     holds : bool
-        Whether the one bears out the other.
+        Whether the measurement supports the claim.
     """
 
     claim: str
@@ -92,14 +97,14 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """What an item gives.
+    """What an item returns.
 
     Parameters
     ----------
     figure : Figure
         The picture.
     rows : list of dict
-        The numbers, a row for each line of the CSV; equal keys.
+        The numbers: one dictionary for each line of the CSV, all with the same keys.
     verdicts : list of Verdict
         At least one.
     facts : dict
@@ -119,11 +124,11 @@ class Item:
     Parameters
     ----------
     origin : str
-        Where it is in the paper.
+        Number of the figure in the paper, or "the table".
     title : str
         What it shows.
     make : callable
-        Makes it.
+        Computes it.
     """
 
     origin: str

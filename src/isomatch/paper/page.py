@@ -1,4 +1,4 @@
-"""One page of all items in a folder: picture, claims, what was measured."""
+"""The page of all items in a folder: for each its picture, the claims and the measurements."""
 
 from __future__ import annotations
 
@@ -8,18 +8,27 @@ from pathlib import Path
 from typing import Any
 
 PAGE = "index.md"
-TOLD = ("item", "origin", "title", "verdicts", "holds", "quick", "isomatch", "files")  # said elsewhere
+ELSEWHERE = (
+    "item",
+    "origin",
+    "title",
+    "verdicts",
+    "holds",
+    "quick",
+    "isomatch",
+    "files",
+)  # shown in other places
 
 
 def write_page(out: Path, names: Iterable[str]) -> None:
-    """Write ``index.md`` about those items whose ``NAME.json`` is in the folder, in the order given."""
+    """Write ``index.md`` with the items whose ``NAME.json`` is in the folder, in the order given."""
     records = [
         json.loads((out / f"{name}.json").read_text(encoding="utf-8"))
         for name in names
         if (out / f"{name}.json").exists()
     ]
     head = (
-        "# Figures and table of *Geodesic Distance Descriptors*, made anew\n\nWritten by `isomatch paper`.\n"
+        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\nWritten by `isomatch paper`.\n"
     )
     (out / PAGE).write_text(head + "".join(map(_section, records)), encoding="utf-8")
 
@@ -34,7 +43,7 @@ def _section(record: dict[str, Any]) -> str:
     facts = "; ".join(
         f"{key}: {_plain(value)}"
         for key, value in record.items()
-        if key not in TOLD and value not in ({}, [], "")
+        if key not in ELSEWHERE and value not in ({}, [], "")
     )
     return (
         f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; numbers: "
@@ -44,7 +53,7 @@ def _section(record: dict[str, Any]) -> str:
 
 
 def _plain(value: Any) -> str:
-    """Words for a value of a record: lists and mappings spelt out."""
+    """Write a value of a record in words, with the entries of lists and mappings."""
     if isinstance(value, dict):
         return ", ".join(f"{key} ({_plain(one)})" for key, one in value.items())
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,4 +1,4 @@
-"""Princeton curves of several methods on several sets: run what is missing, gather, draw, compare."""
+"""Princeton curves of several methods on several sets: computed from the rows of a benchmark run, drawn, compared."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from isomatch._arrays import FloatArray
-from isomatch.datasets.benchmarks import benchmark_set
-from isomatch.evaluation import BenchmarkRun, read_rows, run_benchmark
-from isomatch.evaluation.princeton import LIMIT, THRESHOLDS
+from isomatch.datasets import benchmark_set
+from isomatch.evaluation import LIMIT, THRESHOLDS
+from isomatch.paper.benchmark_rows import benchmark_rows
 from isomatch.paper.item import Setting
 
 SETS = ("tosca", "scape")
@@ -21,16 +21,16 @@ Curves = dict[tuple[str, str], FloatArray]
 
 
 def sets_of(setting: Setting) -> tuple[str, ...]:
-    """Name the sets that are run."""
+    """Names of the sets that are run."""
     return ("example",) if setting.quick else SETS
 
 
 def measured(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[str, Any]]:
-    """Run what is not yet in the folder of runs; give the mean curves, and what they are means of.
+    """Compute the mean curves of methods, and the facts about them: points, pairs, and pairs without a map.
 
     Raises
     ------
-    FormatError
+    MissingFileError
         If a set is not in the folder of the data.
     """
     curves: Curves = {}
@@ -38,25 +38,20 @@ def measured(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[s
     for name in sets_of(setting):
         chosen = benchmark_set(name, setting.folder).chosen(setting.n_pairs, setting.seed)
         pairs = ["-".join(pair) for pair in chosen.pairs]
-        run = BenchmarkRun(
-            name, methods, setting.folder, setting.n_pairs, setting.n_points, setting.seed, setting.jobs
-        )
-        for count, row in enumerate(run_benchmark(run, setting.runs), 1):
-            setting.progress(f"{name}: {count} rows, last {row['pair']} by {row['method']}")
-        rows = [row for row in read_rows(setting.runs) if row["set"] == name and row["pair"] in pairs]
+        rows = benchmark_rows(setting, name, methods)
         facts["pairs"][name] = pairs
         for method in methods:
             found = [row for row in rows if row["method"] == method and "curve" in row]
-            lost = len(pairs) - len(found)
-            if lost:
-                facts["without a map"][f"{name}, {method}"] = lost
-            # a pair without a map has no correspondence within any error
+            missing = len(pairs) - len(found)
+            if missing:
+                facts["without a map"][f"{name}, {method}"] = missing
+            # a pair without a map counts: none of its correspondences is within any error
             curves[name, method] = sum((np.array(row["curve"]) for row in found), NOTHING) / len(pairs)
     return curves, facts
 
 
 def draw(curves: Curves, styles: Mapping[str, tuple[str, dict[str, Any]]], facts: dict[str, Any]) -> Figure:
-    """One panel a set; ``styles`` has label and line style of each method."""
+    """Draw one panel for each set; ``styles`` has the label and line style of each method."""
     names = list(dict.fromkeys(name for name, _ in curves))
     figure = Figure((4.4 * len(names) + 0.4, 4.2), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names):
@@ -75,7 +70,7 @@ def draw(curves: Curves, styles: Mapping[str, tuple[str, dict[str, Any]]], facts
 
 
 def table(curves: Curves) -> list[dict[str, Any]]:
-    """Rows set, method, error, share, for every fourth threshold."""
+    """Rows with set, method, error and share, for every fourth threshold."""
     return [
         {"set": name, "method": method, "error": float(error), "share": float(share)}
         for (name, method), curve in curves.items()
@@ -84,7 +79,7 @@ def table(curves: Curves) -> list[dict[str, Any]]:
 
 
 def least_lead(curves: Curves, above: str, below: str) -> tuple[float, str, float]:
-    """Least difference of two methods over all sets and thresholds: its size in %, and where it is."""
+    """Least lead of one curve over another, over all sets and thresholds: in %, with the set and threshold."""
     leads = {
         name: 100 * (curves[name, above] - curves[name, below]) for name, method in curves if method == above
     }
@@ -93,5 +88,5 @@ def least_lead(curves: Curves, above: str, below: str) -> tuple[float, str, floa
 
 
 def area(curve: FloatArray) -> float:
-    """Area under a curve over [0, 0.25], as a share of the whole."""
+    """Area under a curve on [0, 0.25], divided by 0.25."""
     return float(np.trapezoid(curve, THRESHOLDS) / LIMIT)

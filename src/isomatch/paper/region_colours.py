@@ -1,4 +1,4 @@
-"""Colours for regions of a surface: neighbours contrast, to the colour-blind too."""
+"""Colours for the regions of a surface: neighbours contrast, also for the colour-blind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PALETTE = (
 )  # fmt: skip
 TRIALS = 4000  # random assignments of colours to regions, of which the best is kept
 DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
-"""Linear light as it is seen without green cones: Machado, Oliveira & Fernandes 2009."""
+"""Perceived linear light without green cones: Machado, Oliveira & Fernandes 2009."""
 
 
 def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
@@ -24,7 +24,7 @@ def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
     Parameters
     ----------
     distances : (n, regions) array of float
-        Distance of each vertex to each centre; at most twenty centres.
+        Distance of each vertex to the centre of each region; at most twenty regions.
     faces : (m, 3) array of int
         Triangles; regions that share one are neighbours.
 
@@ -35,8 +35,9 @@ def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
 
     Notes
     -----
-    Of seeded random assignments, the one whose least contrast between neighbours is largest: the distance of colours,
-    with lightness counted double, as seen by normal and by red–green blind eyes, whichever is smaller.
+    Of seeded random assignments, the one whose least contrast between neighbours is largest. The contrast of two
+    colours is their distance, with lightness counted double, for normal or for red–green blind vision, whichever is
+    smaller.
     """
     n_regions = distances.shape[1]
     owner = distances.argmin(axis=1)[faces]
@@ -53,7 +54,7 @@ def region_colours(distances: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _contrasts(screen: FloatArray) -> FloatArray:
-    """Distance of each two colours, (c, c)."""
+    """Distances (c, c) between colours."""
     lightness = screen @ [0.3, 0.6, 0.1]
     coordinates = np.column_stack([2 * lightness, screen[:, 2] - lightness, screen[:, 0] - lightness])
     differences: FloatArray = np.linalg.norm(coordinates[:, None] - coordinates[None], axis=2)

@@ -1,4 +1,4 @@
-"""Make any of the paper's figures and tables, and write picture, numbers and verdict."""
+"""Reproduce any of the paper's figures and its table: write picture, numbers and verdicts."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STYLE: dict[Any, Any] = {"svg.hashsalt": "isomatch", "font.size": 9, "axes.grid"
 def reproduce(
     names: Sequence[str], setting: Setting, out: str | Path, force: bool = False
 ) -> Iterator[dict[str, Any]]:
-    """Make items, write each as ``NAME.png``, ``.svg``, ``.csv`` and ``.json``, and ``index.md`` about all of a folder.
+    """Reproduce items: write ``NAME.png``, ``.svg``, ``.csv`` and ``.json`` of each, and ``index.md`` about all.
 
     Parameters
     ----------
@@ -51,37 +51,36 @@ def reproduce(
     setting : Setting
         Data and settings.
     out : path_like
-        Folder to write to; made if it is not there.
+        Folder to write to; created if it does not exist.
     force : bool
         Replace earlier files.
 
     Yields
     ------
     dict
-        What is in ``NAME.json``: origin, title, verdicts, facts, files.
+        The contents of ``NAME.json``: origin, title, verdicts, facts, files.
 
     Raises
     ------
     SettingError
         If there is no such item.
     IsomatchError
-        If a file is already there, before anything is computed; or what the item raises.
+        If a file already exists; this is checked before anything is computed. Also whatever the item raises.
     """
     unknown = sorted(set(names) - set(ITEMS))
     if unknown:
-        raise SettingError(f"unknown item {', '.join(unknown)}; known are {', '.join(ITEMS)}, all")
+        raise SettingError(f"unknown item {', '.join(unknown)}; choose from {', '.join(ITEMS)}, all")
     out = Path(out)
-    taken = [path for name in names for path in _files(out, name) if path.exists()]
-    if taken and not force:
+    existing = [path for name in names for path in _files(out, name) if path.exists()]
+    if existing and not force:
         raise IsomatchError(
-            f"{taken[0]}: already exists and would be lost; choose another folder with -o, or pass --force"
+            f"{existing[0]}: already exists and would be lost; choose another folder with -o, or pass --force"
         )
     out.mkdir(parents=True, exist_ok=True)
     for name in names:
         with rc_context(STYLE):
             setting.progress(name)
-            made = ITEMS[name].make(setting)
-            record = _written(name, made, setting, out)
+            record = _write(name, ITEMS[name].make(setting), setting, out)
         write_page(out, ITEMS)
         yield record
 
@@ -90,8 +89,8 @@ def _files(out: Path, name: str) -> list[Path]:
     return [out / f"{name}.{suffix}" for suffix in SUFFIXES]
 
 
-def _written(name: str, made: Reproduction, setting: Setting, out: Path) -> dict[str, Any]:
-    """Write picture, numbers and verdict; return the record."""
+def _write(name: str, made: Reproduction, setting: Setting, out: Path) -> dict[str, Any]:
+    """Write picture, numbers and verdicts; return the record."""
     png, svg, table, verdict = _files(out, name)
     made.figure.savefig(png, dpi=DPI)
     made.figure.savefig(svg, dpi=DPI, metadata={"Date": None})

@@ -1,4 +1,4 @@
-"""Surfaces in a figure: fields on one shape, in rows, all at one scale."""
+"""Panels of surfaces in a figure, in rows and at a common scale."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 from isomatch._arrays import FloatArray
 
-UP_AXIS = 2  # of TOSCA and of the creatures
+UP_AXIS = 2  # vertical axis of TOSCA and of the creatures
 Paint = Callable[[FloatArray], FloatArray]
 
 
 def colours(name: str, low: float, high: float, bands: int = 0) -> Paint:
-    """Screen colours of a colour map between two values; if asked, in bands, whose borders are level lines."""
+    """Make a function from values to screen colours of a colour map; with bands, their borders are level lines."""
     colour_map = colormaps[name]
 
     def paint(values: FloatArray) -> FloatArray:
@@ -35,7 +35,7 @@ def arranged(
     width: float = 8.5,
     title_size: float = 8.0,
 ) -> tuple[Figure, list[Axes]]:
-    """Place pictures (h, w, 4), which share a scale, in rows; a figure so wide, in inches, and their axes."""
+    """Arrange pictures (h, w, 4) of a common scale in rows; return a figure, ``width`` inches wide, and their axes."""
     cell = np.max([image.shape[:2] for image in images], axis=0)
     n_rows = -(-len(images) // per_row)
     height = width / per_row * cell[0] / cell[1] + 0.3

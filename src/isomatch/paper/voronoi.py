@@ -1,4 +1,4 @@
-"""Figure 6: Voronoi regions of one shape, carried to other poses."""
+"""Figure 6: Voronoi regions of one shape, mapped to other poses."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from isomatch import Correspondence, match, prepare
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.datasets import BenchmarkPair, tosca
-from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
+from isomatch.datasets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.paper import surface_panels
@@ -21,12 +20,12 @@ CLASS = "cat"
 N_REGIONS, N_POSES = 20, 4
 BORDER, DOT = 0.006, 0.018  # half the width of a border and the radius of a centre, in √area
 DARK = 0.12
-LEAST_SHARE = 0.9  # of the area in the right region, for a pose to count as right
+LEAST_SHARE = 0.9  # share of the area in its true region from which a pose counts as right
 RESOLUTION = 330
 
 
 def make(setting: Setting) -> Reproduction:
-    """Match each pose to the first, automatically, and carry the regions over."""
+    """Match each pose to the first without landmarks, and transfer the regions."""
     chosen = benchmark_set("example" if setting.quick else "tosca", setting.folder)
     poses = poses_of(chosen, setting)
     reference = chosen.load(*poses[0]).source
@@ -46,11 +45,11 @@ def make(setting: Setting) -> Reproduction:
         setting.progress(f"voronoi: {'-'.join(names)}")
         pair = chosen.load(*names)
         found = match(pair.target, prepared, seed=setting.seed)
-        carried = found.map.pull_back(distances)
-        best = judged(pair, found.map, carried, distances, setting)
+        transferred = found.map.pull_back(distances)
+        best = judged(pair, found.map, transferred, distances, setting)
         rows.append({"reference": names[0], "pose": names[1], "outcome": found.outcome.value} | best)
         turned = camera @ turn_to_target(pair.target, reference, found.map)
-        images.append(surface_image(pair.target, carried, paint, turned, RESOLUTION))
+        images.append(surface_image(pair.target, transferred, paint, turned, RESOLUTION))
         titles.append(f"{names[1]}: {best['right_share']:.1%} of the area right")
     figure, _ = surface_panels.arranged(images, titles, per_row=3 if len(images) > 2 else 2)
     shares, errors = ([row[key] for row in rows] for key in ("right_share", "mean_error"))
@@ -65,7 +64,7 @@ def make(setting: Setting) -> Reproduction:
 
 
 def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
-    """Draw pairs of the first shape of the class with others."""
+    """Draw pairs of the first shape of the class and another one."""
     pairs = chosen.pairs
     if setting.data is not None and not setting.quick:
         first, *others = (name for name in tosca(setting.data / "tosca").names if name.startswith(CLASS))
@@ -74,12 +73,16 @@ def poses_of(chosen: BenchmarkSet, setting: Setting) -> list[tuple[str, str]]:
 
 
 def judged(
-    pair: BenchmarkPair, found: Correspondence, carried: FloatArray, distances: FloatArray, setting: Setting
+    pair: BenchmarkPair,
+    found: Correspondence,
+    transferred: FloatArray,
+    distances: FloatArray,
+    setting: Setting,
 ) -> dict[str, Any]:
-    """Share of the pose's area in its true region, and the mean error, on the better of both sides if both are known."""
+    """Share of the pose's area in its true region, and mean error; against the better of direct and mirrored truth."""
 
     def against(truth: IntArray) -> dict[str, Any]:
-        right = distances[truth[:, 0]].argmin(axis=1) == carried[truth[:, 1]].argmin(axis=1)
+        right = distances[truth[:, 0]].argmin(axis=1) == transferred[truth[:, 1]].argmin(axis=1)
         errors = geodesic_errors(pair.source, found, truth[:, ::-1], setting.n_points, setting.seed)
         return {
             "right_share": float(np.average(right, weights=pair.target.vertex_areas[truth[:, 1]])),
@@ -92,10 +95,12 @@ def judged(
 
 
 def painted(seen: FloatArray, palette: FloatArray) -> FloatArray:
-    """Colour of the nearest centre; dark where two are equally near, and at the centres."""
+    """Colours of the nearest centre; dark at borders and centres."""
     nearest = np.partition(seen, 1, axis=1)
     dark = (nearest[:, 1] - nearest[:, 0] < 2 * BORDER) | (nearest[:, 0] < DOT)
     return np.where(dark[:, None], DARK, palette[seen.argmin(axis=1)])
 
 
-ITEM = Item("figure 6", "Voronoi regions of 20 points, carried to other poses by automatic matching", make)
+ITEM = Item(
+    "figure 6", "Voronoi regions of 20 points, transferred to other poses by automatic matching", make
+)

@@ -1,9 +1,9 @@
-"""Columns asked for again are the same, and are not computed again."""
+"""Columns asked for twice are the same, and are computed once."""
 
 import numpy as np
 
 from isomatch import Mesh, distance_engine
-from isomatch.evaluation.remembering import RememberingEngine
+from isomatch.evaluation import CachingEngine
 from shapes import planar_delaunay
 
 
@@ -24,21 +24,19 @@ class Counting:
 
 def test_the_same_columns_computed_once():
     inner = Counting(planar_delaunay(60))
-    engine = RememberingEngine(inner, limit=2**20)
+    engine = CachingEngine(inner, limit=2**20)
     first, again = engine.distances_from([3, 5, 3]), engine.distances_from([5, 3, 7])
     assert inner.columns == 3
     assert np.array_equal(first, inner.engine.distances_from([3, 5, 3]))
     assert np.array_equal(again, inner.engine.distances_from([5, 3, 7]))
     again[:] = 0
-    assert np.array_equal(engine.distances_from([5]), first[1:2]), (
-        "what the caller does to them is his affair"
-    )
+    assert np.array_equal(engine.distances_from([5]), first[1:2]), "the caller may change what was returned"
     assert engine.distances_from(np.zeros(0, dtype=int)).shape == (0, 60)
 
 
 def test_no_more_is_kept_than_allowed():
     inner = Counting(planar_delaunay(60))
-    engine = RememberingEngine(inner, limit=2 * 60 * 8)
+    engine = CachingEngine(inner, limit=2 * 60 * 8)
     for _ in range(2):
         engine.distances_from([1, 2, 3, 4])
     assert inner.columns == 4 + 2

@@ -1,0 +1,162 @@
+"""One pair of a benchmark run: the preparation that its methods share, and the measurement of their maps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from isomatch._memory import memory_budget
+from isomatch._threads import n_threads, parallel_map, serial_blas
+from isomatch.correspondence import Correspondence
+from isomatch.evaluation.benchmark_run import BenchmarkRun, PairNames
+from isomatch.evaluation.bijectivity import coverage, cycle_errors
+from isomatch.evaluation.caching import CachingEngine
+from isomatch.evaluation.distortion import metric_distortion
+from isomatch.evaluation.ledger import Row
+from isomatch.evaluation.methods import MatchInput, Method
+from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
+from isomatch.evaluation.smoothness import dirichlet_energy
+from isomatch.evaluation.true_landmarks import true_landmarks
+from isomatch.geodesics import distance_engine
+from isomatch.matching import Config, prepare
+
+DISTORTION_ROWS = 100  # points whose distances to 1000 others are compared in every row
+TABLE_SHARE = 4  # a quarter of the points are rows of the table, because columns are slow on large meshes
+
+
+@dataclass(frozen=True)
+class Found:
+    """The map that a method found, and its cost.
+
+    Parameters
+    ----------
+    map : Correspondence
+        The map.
+    diagnostics : dict
+        What the method reports about it.
+    seconds : float
+        Time without preparation; for a map that was started from another one, that of both.
+    preparations : frozenset of Config
+        Settings of the prepared shapes that were used.
+    """
+
+    map: Correspondence
+    diagnostics: dict[str, Any]
+    seconds: float
+    preparations: frozenset[Config | None]
+
+
+class Subject:
+    """A pair of a benchmark run, with the engines, landmarks and prepared shapes that its methods share."""
+
+    def __init__(self, run: BenchmarkRun, names: PairNames) -> None:
+        self._run = run
+        self.pair, self._judged = run.load(names)
+        limit = memory_budget() / (4 * (run.jobs or n_threads()))
+        source, target = (
+            CachingEngine(distance_engine(mesh), limit) for mesh in (self.pair.source, self.pair.target)
+        )
+        self._engines = source, target
+        self._landmarks = lru_cache(lambda count: true_landmarks(self.pair, count, run.seed, self._engines))
+        self._prepared = lru_cache(self._prepare)
+
+    def _prepare(self, config: Config | None) -> tuple[tuple[MatchInput, MatchInput], float]:
+        """Prepare both shapes, or take the meshes themselves; also give the seconds."""
+        meshes = self.pair.source, self.pair.target
+        if config is None:
+            return meshes, 0.0
+        started = time.perf_counter()
+        with serial_blas():
+            source, target = parallel_map(lambda mesh: prepare(mesh, config), meshes)
+        return (source, target), time.perf_counter() - started
+
+    def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
+        """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""
+        (source, target), _ = self._prepared(method.preparation)
+        hints = {} if start is None else {"initial_map": start.map.vertices}
+        if method.n_landmarks:
+            hints["landmarks"] = self._landmarks(method.n_landmarks)[:, :: -1 if backwards else 1]
+        started = time.perf_counter()
+        if backwards:
+            source, target = target, source
+        try:
+            found, diagnostics = method(source, target, hints)
+        except Exception as problem:
+            if backwards:
+                problem.add_note("(target to source, for the cycle error)")
+            raise
+        seconds, preparations = time.perf_counter() - started, frozenset([method.preparation])
+        if start is not None:
+            seconds, preparations = seconds + start.seconds, preparations | start.preparations
+        return Found(found, diagnostics, seconds, preparations)
+
+    def measures(self, found: Found, back: Found | None = None) -> Row:
+        """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
+        run, pair = self._run, self.pair
+        numbers = self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
+        numbers["coverage"] = coverage(pair.target, found.map)
+        numbers["smoothness"] = dirichlet_energy(pair.source, pair.target, found.map)
+        if run.table_distortion:
+            n_points = min(run.n_points, len(pair.truth))
+            draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}
+            numbers |= self._distortion("distortion_table", found.map, **draw)
+        if back is not None:
+            cycle = cycle_errors(pair.source, found.map, back.map, run.n_points, run.seed, self._engines[0])
+            numbers["cycle"] = 100 * counted(cycle).mean()
+        return {
+            "n_source": pair.source.n_vertices,
+            "n_target": pair.target.n_vertices,
+            "seconds": found.seconds + sum(self._prepared(config)[1] for config in found.preparations),
+            "outcome": found.diagnostics.get("outcome", ""),
+            "details": found.diagnostics,
+            **self._errors(found.map),
+            **_plain(numbers),
+        }
+
+    def _errors(self, found: Correspondence) -> Row:
+        """Errors × 100, and their curves; a vertex without an image counts as √(target area).
+
+        If the shapes are truly symmetric, one decision is made for the pair between direct and mirrored truth.
+        """
+        run, judged = self._run, self._judged
+        n_points = run.n_points if run.landmarks is None else None
+        sides = sided_errors(
+            judged.target, found, judged.truth, judged.mirrored, n_points, run.seed, self._engines[1]
+        )
+        direct, better = counted(sides.direct), counted(sides.better)
+        errors = better if judged.symmetric else direct
+        numbers = {
+            "error": 100 * errors.mean(),
+            "median": 100 * np.median(errors),
+            "p95": 100 * np.quantile(errors, 0.95),
+            "direct": 100 * direct.mean(),
+            "mirrored": np.nan if sides.mirrored is None else 100 * counted(sides.mirrored).mean(),
+            "either": 100 * better.mean(),
+            "unmatched": np.isinf(sides.direct).mean(),
+            "auc": area_under_curve(errors),
+        }
+        for threshold, share in zip(SHARES, cumulative_curve(errors, SHARES)):
+            numbers[f"within_{100 * threshold:02.0f}"] = share
+        curves = {"curve": direct, "curve_either": better}
+        return _plain(numbers) | {
+            name: [round(float(share), 4) for share in cumulative_curve(values)]
+            for name, values in curves.items()
+        }
+
+    def _distortion(self, name: str, found: Correspondence, **draw: Any) -> dict[str, float]:
+        """Mean square distortion of a map and of the truth, over random points."""
+        pair = self.pair
+        distortion = metric_distortion(
+            pair.source, pair.target, found, pair.truth, seed=self._run.seed, engines=self._engines, **draw
+        )
+        return {name: distortion.l2, f"{name}_truth": distortion.truth.l2 if distortion.truth else np.nan}
+
+
+def _plain(numbers: Mapping[str, Any]) -> Row:
+    """Turn numbers into those of JSON, which has None for what is not finite."""
+    return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}
