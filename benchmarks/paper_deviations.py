@@ -12,7 +12,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -45,10 +44,9 @@ UNFLIPPED = Config(search=SearchSettings(variants_of_landmarks=False))
 FLIPS_ONLY = Config(search=SearchSettings(composed_variants=0))
 MESH_UNITS = Config(preparation=PreparationSettings(distance_unit="user"))
 AT_ONCE = Config(refining=RefinementSettings(laplace_steps_at_once=AT_ONCE_STEPS))
-BY_AREA: dict[str, Any] = {"hypotheses": "given", "search_rivals": False}
 VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config]]] = {
     "GDD": (gdd, Config(), as_usual),
-    "GDD, area weights": (match, Config(refinement="none", **BY_AREA), as_usual),
+    "GDD, area weights": (match, Config(refinement="none", hypotheses="given"), as_usual),
     "GDD, C not block-diagonal": (gdd, MIXED, as_usual),
     "GDD, iterated on all vertices": (gdd, Config(), whole),
     "GDD, distances in mesh units": (gdd, MESH_UNITS, as_usual),
@@ -58,7 +56,7 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
     "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual),
     "post": (gdd_post, Config(), as_usual),
     "post, 200 functions at once, F orthogonal": (gdd_post, AT_ONCE, as_usual),
-    "post, area weights": (match, Config(refinement="laplace_icp", **BY_AREA), as_usual),
+    "post, area weights": (match, Config(refinement="laplace_icp", hypotheses="given"), as_usual),
     "post, iterated on all vertices": (gdd_post, Config(), whole),
     "post, 100 functions": (gdd_post, Config(n_functions=100), as_usual),
 }

@@ -22,6 +22,7 @@ from isomatch import (
     prepare,
 )
 from isomatch.baselines import (
+    BASELINES,
     FunctionalMapsConfig,
     GmdsConfig,
     GradientFieldsConfig,
@@ -42,16 +43,15 @@ from isomatch.baselines import (
 from isomatch.datasets import creature
 from shapes import disguised
 
-SMALL = {
+REGISTERED = {each.function: each for each in BASELINES.values() if each.preparation is not None}
+CONFIG = {method: each.config for method, each in REGISTERED.items()} | {  # smaller problems, for speed
     functional_maps: FunctionalMapsConfig(n_functions=30),
     zoomout: ZoomOutConfig(n_functions=30, last=100),
-    laplace_nearest_neighbours: LaplaceConfig(),
-    gmds: GmdsConfig(),
-    gromov_wasserstein: GromovWassersteinConfig(),
     spectral_gmds: SpectralGmdsConfig(sizes=(15, 30)),
     spectral_gradient_fields: GradientFieldsConfig(n_functions=30),
 }
-ALL = [*SMALL, gdd, gdd_post]
+ALL = list(REGISTERED)
+BY_AREA = [method for method, each in REGISTERED.items() if each.preparation.weights == "area"]
 UNIFORM = Config(weights="uniform")
 
 
@@ -89,9 +89,9 @@ def test_signature_is_that_of_match(method):
 @pytest.mark.parametrize("method", ALL)
 def test_relabelled_copy_gives_the_relabelling(copies, method):
     area, uniform, truth = copies
-    shapes = area if method in SMALL else uniform
+    shapes = area if method in BY_AREA else uniform
     landmarks = landmarks_of(shapes[0], truth)
-    found = method(*shapes, landmarks=landmarks, config=SMALL.get(method))
+    found = method(*shapes, landmarks=landmarks, config=CONFIG[method])
     assert (found.map.vertices == truth).mean() > 0.95
     assert error(found.map.vertices, truth, shapes[1].mesh) < 1e-3
     assert found.quality.landmark_error < 1e-3
@@ -99,10 +99,10 @@ def test_relabelled_copy_gives_the_relabelling(copies, method):
     assert found.outcome is Outcome.CONVERGED
 
 
-@pytest.mark.parametrize("method", SMALL)
+@pytest.mark.parametrize("method", BY_AREA)
 def test_true_initial_map_is_not_left(copies, method):
     shapes, _, truth = copies
-    found = method(*shapes, initial_map=truth, config=SMALL[method])
+    found = method(*shapes, initial_map=truth, config=CONFIG[method])
     assert (found.map.vertices == truth).mean() > 0.99
     assert found.origin == ("functional map" if method is functional_maps else "initial map")
 
@@ -111,7 +111,7 @@ def test_copy_without_hints(copies):
     """The animal is asymmetric."""
     shapes, _, truth = copies
     for method in (functional_maps, zoomout, spectral_gmds, spectral_gradient_fields):
-        image = method(*shapes, config=SMALL[method]).map.vertices
+        image = method(*shapes, config=CONFIG[method]).map.vertices
         assert (image == truth).mean() > 0.95
 
 
@@ -120,7 +120,7 @@ def test_mirror_image_needs_the_other_orientation(animal, method):
     mirrored = Mesh(animal.vertices * [-1, 1, 1], animal.faces[:, ::-1])
     shapes, truth = (prepare(animal), prepare(mirrored)), np.arange(animal.n_vertices)
     found = {
-        side: method(*shapes, config=replace(SMALL[method], orientation=side))
+        side: method(*shapes, config=replace(CONFIG[method], orientation=side))
         for side in ("preserve", "reverse")
     }
     assert error(found["reverse"].map.vertices, truth, mirrored) < 1e-3
@@ -143,7 +143,7 @@ def test_mirror_image_needs_the_other_orientation(animal, method):
     ],
 )
 def test_example_pair_with_landmarks(example, example_truth, prepared_example, method, bound):
-    shapes = prepared_example if method in SMALL else [made.mesh for made in example]
+    shapes = prepared_example if method in BY_AREA else [made.mesh for made in example]
     landmarks = landmarks_of(prepared_example[0], example_truth)
     found = method(*shapes, landmarks=landmarks)
     assert error(found.map.vertices, example_truth, example[1].mesh) < bound
@@ -203,7 +203,7 @@ def test_what_a_result_tells(copies):
 @pytest.mark.parametrize("method", [functional_maps, spectral_gmds, spectral_gradient_fields])
 def test_points_have_no_orientation(animal, method):
     cloud = PointCloud(animal.vertices)
-    found = method(cloud, cloud, config=SMALL[method])
+    found = method(cloud, cloud, config=CONFIG[method])
     assert (found.map.vertices == np.arange(animal.n_vertices)).mean() > 0.95
     assert np.isnan(found.quality.orientation)
 
@@ -214,14 +214,14 @@ def test_vertices_off_the_body_are_unmatched(animal):
         np.vstack([animal.vertices, speck]), np.vstack([animal.faces, animal.n_vertices + np.arange(3)])
     )
     truth = np.append(np.arange(animal.n_vertices), [-1, -1, -1])
-    found = zoomout(mesh, animal, initial_map=truth, config=SMALL[zoomout])
+    found = zoomout(mesh, animal, initial_map=truth, config=CONFIG[zoomout])
     assert (found.map.vertices[-3:] == -1).all()
     assert (found.map.vertices == truth).mean() > 0.95
 
 
 @pytest.mark.parametrize("method", ALL)
 def test_hints_that_do_not_fit(copies, method):
-    shapes = copies[0] if method in SMALL else copies[1]
+    shapes = copies[0] if method in BY_AREA else copies[1]
     for hint, told in (
         ({"landmarks": [[0, 1], [2, 3]]}, "2 landmarks do not fix"),
         ({"landmarks": [[0, 1], [2, 3], [4, 10**6]]}, "target vertices 1000000, outside"),

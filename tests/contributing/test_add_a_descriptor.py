@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Mesh, MeshError, distance_basis, repair
+from isomatch import Config, Mesh, MeshError, distance_basis, match, prepare, repair
 from isomatch.datasets import creature
 from shapes import disguised
 
@@ -61,3 +61,17 @@ def test_a_vertex_that_no_face_uses_is_repaired_and_indexed(values, mesh):
     computed = toy_descriptor(distance_basis(repaired.mesh, 20, 40))
     assert np.array_equal(computed, values)
     assert np.array_equal(repaired.vertex_index, np.delete(np.arange(len(vertices)), 7))
+
+
+def test_it_starts_a_match_of_a_mesh_with_an_unused_vertex(example):
+    """On the body there is a row too few; `PreparedShape.lift` makes one for every vertex of the user."""
+    source, target = (
+        prepare(Mesh(np.vstack([[9, 9, 9], made.mesh.vertices]), made.mesh.faces + 1)) for made in example
+    )
+    values = [
+        shape.lift(np.hstack([toy_descriptor(shape.distances), shape.signatures]))
+        for shape in (source, target)
+    ]
+    found = match(source, target, initial_descriptors=tuple(values), config=Config(hypotheses="given"))
+    assert found.origin == "descriptors"
+    assert found.map.vertices[0] == -1

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Surface
 
-PLAIN: dict[str, Any] = {"hypotheses": "given", "search_rivals": False, "weights": "uniform"}
+PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform"}
 
 
 def gdd(
@@ -29,7 +29,7 @@ def gdd(
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. At least one hint is needed.
     config : Config, optional
-        Settings; of these, hypotheses, refinement, weights and the search of rivals are those of the paper in any case.
+        Settings; of these, hypotheses, refinement and weights are those of the paper in any case.
 
     Returns
     -------
@@ -45,8 +45,8 @@ def gdd(
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
     and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided; flips of the
-    first map that agree with the landmarks are tried as well, and judged as `match` judges. No automatic rivals are
-    searched for.
+    first map that agree with the landmarks are tried as well, and judged as `match` judges. Rivals are searched
+    for only if the settings say so.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

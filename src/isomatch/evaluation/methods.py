@@ -4,30 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from isomatch._arrays import IntArray
-from isomatch.baselines import (
-    FunctionalMapsConfig,
-    GmdsConfig,
-    GradientFieldsConfig,
-    GromovWassersteinConfig,
-    LaplaceConfig,
-    SpectralGmdsConfig,
-    ZoomOutConfig,
-    functional_maps,
-    gdd,
-    gdd_post,
-    gmds,
-    gromov_wasserstein,
-    laplace_nearest_neighbours,
-    pyfm_zoomout,
-    spectral_gmds,
-    spectral_gradient_fields,
-    zoomout,
-)
+from isomatch._settings import Settings
+from isomatch.baselines import BASELINES, Baseline
 from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.evaluation.true_landmarks import N_LANDMARKS
@@ -35,13 +18,6 @@ from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Mesh
 
 MatchInput: TypeAlias = Mesh | PreparedShape
-
-
-class MethodConfig(Protocol):
-    """Settings of `match` or of a baseline."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as plain values."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +39,7 @@ class Method:
     function: Callable[..., MatchResult | Correspondence]
     n_landmarks: int = 0
     preparation: Config | None = field(default_factory=Config)
-    config: MethodConfig | None = None
+    config: Settings | None = None
 
     def __call__(
         self, source: MatchInput, target: MatchInput, hints: Mapping[str, IntArray]
@@ -82,31 +58,29 @@ class Method:
         }
 
 
-AS_PUBLISHED = Config(weights="uniform")
-METHODS = {
-    "isomatch": Method(match, config=Config()),
-    "gdd": Method(gdd, N_LANDMARKS, AS_PUBLISHED, AS_PUBLISHED),
-    "gdd_post": Method(gdd_post, N_LANDMARKS, AS_PUBLISHED, AS_PUBLISHED),
-    "phi": Method(laplace_nearest_neighbours, N_LANDMARKS, config=LaplaceConfig()),
-    "functional_maps": Method(functional_maps, config=FunctionalMapsConfig()),
-    "functional_maps_5pt": Method(functional_maps, N_LANDMARKS, config=FunctionalMapsConfig()),
-    "zoomout": Method(zoomout, config=ZoomOutConfig()),
-    "zoomout_5pt": Method(zoomout, N_LANDMARKS, config=ZoomOutConfig()),
-    "gmds": Method(gmds, config=GmdsConfig()),
-    "gmds_5pt": Method(gmds, N_LANDMARKS, config=GmdsConfig()),
-    "gw": Method(gromov_wasserstein, config=GromovWassersteinConfig()),
-    "gw_5pt": Method(gromov_wasserstein, N_LANDMARKS, config=GromovWassersteinConfig()),
-    "sgmds": Method(spectral_gmds, config=SpectralGmdsConfig()),
-    "sgmds_5pt": Method(spectral_gmds, N_LANDMARKS, config=SpectralGmdsConfig()),
-    "sgf": Method(spectral_gradient_fields, config=GradientFieldsConfig()),
-    "sgf_5pt": Method(spectral_gradient_fields, N_LANDMARKS, config=GradientFieldsConfig()),
-    "pyfm": Method(pyfm_zoomout, preparation=None),
-}
+def methods_of(baselines: Mapping[str, Baseline]) -> dict[str, Method]:
+    """Make the methods of some baselines: without hints, and with true landmarks as "NAME_5pt".
+
+    A baseline that needs hints is given true landmarks under its own name.
+    """
+    methods = {}
+    for name, baseline in baselines.items():
+        plain = Method(baseline.function, 0, baseline.preparation, baseline.config)
+        led = replace(plain, n_landmarks=N_LANDMARKS)
+        if baseline.needs_hint:
+            methods[name] = led
+        else:
+            methods[name] = plain
+            if baseline.preparation is not None:
+                methods[f"{name}_{N_LANDMARKS}pt"] = led
+    return methods
+
+
+METHODS = {"isomatch": Method(match, config=Config()), **methods_of(BASELINES)}
 
 CONTINUATIONS = {
     "isomatch": Method(match, config=Config(hypotheses="given")),
-    "gdd": Method(gdd, preparation=AS_PUBLISHED, config=AS_PUBLISHED),
-    "gdd_post": Method(gdd_post, preparation=AS_PUBLISHED, config=AS_PUBLISHED),
+    **{name: replace(METHODS[name], n_landmarks=0) for name in ("gdd", "gdd_post")},
 }
 """Methods that can start from the map of another: "sgmds_5pt+gdd" is GDD started from the map of SGMDS."""
 

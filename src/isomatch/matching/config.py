@@ -310,9 +310,10 @@ class Config(Settings):
         Source vertices on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
         Choose among automatic hypotheses and those given, or only among those given.
-    search_rivals : bool
+    search_rivals : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
-        quality reports when one of them fits better. It takes as long as an automatic match.
+        quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
+        the refinements "joint" and "smooth", and not for those of the paper.
     refinement : {"none", "laplace_icp", "joint", "smooth"}
         After the alignment of distance descriptors: nothing (the paper's plain method); post-processing like the
         paper's; or spectral upsampling joint with signatures, positions and normals. "smooth" is "joint" with more
@@ -382,6 +383,13 @@ class Config(Settings):
             return cls.from_dict(values)
         except SettingError as error:
             raise SettingError(f"{path}: {error}") from None
+
+    @property
+    def searches(self) -> bool:
+        """Whether automatic hypotheses are searched, as candidates or as rivals."""
+        if self.hypotheses == "all":
+            return True
+        return self.refinement in ("joint", "smooth") if self.search_rivals is None else self.search_rivals
 
     def differs_in_preparation(self, other: Config) -> str | None:
         """Name the first setting of `prepare` in which two configurations differ; None if there is none."""

@@ -25,8 +25,6 @@ class Hints:
     ----------
     landmarks : (m, 2) array of int
         Landmarks on both bodies: source vertex, target vertex.
-    landmarks_off : int
-        Landmarks that were given but do not lie on both bodies.
     known : (q, 2) array of int
         Source vertices and their images in the initial map.
     functions : (n_s, r) and (n_t, r) arrays of float
@@ -34,7 +32,6 @@ class Hints:
     """
 
     landmarks: IntArray
-    landmarks_off: int
     known: IntArray
     functions: tuple[FloatArray, FloatArray]
 
@@ -56,11 +53,9 @@ class Hints:
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
         points = known = np.zeros((0, 2), dtype=np.int64)
-        off = 0
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
             points = _on_bodies(source, target, pairs)
-            off = len(pairs) - len(points)
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -78,7 +73,14 @@ class Hints:
         functions = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
             functions = checked_descriptors(initial_descriptors, *sizes)
-        return cls(points, off, known, (source.restrict(functions[0]), target.restrict(functions[1])))
+        on_bodies = source.restrict(functions[0]), target.restrict(functions[1])
+        for side, values in zip(("source", "target"), on_bodies):
+            if not np.isfinite(values).all():
+                raise DescriptorError(
+                    f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
+                    "not matched may have nan"
+                )
+        return cls(points, known, on_bodies)
 
     @property
     def any(self) -> bool:
@@ -150,6 +152,4 @@ def checked_descriptors(
     for side, values, n in (("source", source, n_source), ("target", target, n_target)):
         if len(values) != n:
             raise DescriptorError(f"{side} descriptors have {len(values)} rows for {n} vertices")
-        if not np.isfinite(values).all():
-            raise DescriptorError(f"{side} descriptors hold values that are not finite")
     return source, target

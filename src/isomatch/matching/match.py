@@ -129,8 +129,7 @@ def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[H
     if config.hypotheses == "given" and not hints.any:
         raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
     given = hypotheses_from_hints(pair, hints)
-    searched = config.hypotheses == "all" or config.search_rivals
-    return given, search(pair, given) if searched else []
+    return given, search(pair, given) if config.searches else []
 
 
 def _ranked(pair: ShapePair, hints: Hints, candidates: list[Candidate]) -> list[Candidate]:
