@@ -40,8 +40,7 @@ def as_usual(config: Config, pair: BenchmarkPair) -> Config:
 
 
 MIXED = Config(preparation=PreparationSettings(block_diagonal=False))
-UNFLIPPED = Config(search=SearchSettings(variants_of_landmarks=False))
-FLIPS_ONLY = Config(search=SearchSettings(composed_variants=0))
+UNFLIPPED = Config(search=SearchSettings(flip_landmarks=False))
 MESH_UNITS = Config(preparation=PreparationSettings(distance_unit="user"))
 AT_ONCE = Config(refining=RefinementSettings(laplace_steps_at_once=AT_ONCE_STEPS))
 VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Config]]] = {
@@ -51,7 +50,6 @@ VARIANTS: dict[str, tuple[Callable[..., MatchResult], Config, Callable[..., Conf
     "GDD, iterated on all vertices": (gdd, Config(), whole),
     "GDD, distances in mesh units": (gdd, MESH_UNITS, as_usual),
     "GDD, flips of the start not tried": (gdd, UNFLIPPED, as_usual),
-    "GDD, compositions of these flips not tried": (gdd, FLIPS_ONLY, as_usual),
     "GDD, k = 30, p = 60": (gdd, Config(rank=30, n_columns=60), as_usual),
     "GDD, k = 100, p = 200": (gdd, Config(rank=100, n_columns=200), as_usual),
     "post": (gdd_post, Config(), as_usual),

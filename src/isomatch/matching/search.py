@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import Alignment, iterative_closest_points, nearest_under_rotation
+from isomatch.correspondence import Alignment, iterative_closest_points
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.starts import starts_from_extremities, starts_from_hints
@@ -40,19 +40,32 @@ class Hypothesis:
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     """Hypotheses from what the user knows, each after iterative closest points.
 
-    Landmarks at extremities leave the front and the back of a thin body undecided, so the symmetric variants of the map
-    from landmarks come with it.
+    Landmarks at extremities leave the front and the back of a thin body undecided. Where no automatic hypotheses compete,
+    the flips of the map from landmarks come with it.
     """
-    steps = pair.config.search.distance_steps
+    settings = pair.config.search
     given = [
-        Hypothesis(iterative_closest_points(*pair.search_points, start[None], steps)[0], origin)
+        Hypothesis(
+            iterative_closest_points(*pair.search_points, start[None], settings.distance_steps)[0], origin
+        )
         for start, origin in starts_from_hints(pair, hints)
     ]
     led = [start for start in given if start.origin == "landmarks"]
-    if not led or not pair.config.search.variants_of_landmarks:
+    if not led or not settings.flip_landmarks or pair.config.hypotheses == "all":
         return given
     best = min(led, key=lambda start: start.alignment.residual)
-    return [*given, *(replace(v, origin="landmarks") for v in symmetric_variants(pair, best, given))]
+    return [*given, *flips(pair, best, given)]
+
+
+def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
+    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those known.
+
+    They are its mirror images, and of a thin body the map that exchanges front and back.
+    """
+    pool = _Pool(pair)
+    pool.merge([hypothesis])
+    pool.flip([hypothesis], hypothesis.origin)
+    return [flip for flip in pool.hypotheses if _is_new(pair, flip, known)]
 
 
 def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
@@ -80,20 +93,8 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     guided = pool.converged(starts_from_extremities(pair), settings.signature_steps, signatures)
     pool.add([alignment.target_row for alignment in guided], settings.distance_steps, "extremities")
     if pool.hypotheses:
-        pool.flip(pool.hypotheses[: settings.flipped])
+        pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
-
-
-def symmetric_variants(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
-    """Find what flips of one basis function, and their compositions, make of a hypothesis, other than the maps known.
-
-    Flips give mirror images. A composition a ∘ b⁻¹ ∘ c of them gives half turns, the maps most easily mistaken for it.
-    """
-    pool = _Pool(pair)
-    pool.merge([hypothesis])
-    pool.flip([hypothesis])
-    pool.compose(pair.config.search.composed_variants)
-    return [h for h in pool.hypotheses if _is_new(pair, h, known)]
 
 
 def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:
@@ -121,24 +122,13 @@ class _Pool:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(self, parents: list[Hypothesis]) -> None:
+    def flip(self, parents: list[Hypothesis], origin: str) -> None:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
         pair, n = self._pair, self._settings.flipped_functions
         grown = [_grown(pair, parent.target_row, (n,) * 4) for parent in parents if n]
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
-        self.add(starts, self._settings.short_steps, "flip")
-
-    def compose(self, count: int) -> None:
-        """Add what comes of a ∘ b⁻¹ ∘ c for triples of the best maps."""
-        best = [h.alignment.rotation for h in self.hypotheses[:count]]
-        n = range(len(best))
-        triples = [
-            (a, b, c) for a in n for b in n for c in n if a < c and b not in (a, c) and min(a, b, c) < 2
-        ]
-        composed = [best[a] @ best[b].T @ best[c] for a, b, c in triples]
-        starts = parallel_map(lambda c: nearest_under_rotation(*self._pair.search_points, c), composed)
-        self.add(starts, self._settings.short_steps, "flip")
+        self.add(starts, self._settings.short_steps, origin)
 
     def converged(
         self, starts: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None
