@@ -38,6 +38,17 @@ class Settings:
         """Return the settings as plain values; those of a stage are a mapping of their own."""
         return asdict(self)
 
+    def changed(self) -> dict[str, Any]:
+        """Return the settings that differ from their defaults, those of a stage as "stage.name"."""
+        different: dict[str, Any] = {}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, Settings):
+                different |= {f"{each.name}.{name}": inner for name, inner in value.changed().items()}
+            elif value != each.default:
+                different[each.name] = value
+        return different
+
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Make settings from plain values, such as `to_dict` gave; what is left out keeps its default.

@@ -96,3 +96,9 @@ def test_every_default_names_its_source_and_is_documented(kind):
                 f"{kind.__name__}.{each.name} does not say where it comes from"
             )
         assert each.name in kind.__doc__, f"{kind.__name__}.{each.name} is not documented"
+
+
+def test_what_was_changed():
+    assert Config().changed() == {}
+    config = Config(rank=30, search=SearchSettings(pool=9))
+    assert config.changed() == {"rank": 30, "search.pool": 9}

@@ -159,7 +159,7 @@ def _features(task: Task) -> tuple[Embedding, str]:
     if functions[0].shape[1]:
         weights = (shape.body.vertex_areas for shape in task.shapes)
         return Embedding(*map(standardised, functions, weights)), "descriptors"
-    return Embedding(*task.pair.signatures), "signatures"
+    return task.pair.signatures, "signatures"
 
 
 def _areas(shape: PreparedShape, rows: IntArray) -> FloatArray:

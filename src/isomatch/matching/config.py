@@ -28,6 +28,9 @@ class MatchSettings(Protocol):
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as plain values."""
 
+    def changed(self) -> dict[str, Any]:
+        """Return the settings that differ from their defaults."""
+
 
 @dataclass(frozen=True)
 class PreparationSettings(Settings):

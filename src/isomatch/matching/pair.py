@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import SampledBasis, SignedPoints, SpectralPair
+from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair
 from isomatch.errors import MeshError, SettingError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -58,11 +58,11 @@ class ShapePair:
         )
 
     @cached_property
-    def signatures(self) -> tuple[FloatArray, FloatArray]:
+    def signatures(self) -> Embedding:
         """Point signatures that both shapes have: of the source (n_s, q) and of the target (n_t, q)."""
         of_source, of_target = self.source.signatures, self.target.signatures
         common = min(of_source.shape[1], of_target.shape[1])
-        return of_source[:, :common], of_target[:, :common]
+        return Embedding(of_source[:, :common], of_target[:, :common])
 
     @cached_property
     def search_spectra(self) -> SpectralPair:

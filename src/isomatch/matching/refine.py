@@ -146,7 +146,7 @@ def joint_embedding(pair: ShapePair, fit: RefinedCandidate, smooth: bool) -> Emb
     steps = settings.registration_steps
     if smooth:
         steps = settings.smooth_registration_steps
-        signatures = np.s_[k : k + pair.signatures[0].shape[1]]
+        signatures = np.s_[k : k + pair.signatures.source.shape[1]]
         embedding = Embedding(*(np.delete(x, signatures, axis=1) for x in embedding))
     source, target = pair.source, pair.target
     displacements = SampledBasis(source.laplace.vectors, pair.refinement_vertices)
@@ -160,8 +160,8 @@ def _joint(
     """Coordinates of some source vertices and of all of the target; with positions and normals unless side is 0."""
     settings, basis, target = pair.config.refining, pair.spectra.source, pair.target
     phi_source, phi_target = basis.functions[:, :k], target.laplace.vectors[:, :k]
-    of_source = [phi_source[source_vertex] / np.sqrt(k), pair.signatures[0][source_vertex]]
-    of_target = [phi_target @ basis.fit(phi_target[target_vertex], k).T / np.sqrt(k), pair.signatures[1]]
+    of_source = [phi_source[source_vertex] / np.sqrt(k), pair.signatures.source[source_vertex]]
+    of_target = [phi_target @ basis.fit(phi_target[target_vertex], k).T / np.sqrt(k), pair.signatures.target]
     mesh, onto = pair.source.triangles, target.triangles
     if side and mesh and onto:
         smooth = target.laplace.low_passed(onto.vertices, k)

@@ -15,7 +15,7 @@ from string import Template
 from typing import Any
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching import Alternative, MatchResult, Outcome
+from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import raster
 from isomatch.view.measures import quality_measures
@@ -160,13 +160,18 @@ def _run(result: MatchResult, facts: Mapping[str, object]) -> str:
     run = {
         **facts,
         "winning start": result.origin,
+        "selected for": result.reason,
         "geodesic engine": result.engine,
         "seed": result.seed,
         "python": python_version(),
         **{name: _version(name) for name in LIBRARIES},
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
-    return _table("Run", run) + _table("Seconds", seconds) + _table("Settings", result.config.to_dict())
+    return (
+        _table("Run", run)
+        + _table("Seconds", seconds)
+        + _table("Settings", _everyday(result.config) | result.config.changed())
+    )
 
 
 def _table(title: str, rows: Mapping[str, object]) -> str:
@@ -205,3 +210,9 @@ def _version(distribution: str) -> str:
         return version(distribution)
     except PackageNotFoundError:
         return "not installed"
+
+
+def _everyday(settings: MatchSettings) -> dict[str, Any]:
+    """Select the settings that are not those of a single stage, and not left open."""
+    everyday = settings.to_dict().items()
+    return {name: value for name, value in everyday if value is not None and not isinstance(value, dict)}
