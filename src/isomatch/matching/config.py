@@ -59,7 +59,7 @@ class PreparationSettings(Settings):
     """
 
     extremity_spacing: float = setting(
-        0.25, "measured: 0.15 lets thumbs displace heads on 3 of 50 pairs, 0.25 on none", least=0
+        0.25, "measured on 50 pairs: 0.15 fails on 1 where the energy is less sharp, 0.25 on none", least=0
     )
     n_extremities: int = setting(8, "search.extremity_counts needs 7; one more in reserve", least=0)
     signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
@@ -121,9 +121,11 @@ class SearchSettings(Settings):
     rank: int = setting(
         30, "measured: 30 of 60 columns find the same hypotheses on 50 pairs as 50 of 100", least=4
     )
-    start_columns: int = setting(20, "Shamai & Kimmel 2017: few columns at first", least=4)
+    start_columns: int = setting(20, "as many as five points and the penalties determine", least=4)
     off_diagonal: tuple[float, ...] = setting(
-        (0.01, 0.001, 0.0001), "docs/paper.md: the best of three is right where one is not", least=0
+        (0.01, 0.001, 0.0001),
+        "docs/paper.md, start from points: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
+        least=0,
     )
     ridge: float = setting(0.001, "a tenth of off_diagonal: decides only where points do not", least=0)
     extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
@@ -133,11 +135,11 @@ class SearchSettings(Settings):
     )
     remoteness_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
     signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
-    signature_steps: int = setting(4, "most maps change little afterwards", least=0)
+    signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=0)
     distance_steps: int = setting(8, "most maps change little afterwards", least=0)
     short_steps: int = setting(4, "flips start near their limit", least=0)
     unchanged: float = setting(0.99, "below the resolution of 400 samples", least=0, most=1)
-    compare_every: int = setting(2, "saves most of the iterations; the maps found are the same", least=1)
+    compare_every: int = setting(2, "starts that meet are dropped early", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
     same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
     pool: int = setting(14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1)
@@ -192,16 +194,14 @@ class SelectionSettings(Settings):
         2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
     )
     oriented: float = setting(
-        0.3, "measured on 50 pairs: right maps above 0.54, wrong sides below 0", least=0, most=1
+        0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
     )
     contender: float = setting(3.0, "measured on 86 pairs: the right map has the least energy", least=1)
     most_contenders: int = setting(6, "ablation: no contest", least=1)
     same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
     extension_functions: int = setting(50, "the last of sizes", least=4)
-    hopeless: float = setting(
-        1.15, "measured on 14 pairs: saves a third of the refinement and loses no map", least=1
-    )
+    hopeless: float = setting(1.15, "well above the tie at 1.05 that the outcome looks for", least=1)
     same_map: float = setting(0.02, "one limb that is turned", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
