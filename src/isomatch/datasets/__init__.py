@@ -1,6 +1,6 @@
 """Shapes with known correspondence: procedural creatures, the shipped pair, and published sets on disk."""
 
-from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set
+from isomatch.datasets.benchmarks import BenchmarkSet, benchmark_set, relabelled
 from isomatch.datasets.creatures import Creature, creature, ground_truth, joint_names
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
@@ -20,6 +20,7 @@ __all__ = [
     "faust",
     "ground_truth",
     "joint_names",
+    "relabelled",
     "remeshed",
     "scape",
     "tosca",

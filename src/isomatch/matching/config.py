@@ -124,7 +124,7 @@ class SearchSettings(Settings):
     start_columns: int = setting(20, "as many as five points and the penalties determine", least=4)
     off_diagonal: tuple[float, ...] = setting(
         (0.01, 0.001, 0.0001),
-        "docs/paper.md, start from points: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
+        "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
         least=0,
     )
     ridge: float = setting(0.001, "a tenth of off_diagonal: decides only where points do not", least=0)
