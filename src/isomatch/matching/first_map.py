@@ -7,9 +7,8 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.config import Orientation
 from isomatch.matching.evidence import Judge, extended
 from isomatch.matching.hints import Hints
-from isomatch.matching.match import NO_START
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.search import hypotheses_from_hints, search
+from isomatch.matching.search import NO_HYPOTHESIS, hypotheses_from_hints, search
 from isomatch.matching.select import ranked
 
 
@@ -33,5 +32,5 @@ def first_map(
     found = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
     order = ranked(Judge(pair, hints)(found), orientation, pair.config.selection, bool(len(hints.landmarks)))
     if not order:
-        raise NotConvergedError(NO_START)
+        raise NotConvergedError(NO_HYPOTHESIS)
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin

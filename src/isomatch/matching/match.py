@@ -17,15 +17,10 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.refine import RefinedCandidate, distances_between, joint_embedding, refine_jointly
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import Hypothesis, hypotheses_from_hints, search
+from isomatch.matching.search import NO_HYPOTHESIS, Hypothesis, hypotheses_from_hints, search
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import Progress, StageTimer
 from isomatch.surfaces import Surface
-
-NO_START = (
-    "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); give landmarks, an "
-    "initial map or descriptors"
-)
 
 
 def match(
@@ -99,7 +94,7 @@ def match(
         if pair.config.hypotheses == "all":
             eligible, rivals = rivals, []
         if not eligible:
-            raise NotConvergedError(NO_START)
+            raise NotConvergedError(NO_HYPOTHESIS)
         timer.start("refinement")
         selection = _contest(pair, eligible, rivals)
         embedding = _embedding(pair, selection.winner)

@@ -13,6 +13,10 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.starts import starts_from_extremities, starts_from_hints
 
+NO_HYPOTHESIS = (
+    "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); give landmarks, an "
+    "initial map or descriptors"
+)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
