@@ -10,7 +10,14 @@ from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 from isomatch.errors import SettingError
 
 
-def setting(default: Any, source: str = "", *, least: float | None = None, most: float | None = None) -> Any:
+def setting(
+    default: Any,
+    source: str = "",
+    *,
+    least: float | None = None,
+    most: float | None = None,
+    empty: bool = False,
+) -> Any:
     """Declare a setting: its default, where that comes from, and the bounds of what is allowed.
 
     Parameters
@@ -21,8 +28,10 @@ def setting(default: Any, source: str = "", *, least: float | None = None, most:
         The paper and equation, or the measurement, that the default rests on.
     least, most : float, optional
         Bounds, both allowed; of a tuple they hold for each entry.
+    empty : bool
+        Whether a tuple may be empty.
     """
-    return field(default=default, metadata={"source": source, "least": least, "most": most})
+    return field(default=default, metadata={"source": source, "least": least, "most": most, "empty": empty})
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,8 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     if get_origin(hint) is tuple:
         if not isinstance(value, tuple):
             raise SettingError(f"{name} = {value!r} is not a tuple")
+        if not value and not bounds.get("empty"):
+            raise SettingError(f"{name} is empty; give at least one value")
         for entry in value:
             _require_allowed(name, entry, get_args(hint)[0], bounds)
     least, most = bounds.get("least"), bounds.get("most")

@@ -71,6 +71,7 @@ def test_unknown_setting_of_a_stage(tmp_path):
     [
         ({"off_diagonal": (0.1, -1.0)}, "off_diagonal = -1.0 is not a number of at least 0"),
         ({"off_diagonal": 0.1}, "off_diagonal = 0.1 is not a tuple"),
+        ({"off_diagonal": ()}, "off_diagonal is empty; give at least one value"),
         ({"unchanged": 1.5}, "unchanged = 1.5 is not a number of at least 0 and at most 1"),
         ({"pool": 2.5}, "pool = 2.5 is not an integer of at least 1"),
         ({"ridge": float("nan")}, "ridge = nan is not a number"),

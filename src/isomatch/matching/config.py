@@ -135,9 +135,9 @@ class SearchSettings(Settings):
     )
     remoteness_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
     signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
-    signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=0)
-    distance_steps: int = setting(8, "most maps change little afterwards", least=0)
-    short_steps: int = setting(4, "flips start near their limit", least=0)
+    signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=1)
+    distance_steps: int = setting(8, "most maps change little afterwards", least=1)
+    short_steps: int = setting(4, "flips start near their limit", least=1)
     unchanged: float = setting(0.99, "below the resolution of 400 samples", least=0, most=1)
     compare_every: int = setting(2, "starts that meet are dropped early", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
@@ -237,12 +237,14 @@ class RefinementSettings(Settings):
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
-        (20, 40, 70, 100, 140), "Melzi et al. 2019, in larger steps", least=4
+        (20, 40, 70, 100, 140), "Melzi et al. 2019, in larger steps", least=4, empty=True
     )
     sizes_with_positions: tuple[int, ...] = setting(
-        (50, 75, 100), "ablation: no positions and normals", least=4
+        (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
     )
-    final_sizes: tuple[int, ...] = setting((125, 150, 200), "ablation: no positions and normals", least=4)
+    final_sizes: tuple[int, ...] = setting(
+        (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
+    )
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "measured with position_unit", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
