@@ -1,4 +1,4 @@
-"""Other methods behind one signature, for comparison."""
+"""Other methods for comparison, with the signature and the result of `match` wherever that is possible."""
 
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, functional_maps
 from isomatch.baselines.gdd import gdd, gdd_post

@@ -1,4 +1,4 @@
-"""Which eigenfunction of one shape is which of the other, and with which sign: by moments of them all."""
+"""Matching of eigenfunctions: which of one shape corresponds to which of the other, and with which sign, by moments."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from isomatch.matching import Orientation, PreparedShape, ShapePair
 
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
-MOST_MATCHED = 14  # functions of which all signs can be tried
-FARTHEST = 2  # places in the spectrum by which matched functions may be exchanged at once
+MOST_MATCHED = 14  # functions for which all combinations of signs can be tried
+FARTHEST = 2  # places in the spectrum that functions may be apart to be exchanged
 
 SIDES: dict[Orientation, float] = {"preserve": 1.0, "reverse": -1.0, "any": 0.0}
 
 
 def signed_permutation(pair: ShapePair, m: int, side: float) -> FloatArray:
-    """Match each of the first m functions, the constant apart, to one of the other shape, up to sign.
+    """Match each of the first m functions other than the constant to one of the other shape, up to sign.
 
-    ``side`` is 1 if orientation is to be kept, −1 if it is to be reversed, 0 if either will do.
+    ``side`` is 1 if the orientation should be preserved, −1 if it should be reversed, 0 if either is allowed.
 
     Returns
     -------
     (m + 1, m + 1) array of float
-        Functional map, functions of the target to the source, with one ±1 in each row and column.
+        Functional map, from functions of the target to the source, with one ±1 in each row and column.
 
     Notes
     -----
     Shtern & Kimmel, *Matching the LBO Eigenspace of Non-Rigid Shapes via High Order Statistics*, Axioms 2014: on
-    isometric shapes the third moments ∫ φ_i φ_j φ_k agree, and ∫ φ_k ⟨∇φ_i × ∇φ_j, N⟩ up to orientation. First moments
-    with wave kernels, ∫ w φ_i, are added here. As signs have square 1, the squared differences are least where the
-    correlation Σ s_i a_i b_i + Σ s_i s_j s_k A_ijk B_ijk is largest. All 2^m signs are tried for an order of the
-    functions; from the order of the spectrum, the two near functions whose exchange helps most change places, and so on.
-    O(2^m m³) for an order; 0.1 s for m = 12.
+    isometric shapes the third moments ∫ φ_i φ_j φ_k agree, and so do ∫ φ_k ⟨∇φ_i × ∇φ_j, N⟩ up to orientation. First
+    moments with wave kernels, ∫ w φ_i, are added here. Because signs have square 1, the squared differences are least
+    where the correlation Σ s_i a_i b_i + Σ s_i s_j s_k A_ijk B_ijk is largest. For one order of the functions all 2^m
+    combinations of signs are tried. Starting from the order of the spectrum, the two nearby functions whose exchange
+    helps most change places, until no exchange helps. O(2^m m³) for one order; 0.1 s for m = 12.
     """
     of_source, of_target = (_moments(shape, m) for shape in (pair.source, pair.target))
     signs = np.array(list(product((1.0, -1.0), repeat=m)))  # (2^m, m)
@@ -69,7 +69,7 @@ def signed_permutation(pair: ShapePair, m: int, side: float) -> FloatArray:
 
 
 def _exchange(m: int, i: int, j: int) -> IntArray:
-    """Order of m things in which two are exchanged."""
+    """Order of m items of which two are exchanged."""
     order = np.arange(m)
     order[[i, j]] = j, i
     return order

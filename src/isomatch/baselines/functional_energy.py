@@ -10,7 +10,7 @@ from isomatch._memory import require_memory
 from isomatch.bases import LaplaceBasis
 from isomatch.surfaces import Mesh
 
-RIDGE = 1e-9  # of the mean diagonal entry; decides what no term does
+RIDGE = 1e-9  # of the mean diagonal entry; determines what no term determines
 
 
 class FunctionalEnergy:
@@ -57,7 +57,7 @@ class FunctionalEnergy:
         self._hessian[np.diag_indices_from(self._hessian)] += weight * entries.ravel()
 
     def minimiser(self, known: FloatArray | None = None) -> FloatArray:
-        """Give the F of least energy; O((k_s k_t)³). Entries of ``known`` (k_s, k_t) other than nan are prescribed."""
+        """Return the F of least energy; O((k_s k_t)³). Entries of ``known`` (k_s, k_t) other than nan are prescribed."""
         entries = np.full(self._shape, np.nan) if known is None else known.copy()
         free = np.isnan(entries).ravel()
         rows = self._hessian[free]
@@ -70,7 +70,7 @@ class FunctionalEnergy:
 
 
 def products(basis: LaplaceBasis, coefficients: FloatArray) -> FloatArray:
-    """Multiplication by each of q functions (k, q), as operators on the first k functions: (q, k, k).
+    """Multiplication by each of q functions (k, q) as an operator on the first k functions: (q, k, k).
 
     Notes
     -----
@@ -83,7 +83,7 @@ def products(basis: LaplaceBasis, coefficients: FloatArray) -> FloatArray:
 
 
 def orientations(basis: LaplaceBasis, mesh: Mesh, coefficients: FloatArray) -> FloatArray:
-    """Operators g ↦ ⟨∇f × ∇g, n⟩ of q functions f (k, q): (q, k, k); a reflection turns their sign.
+    """Operators g ↦ ⟨∇f × ∇g, n⟩ of q functions f (k, q): (q, k, k); a reflection changes their sign.
 
     Notes
     -----

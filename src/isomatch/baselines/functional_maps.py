@@ -1,4 +1,4 @@
-"""Functional maps: the map as a small matrix that preserves descriptors and commutes with operators."""
+"""Functional maps: the map is a small matrix that preserves descriptors and commutes with operators."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
 KERNEL_FUNCTIONS = 100  # eigenfunctions in wave and heat kernels
-KERNEL_STEP = 5  # every fifth of a hundred energies or times: neighbours overlap
+KERNEL_STEP = 5  # every fifth of a hundred energies or times, because neighbours overlap
 ICP_STEPS = 10
 SIGNATURES: dict[str, Callable[..., FloatArray]] = {
     "wave": wave_kernel_signature,
@@ -37,13 +37,13 @@ class FunctionalMapsConfig(Settings):
     Parameters
     ----------
     n_functions : int
-        Laplace–Beltrami functions of each shape in the functional map; its solution is O(n_functions⁶).
+        Laplace–Beltrami functions of each shape in the functional map; solving for it takes O(n_functions⁶).
     descriptor_weight, product_weight, orientation_weight, laplacian_weight : float
-        Of the four terms of the energy; 0 leaves one out.
+        Weights of the four terms of the energy; a term of weight 0 is left out.
     signatures : {"wave", "heat", "both"}
         Kernel signatures that are preserved.
     orientation : {"preserve", "reverse", "any"}
-        Sign of the orientation term; "any" leaves it out.
+        Sign of the orientation term, which "any" leaves out.
     refinement : {"icp", "none"}
         Whether the map is made orthogonal by iterative closest points in the spectral domain.
     """
@@ -72,7 +72,7 @@ def functional_maps(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. Whatever is given adds functions that should be preserved: wave kernel maps of the landmarks,
+        As for `match`. Each hint adds functions that should be preserved: wave kernel maps of the landmarks, the
         descriptors, and the target's eigenfunctions pulled back by the initial map.
     config : FunctionalMapsConfig, optional
         Settings.
@@ -80,21 +80,21 @@ def functional_maps(
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
 
     Notes
     -----
-    Ovsjanikov, Ben-Chen, Solomon, Butscher & Guibas, *Functional Maps*, SIGGRAPH 2012: descriptors are preserved, the
-    Laplacians commute, the map is refined to be orthogonal. Multiplication by each descriptor commutes too (Nogneng &
-    Ovsjanikov 2017), and so do the orientation operators (Ren et al. 2018); points and graphs have none.
-    Reconstructed from these papers; ours are the scale of the terms, each brought to the order of one; their weights,
-    by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s for 5 000
-    vertices and 50 functions.
+    Ovsjanikov, Ben-Chen, Solomon, Butscher & Guibas, *Functional Maps*, SIGGRAPH 2012: the map preserves descriptors,
+    commutes with the Laplacians, and is refined to be orthogonal. It also commutes with multiplication by each descriptor
+    (Nogneng & Ovsjanikov 2017), and with the orientation operators (Ren et al. 2018), which points and graphs lack.
+    Reconstructed from these papers. Ours are the scale of the terms, each of which is brought to the order of one; their
+    weights, chosen by trial on three pairs of FAUST; and the normal equations in place of an iterative solver. About 2 s
+    for 5 000 vertices and 50 functions.
     """
     config = config or FunctionalMapsConfig()
     with serial_blas():
@@ -107,7 +107,7 @@ def functional_maps(
 
 
 def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
-    """Minimise the energy; (k, k), functions of the target to the source."""
+    """Minimise the energy: the functional map (k, k), from functions of the target to the source."""
     task.timer.start("functional map")
     k = task.functions_at_most(config.n_functions)
     source, target = task.shapes
@@ -137,7 +137,7 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
 def _coefficients(
     shape: PreparedShape, task: Task, side: int, k: int, signatures: KernelSignatures
 ) -> list[FloatArray]:
-    """Functions that should correspond, standardised, in k functions: groups of signatures, landmarks, descriptors."""
+    """Coefficients of standardised functions that should correspond: groups of signatures, landmarks, descriptors."""
 
     def kernel(of: Callable[..., FloatArray], *vertex: int) -> FloatArray:
         return of(shape.laplace, *vertex, k=KERNEL_FUNCTIONS)[:, ::KERNEL_STEP]
@@ -155,7 +155,7 @@ def _coefficients(
 
 
 def _comparable(of_source: FloatArray, of_target: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Divide operators (q, k, k) by their common size, so that every pair counts alike."""
+    """Divide operators (q, k, k) by their common size, so that every pair has the same weight."""
     size = np.sqrt(0.5 * sum((x**2).sum(axis=(1, 2)) for x in (of_source, of_target)))[:, None, None]
     size = np.maximum(size, 1e-12 * size.max(initial=1e-12))
     return of_source / size, of_target / size

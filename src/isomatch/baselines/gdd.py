@@ -1,4 +1,4 @@
-"""The methods of the paper itself, as it has them: `match` without what goes beyond it."""
+"""The methods of the paper: `match` without what goes beyond it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def gdd(
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. At least one hint is needed.
     config : Config, optional
-        Settings; of these, hypotheses, refinement and weights are those of the paper in any case.
+        Settings; hypotheses, refinement and weights are replaced by those of the paper.
 
     Returns
     -------
@@ -38,15 +38,15 @@ def gdd(
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
-        As `match` does; also if a prepared shape has area weights.
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
+        As `match` does; a `SettingError` also if a prepared shape has area weights.
 
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. Reconstructed: distances are divided by their average,
-    and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided; flips of the
-    first map that agree with the landmarks are tried as well, and judged as `match` judges. Rivals are searched
-    for only if the settings say so.
+    and images are precise. Landmarks at extremities leave the front and the back of a thin body undecided, so flips of
+    the first map that agree with the landmarks are tried as well, and the selection is that of `match`. Automatic
+    hypotheses are searched as rivals unless the settings switch ``search_rivals`` off.
     """
     config = replace(config or Config(), refinement="none", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)
@@ -63,8 +63,9 @@ def gdd_post(
 ) -> MatchResult:
     """Match by geodesic distance descriptors, then post-process in the Laplace–Beltrami basis.
 
-    Everything is as for `gdd`. In the paper the post-processing is iterative closest points with an orthogonal functional
-    map; here the map grows from few functions to ``n_functions`` of the settings, see `laplace_icp_embedding`.
+    Parameters and result are those of `gdd`. In the paper, the post-processing is iterative closest points with an
+    orthogonal functional map. Here the functional map grows from a few functions to ``n_functions`` of the settings, see
+    `laplace_icp_embedding`.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

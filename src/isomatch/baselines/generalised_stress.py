@@ -1,8 +1,8 @@
-"""Generalised stress: how far points placed on the target's triangles are from keeping their distances on the source.
+"""Generalised stress: how much the distances of points on the target's triangles differ from those on the source.
 
-Distances are those of the distance bases, d(x, y) = Σ_c sign_c x_c y_c in the descriptors, divided by their average on
-either shape. Between vertices of the target the descriptors are interpolated, so that d is linear in the barycentric
-coordinates of either end.
+Distances are those of the distance bases, d(x, y) = Σ_c sign_c x_c y_c in the descriptors, divided on each shape by
+their average. Between vertices of the target the descriptors are interpolated, so d is linear in the barycentric
+coordinates of either point.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, PrecisePoints, faces_around_vertices, nearest_in_triangle
 from isomatch.matching import ShapePair
 
-SETTLED = 1e-4  # share of the stress below which a sweep's gain ends the descent
+SETTLED = 1e-4  # the descent ends when a sweep lowers the stress by less than this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Placement:
 def distances_to(pair: ShapePair, points: Placement) -> Embedding:
     """Distances of all source vertices to the points, (n_s, m), and of all target vertices to the places, (n_t, m).
 
-    Where distances are kept, the image of a source vertex is the nearest point of the target in these coordinates.
+    Where distances are preserved, the image of a source vertex is the nearest point of the target in these coordinates.
     """
     source, target = pair.source.points, pair.target.points
     return Embedding(
@@ -67,7 +67,7 @@ def distances_to(pair: ShapePair, points: Placement) -> Embedding:
 
 
 def placed(pair: ShapePair, vertices: IntArray, anchors: Placement) -> Placement:
-    """Place source vertices where their distances to known places are kept best, anywhere on the target."""
+    """Place source vertices anywhere on the target where their distances to known places are preserved best."""
     of_source, of_target = distances_to(pair, anchors)
     return Placement(vertices, *pair.target.index.points(of_target, of_source[vertices]))
 
@@ -84,32 +84,32 @@ def relative_stress(pair: ShapePair, points: Placement) -> float:
 def descended(
     pair: ShapePair, points: Placement, n_held: int, n_sweeps: int
 ) -> tuple[Placement, tuple[float, ...]]:
-    """Move one point at a time to where it fits the others best, in its triangle and across edges from there.
+    """Move one point at a time to where it fits the others best, within its triangle and on across the edges.
 
     Parameters
     ----------
     pair : ShapePair
         The two shapes.
     points : Placement
-        Where the points start, m of them.
+        First places of m points.
     n_held : int
-        Leading points that stay where they are.
+        Number of leading points that do not move.
     n_sweeps : int
-        Most sweeps over all points.
+        Maximum number of sweeps over all points.
 
     Returns
     -------
     points : Placement
-        Where they end.
+        Final places.
     stresses : tuple of float
-        Relative stress at the start and after each sweep, never rising.
+        Relative stress at the start and after each sweep; it never increases.
 
     Notes
     -----
-    Bronstein, Bronstein & Kimmel 2006: with all other points fixed the stress is a convex quadratic function of the
-    barycentric coordinates in each triangle, so it is minimised exactly there. Here that is a nearest point, in the m − 1
-    distances to the others. The triangles around the nearest corner are tried, and so on until none is better:
-    O(m² k) for a sweep.
+    Bronstein, Bronstein & Kimmel 2006: with all other points fixed, the stress is a convex quadratic function of the
+    barycentric coordinates in each triangle, so it can be minimised exactly there. The minimum is a nearest point, with
+    the m − 1 distances to the others as coordinates. The triangles around the corner of largest weight are tried, and
+    this is repeated until none is better. O(m² k) for a sweep.
     """
     target = pair.target
     start, order = faces_around_vertices(target.faces, target.body.n_vertices)
@@ -142,7 +142,7 @@ def _sweep(
     barycentric: FloatArray,
 ) -> None:  # pragma: no cover - compiled
     for i in range(n_held, len(corners)):
-        inner[i] = 0.0  # its distance to itself does not count
+        inner[i] = 0.0  # the distance of a point to itself does not count
         least = np.inf
         at = barycentric[i]
         gap = inner @ (

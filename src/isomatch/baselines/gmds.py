@@ -1,4 +1,4 @@
-"""Generalised multidimensional scaling: the source embedded into the target with the least distortion."""
+"""Generalised multidimensional scaling: the source is embedded into the target with the least distortion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Orientation, PreparedShape, first_map
 from isomatch.surfaces import Surface
 
-FEWEST_POINTS = 3  # by whose distances another point can be placed
+FEWEST_POINTS = 3  # needed to place another point by its distances
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class GmdsConfig(Settings):
     Parameters
     ----------
     levels : tuple of int
-        Farthest point samples of the source placed at each resolution, increasing; no more than those of `prepare`.
+        Farthest point samples of the source that are placed at each resolution, increasing; at most those of `prepare`.
     n_sweeps : int
-        Most sweeps over the points at each resolution.
+        Maximum number of sweeps over the points at each resolution.
     orientation : {"preserve", "reverse", "any"}
-        Of the automatic start; the stress itself cannot tell.
+        Orientation of the automatic start, and the one that the outcome expects; the stress does not depend on it.
     """
 
     levels: tuple[int, ...] = (10, 25, 50, 100)
@@ -60,31 +60,31 @@ def gmds(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`; the target is a mesh. Landmarks are points that take part and do not move. The samples start
-        from the initial map, else the landmarks, else the descriptors, else the best automatic start of `match`.
+        As for `match`; the target must be a mesh. Landmarks take part as points that do not move. The samples start from
+        the initial map, else the landmarks, else the descriptors, else the best automatic hypothesis of `match`.
     config : GmdsConfig, optional
         Settings.
 
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target, and the last note tells the stress of the samples; the outcome
-        rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target, and the last note gives the stress of the samples; the outcome
+        depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
-        As `match` does; also if the target has no triangles.
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
+        As `match` does; a `SettingError` also if the target has no triangles.
     NotConvergedError
         If nothing is given and no automatic start could be formed.
 
     Notes
     -----
-    Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least squares stress over positions
-    in triangles, one point at a time, from few points to many. Reconstructed: distances are those of the distance bases,
-    in units of their average, where the paper interpolates a full matrix of marched ones; the automatic start and the
-    placement of new points by their distances to those before; and the extension to all vertices, by the least-squares
-    functional map of half as many Laplace–Beltrami functions as there are points. About
+    Bronstein, Bronstein & Kimmel, *Generalized multidimensional scaling*, PNAS 2006: least-squares stress is minimised
+    over positions in triangles, one point at a time, from few points to many. Reconstructed: distances are those of the
+    distance bases, in units of their average, where the paper interpolates a full matrix of distances from fast marching;
+    the automatic start; the placement of new points by their distances to earlier ones; and the extension to all
+    vertices, by the least-squares functional map of half as many Laplace–Beltrami functions as there are points. About
     0.2 s for 5 000 vertices after preparation, and 1 s for an automatic start.
     """
     config = config or GmdsConfig()
@@ -100,7 +100,7 @@ def gmds(
 
 
 def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, ...], str]:
-    """Landmarks and samples with least stress, the stresses of the last descent, and where the start came from."""
+    """Place landmarks and samples with least stress; also the stresses of the last descent, and the start's origin."""
     pair = task.pair
     if pair.target.triangles is None:
         raise SettingError("points are placed on triangles, and the target has none; give a mesh")
@@ -119,7 +119,7 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
 
 
 def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
-    """Source vertices and their first images, and where they come from."""
+    """Source vertices and their first images (q, 2), and where they come from."""
     pair, samples = task.pair, task.pair.source.column_vertices
     if len(task.hints.known):
         at_samples = task.hints.known[np.isin(task.hints.known[:, 0], samples)]

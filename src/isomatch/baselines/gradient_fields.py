@@ -1,4 +1,4 @@
-"""Gradients of eigenfunctions: what of them an isometry keeps, and what a reflection turns around."""
+"""Gradients of eigenfunctions: scalars that isometries preserve, and pseudo-scalars whose sign a reflection changes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ ComplexArray: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.complex128]]
 
 
 def gradient_fields(mesh: Mesh, functions: FloatArray) -> ComplexArray:
-    """Gradients of q functions (n, q) at the vertices, as complex numbers in some frame of each tangent plane: (n, q).
+    """Gradients of q functions (n, q) at the vertices, as complex numbers in a frame of each tangent plane: (n, q).
 
     Notes
     -----
-    On a triangle of area A and normal N, A ∇f = ½ Σ_c f_c N × e_c, with e_c the edge opposite to corner c; a vertex takes
-    the sum over its triangles by their area. The gradient is linear in f, and z̄_f z_g = ⟨∇f, ∇g⟩ + i ⟨∇f × ∇g, N⟩ does
-    not depend on the frame: its real part is kept by every isometry, its imaginary part changes sign with orientation.
+    On a triangle of area A and normal N, A ∇f = ½ Σ_c f_c N × e_c, where e_c is the edge opposite to corner c. The
+    gradient at a vertex is the mean over its triangles, weighted by area. It is linear in f, and the product
+    z̄_f z_g = ⟨∇f, ∇g⟩ + i ⟨∇f × ∇g, N⟩ does not depend on the frame. Every isometry preserves its real part; its
+    imaginary part changes sign with the orientation.
     """
     normals = mesh.vertex_normals
     along = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
@@ -41,7 +42,7 @@ def gradient_fields(mesh: Mesh, functions: FloatArray) -> ComplexArray:
 
 
 def invariants(fields: ComplexArray, values: FloatArray) -> FloatArray:
-    """Products of the gradients of functions that follow one another, over their root eigenvalues: (n, 2 (q − 1)).
+    """Products of the gradients of successive functions, divided by the roots of their eigenvalues: (n, 2 (q − 1)).
 
     First the scalars ⟨∇φ_a, ∇φ_a+1⟩ / √(λ_a λ_a+1), then the pseudo-scalars ⟨∇φ_a × ∇φ_a+1, N⟩ / √(λ_a λ_a+1).
     """

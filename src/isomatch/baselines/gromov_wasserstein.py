@@ -1,4 +1,4 @@
-"""Fused Gromov–Wasserstein matching: area transported so that distances and features are kept."""
+"""Fused Gromov–Wasserstein matching: area is transported so that distances and features are preserved."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ class GromovWassersteinConfig(Settings):
     Parameters
     ----------
     n_samples : int
-        Evenly spread vertices of each shape between which area is transported; no more than ``n_search`` of `prepare`.
+        Number of evenly spread vertices of each shape between which area is transported; at most ``n_search`` of
+        `prepare`.
     n_functions : int
-        Laplace–Beltrami functions by which the plan is extended to all vertices; at most half the samples.
+        Laplace–Beltrami functions through which the plan is extended to all vertices; at most half the samples.
     distance_weight : float
-        Share of the distances in the cost, above 0 to 1; the rest is that of the features, which need little: they are
-        scaled to a mean square of 1, while distances fit far better than that.
+        Share of the distances in the cost, above 0 and at most 1; the rest is the share of the features. Features need
+        only a small share: they are scaled to a mean square difference of 1, and distances fit far better than that.
     n_steps : int
-        Most steps of the solver.
+        Maximum number of steps of the solver.
     orientation : {"preserve", "reverse", "any"}
-        What the outcome expects; the method itself cannot tell.
+        Orientation that the outcome expects; the method itself does not depend on it.
     """
 
     n_samples: int = 300
@@ -64,7 +65,7 @@ class Transport:
     rows : two arrays of int
         The samples: body vertices of source and target, (m_s,) and (m_t,).
     areas : two arrays of float
-        Share of the area each of them stands for: the sums of the plan's rows and columns.
+        Share of the area that each sample represents: the sums of the plan's rows and columns.
     """
 
     plan: FloatArray
@@ -94,23 +95,23 @@ def gromov_wasserstein(
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
     MissingDependencyError
-        Without the package POT.
+        If the package POT is not installed.
 
     Notes
     -----
     Mémoli, *Gromov–Wasserstein Distances and the Metric Approach to Object Matching*, 2011; fused with features by Vayer,
-    Chapel, Flamary, Tavenard & Courty, 2019, solved by conditional gradients: their method, their code. Ours are the
-    features, scaled together to a mean square difference of 1, and their share, by trial on six pairs; distances from the
-    distance bases in units of their average; and the extension to all vertices, by the least-squares functional map of
-    the row averages of the plan. O(m³) a step; about 0.2 s for 5 000 vertices after preparation. The solver finds a local
-    minimum: without hints, maps of symmetric bodies often mix the sides.
+    Chapel, Flamary, Tavenard & Courty, 2019, and solved by conditional gradients with the package POT. Ours are the
+    features, scaled together to a mean square difference of 1; their share, chosen by trial on six pairs; distances from
+    the distance bases, in units of their average; and the extension to all vertices, by the functional map fitted to the
+    row averages of the plan. O(m³) for a step; about 0.2 s for 5 000 vertices after preparation. The solver finds a local
+    minimum: without hints, maps of symmetric bodies often mix left and right.
     """
     config = config or GromovWassersteinConfig()
     with serial_blas():
@@ -125,7 +126,7 @@ def gromov_wasserstein(
 
 
 def transport(task: Task, features: Embedding, config: GromovWassersteinConfig) -> Transport:
-    """Solve for the plan between samples, given features of all vertices."""
+    """Compute the plan between samples from features of all vertices."""
     try:
         from ot.gromov import fused_gromov_wasserstein
     except ImportError as error:
@@ -163,7 +164,7 @@ def _features(task: Task) -> tuple[Embedding, str]:
 
 
 def _areas(shape: PreparedShape, rows: IntArray) -> FloatArray:
-    """Share of the area nearest to each of some vertices."""
+    """Share of the area that is nearest to each of some vertices."""
     owner = distance_along_edges_to_nearest(shape.body, rows)[1]
     owned = np.bincount(owner, shape.body.vertex_areas, shape.body.n_vertices)[rows]
     return np.asarray(owned / owned.sum(), dtype=np.float64)

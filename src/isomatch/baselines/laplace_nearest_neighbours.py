@@ -1,4 +1,4 @@
-"""Nearest neighbours in the Laplace–Beltrami basis: the method of the paper with its basis taken away."""
+"""Nearest neighbours in the Laplace–Beltrami basis, which here takes the place of the distance descriptors."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class LaplaceConfig(Settings):
     n_functions : int
         Laplace–Beltrami functions of each shape; the default is the rank of the distance descriptors of `match`.
     steps : int
-        Most iterations.
+        Maximum number of iterations.
     orientation : {"any", "preserve", "reverse"}
-        What the outcome expects; the method itself cannot tell.
+        Orientation that the outcome expects; the method itself does not depend on it.
     """
 
     n_functions: int = setting(50, least=2)
@@ -46,29 +46,29 @@ def laplace_nearest_neighbours(
     config: LaplaceConfig | None = None,
     seed: int = 0,
 ) -> MatchResult:
-    """Match by iterative closest points over orthogonal C in the Laplace–Beltrami basis: Phi, and Phi-5pt, of the paper.
+    """Match by iterative closest points with orthogonal C in the Laplace–Beltrami basis: Φ and Φ-5pt of the paper.
 
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. At least one hint is needed; an initial map goes before landmarks, they before descriptors.
+        As for `match`. At least one hint is needed. The initial map takes precedence, then the landmarks.
     config : LaplaceConfig, optional
         Settings.
 
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
 
     Notes
     -----
-    Shamai & Kimmel 2017 compare with this method under the name Φ: the same iteration, and the same start from a few
-    points, with Φ in place of the distance descriptors. Reconstructed: the number of functions.
+    Shamai & Kimmel 2017 compare their method with this one under the name Φ. Iteration and start from a few points are
+    the same, with Φ in place of the distance descriptors. Reconstructed: the number of functions.
     """
     config = config or LaplaceConfig()
     with serial_blas():
@@ -81,7 +81,7 @@ def laplace_nearest_neighbours(
 
 
 def first_map(task: Task, k: int) -> tuple[FloatArray, str]:
-    """First functional map, by the rules of `match` for distance descriptors, and where it comes from."""
+    """First functional map, computed as `match` does from distance descriptors, and where it comes from."""
     if len(task.hints.known):
         return task.functional_map_at(task.hints.known, k), "initial map"
     source, target = (shape.laplace for shape in task.shapes)
@@ -97,5 +97,5 @@ def first_map(task: Task, k: int) -> tuple[FloatArray, str]:
 
 
 def _points(basis: LaplaceBasis, k: int) -> SignedPoints:
-    """Functions in the place of distance descriptors, all of one sign."""
+    """Functions in place of distance descriptors, all of one sign."""
     return SignedPoints(basis.vectors[:, :k], np.ones(k))

@@ -1,4 +1,4 @@
-"""Adapter to pyFM, the most used Python package of functional maps; their method, their code."""
+"""Adapter to pyFM, the most used Python package for functional maps: the package's own code is run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from isomatch.surfaces import Mesh
 INITIAL_FUNCTIONS = 50
 FINAL_FUNCTIONS = 200
 UPSAMPLING_STEP = 5
-ORIENTATION_WEIGHT = 1.0  # as strong as the other terms together
+ORIENTATION_WEIGHT = 1.0  # as much as the other terms together
 
 
 def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:
@@ -20,7 +20,7 @@ def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:
     Parameters
     ----------
     source, target : Mesh
-        The surfaces; every vertex used by a face.
+        The surfaces; every vertex must belong to a face.
 
     Returns
     -------
@@ -30,11 +30,11 @@ def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:
     Raises
     ------
     MissingDependencyError
-        Without the package ``pyfmaps``.
+        If the package ``pyfmaps`` is not installed.
 
     Notes
     -----
-    Package pyfmaps by R. Magnet. Ovsjanikov et al. 2012, Ren et al. 2018 (orientation term), Melzi et al. 2019
+    The package pyfmaps is by R. Magnet. Ovsjanikov et al. 2012, Ren et al. 2018 (orientation term), Melzi et al. 2019
     (ZoomOut). The weights are the package's defaults, with the orientation term switched on.
     """
     try:
@@ -44,7 +44,7 @@ def pyfm_zoomout(source: Mesh, target: Mesh) -> Correspondence:
         raise MissingDependencyError(
             "the method 'pyfm' needs the package pyfmaps: pip install 'isomatch[peers]'"
         ) from error
-    # pyFM maps vertices of its second mesh to its first
+    # pyFM maps the vertices of its second mesh to its first mesh
     shapes = [
         TriMesh(mesh.vertices, mesh.faces, area_normalize=True, center=True) for mesh in (target, source)
     ]

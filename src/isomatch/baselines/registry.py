@@ -1,4 +1,4 @@
-"""The registry of baselines: what benchmarks and tests run by name."""
+"""The registry of baselines, which benchmarks and tests run by name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Baseline:
     Parameters
     ----------
     function : callable
-        With the signature of `match`; or, if ``preparation`` is None, of two meshes to a `Correspondence`.
+        It has the signature of `match`; or, if ``preparation`` is None, it maps two meshes to a `Correspondence`.
     config : Settings, optional
         Its settings; None if it takes none.
     needs_hint : bool
@@ -54,3 +54,4 @@ BASELINES = {
     "sgf": Baseline(spectral_gradient_fields, GradientFieldsConfig()),
     "pyfm": Baseline(pyfm_zoomout, preparation=None),
 }
+"""The registry: every baseline by its name. To add a baseline, add an entry."""

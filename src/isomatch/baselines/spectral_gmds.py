@@ -1,4 +1,4 @@
-"""Spectral generalized multidimensional scaling: the functional map that carries distances to distances."""
+"""Spectral generalised multidimensional scaling: the functional map that preserves geodesic distances."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Orientation, PreparedShape
 from isomatch.surfaces import Surface
 
-HEAT_TIMES = 6  # heat from a landmark is compared after so many times, from local to global
+HEAT_TIMES = 6  # heat from a landmark is compared at this many times, from local to global
 WAVE_KERNELS = 20  # leading columns of the point signatures; the others are curvatures
 
 
@@ -30,13 +30,13 @@ class SpectralGmdsConfig(Settings):
     Parameters
     ----------
     sizes : tuple of int
-        Laplace–Beltrami functions at each stage, growing; a stage is solved in O(size⁶).
+        Laplace–Beltrami functions at each stage, increasing; a stage takes O(size⁶).
     distance_weight, data_weight, previous_weight : float
-        Of the distances, of what is known of the map, and of the map of the stage before.
+        Weights of the distances, of the hints or signatures, and of the map of the previous stage.
     icp_steps : int
-        Most iterations in the spectral domain that turn the functional map into one of points.
+        Maximum number of iterations in the spectral domain that turn the functional map into a map of points.
     orientation : {"any", "preserve", "reverse"}
-        What the outcome expects; distances cannot tell.
+        Orientation that the outcome expects; distances do not depend on it.
     """
 
     sizes: tuple[int, ...] = (15, 25, 35, 50)
@@ -61,25 +61,25 @@ def spectral_gmds(
     config: SpectralGmdsConfig | None = None,
     seed: int = 0,
 ) -> MatchResult:
-    """Match by spectral GMDS: a map in the Laplace–Beltrami domain that keeps areas and geodesic distances.
+    """Match by spectral GMDS: a map in the Laplace–Beltrami domain that preserves areas and geodesic distances.
 
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. Whatever is given is data the map should respect: heat spreading from landmarks, descriptors, the
-        target's eigenfunctions pulled back by the initial map. With nothing given, wave kernel signatures are; they do
-        not tell left from right on a symmetric shape.
+        As for `match`. Each hint gives functions that the map should preserve: heat that spreads from the landmarks, the
+        descriptors, and the target's eigenfunctions pulled back by the initial map. Without hints these are wave kernel
+        signatures, which do not distinguish left from right on a symmetric shape.
     config : SpectralGmdsConfig, optional
         Settings.
 
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
 
     Notes
@@ -87,9 +87,9 @@ def spectral_gmds(
     Aflalo, Dubrovina & Kimmel, *Spectral Generalized Multi-dimensional Scaling*, IJCV 2016: with D ≈ Φ D̂ Φᵀ on both
     shapes and the map P ≈ Φ_s α Φ_tᵀA_t, minimise ‖α D̂_t − D̂_s α‖² and a data term, subject to P 1 = 1 and its
     counterpart for areas: α m_t = m_s and αᵀ m_s = m_t with m = ΦᵀA 1.
-    Reconstructed: the data term (heat in place of the authors' features), the weights, all one, the
-    stages, each of which remembers the one before, and the orthogonal projection after each. As the
-    first function is constant the constraints fix the first row and column of α, and the rest has a closed form.
+    Reconstructed: the data term, with heat in place of the authors' features; the weights, which are all one; the stages,
+    each of which is drawn to the map of the previous one; and the orthogonal projection after each stage. Because the
+    first function is constant, the constraints determine the first row and column of α, and the rest has a closed form.
     """
     config = config or SpectralGmdsConfig()
     with serial_blas():
@@ -102,7 +102,7 @@ def spectral_gmds(
 
 
 def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray, str]:
-    """Minimise the energy from coarse to fine: α (k, k), functions of the target to the source; and its data's origin."""
+    """Minimise the energy from coarse to fine: α (k, k), functions of the target to the source; and the data's origin."""
     shapes = task.shapes
     sizes = sorted({task.functions_at_most(k) for k in config.sizes})
     distances = [spectral_distances(shape, sizes[-1]) for shape in shapes]
@@ -135,7 +135,7 @@ def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
 
 
 def _data(task: Task, k: int) -> tuple[tuple[FloatArray, FloatArray], str]:
-    """Coefficients (k, q) of functions that should correspond, source and target, of norm about 1; and their origin."""
+    """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1; and their origin."""
     shapes = task.shapes
     given: dict[str, tuple[FloatArray, ...]] = {}
     if len(task.hints.known):
@@ -158,7 +158,7 @@ def _smooth(shape: PreparedShape, functions: FloatArray, k: int) -> FloatArray:
 
 
 def _heat(basis: LaplaceBasis, vertices: IntArray, k: int) -> FloatArray:
-    """Heat from each vertex after some times, without its mean, each of norm 1: (k, q · times)."""
+    """Heat from each vertex at several times, without its mean, each of norm 1: (k, q · times)."""
     values = basis.values[1:k]
     times = np.geomspace(0.5 / values[-1], 2 / values[0], HEAT_TIMES)
     heat = basis.vectors[vertices, None, 1:k] * np.exp(-times[:, None] * values)  # (q, times, k - 1)

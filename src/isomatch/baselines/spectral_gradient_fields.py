@@ -1,4 +1,4 @@
-"""Spectral gradient fields: eigenfunctions matched by moments, points by spectral kernels and gradients."""
+"""Spectral gradient fields: eigenfunctions are matched by moments, points by spectral kernels and gradients."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class GradientFieldsConfig(Settings):
     Parameters
     ----------
     n_matched : int
-        Eigenfunctions, the constant apart, matched to one another where nothing is given, from 2 to 14: 2^n_matched
-        signs are tried.
+        Eigenfunctions other than the constant that are matched to one another if there are no hints, from 2 to 14:
+        2^n_matched combinations of signs are tried.
     n_functions : int
-        Laplace–Beltrami functions in the end.
+        Number of Laplace–Beltrami functions at the end.
     n_gradients : int
-        First functions, the constant apart, whose gradients tell points from one another; 0 leaves gradients out.
+        First functions other than the constant whose gradients help to match points; 0 leaves gradients out.
     gradient_weight : float
-        Of gradients against the functions themselves.
+        Weight of the gradients against the functions themselves.
     step : int
-        Functions added in each iteration.
+        Number of functions added in each iteration.
     steps : int
-        Iterations with all functions.
+        Number of iterations with all functions.
     orientation : {"preserve", "reverse", "any"}
-        Sign of the pseudo-scalars; "any" leaves them out.
+        Sign of the pseudo-scalars, which "any" leaves out.
     """
 
     n_matched: int = setting(12, least=2, most=MOST_MATCHED)
@@ -72,19 +72,19 @@ def spectral_gradient_fields(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. An initial map goes before landmarks, they before descriptors; each of them takes the place of the
-        matching of eigenfunctions.
+        As for `match`. The start comes from the initial map, else the landmarks, else the descriptors; eigenfunctions are
+        matched only if there are no hints.
     config : GradientFieldsConfig, optional
         Settings.
 
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
 
     Notes
@@ -92,13 +92,13 @@ def spectral_gradient_fields(
     After Shtern & Kimmel, *Matching the LBO Eigenspace of Non-Rigid Shapes via High Order Statistics*, Axioms 2014
     (signs and order, see `signed_permutation`); *Iterative Closest Spectral Kernel Maps*, 3DV 2014 (nearest neighbours in
     φ_i √h(λ_i), alternating with the alignment of the kernels); *Spectral Gradient Fields Embedding for Nonrigid Surface
-    Matching*, CVIU 2015 (gradients beside the functions).
-    Reconstructed from what these papers say of themselves, so a method in their spirit rather than theirs: the kernel
-    h = 1 / λ of commute times; orthogonal alignment; growth by a few functions at a time; the gradients of successive
-    functions, as the scalars and pseudo-scalars of `gradient_fields`; their number and weight, by trial on nine pairs of
-    creatures; that a map carries gradients by its block of those functions alone. Points and graphs have no gradients.
-    Without hints the signs of the leading eigenfunctions decide everything: on four pairs of FAUST two maps were wrong
-    altogether (errors of 0.46 and 0.50 √area); give landmarks where that matters.
+    Matching*, CVIU 2015 (gradients in addition to the functions).
+    Reconstructed from these papers' own summaries, so this is a method in their spirit rather than theirs. Ours are the
+    kernel h = 1 / λ of commute times; the orthogonal alignment; the growth by a few functions at a time; the gradients of
+    successive functions, as the scalars and pseudo-scalars of `gradient_fields`; their number and weight, chosen by trial
+    on nine pairs of creatures; and that a map transfers gradients only by its block for those functions. Points and
+    graphs have no gradients. Without hints, the signs of the leading eigenfunctions decide everything: on four pairs of
+    FAUST two maps were completely wrong (errors of 0.46 and 0.50 √area). Give landmarks where that matters.
     """
     config = config or GradientFieldsConfig()
     with serial_blas():
@@ -134,9 +134,9 @@ class KernelMaps:
     pair : ShapePair
         The shapes.
     of_source, of_target : (n, q) arrays of complex
-        Gradients of eigenfunctions from the second on; none, if a shape has no triangles.
+        Gradients of eigenfunctions from the second on; none if either shape has no triangles.
     weights : (2,) array of float
-        Of scalars and pseudo-scalars; the sign tells how the latter of both shapes compare.
+        Weights of scalars and pseudo-scalars; the sign says how the pseudo-scalars of both shapes compare.
     """
 
     pair: ShapePair
@@ -158,7 +158,7 @@ class KernelMaps:
         return cls(pair, fields[0], fields[1], weights)
 
     def embedding(self, functional_map: FloatArray) -> Embedding:
-        """φ_i / √λ_i and products of gradients; the target's are carried to the source's functions by the map (k, k)."""
+        """φ_i / √λ_i and products of gradients; the map (k, k) carries the target's to the source's functions."""
         k = len(functional_map)
         values = self.pair.source.laplace.values[1:k]
         kernel = np.append(0.0, 1 / np.sqrt(values))
@@ -174,6 +174,6 @@ class KernelMaps:
         return Embedding(np.hstack([of_source, own_products]), np.hstack([of_target, products]))
 
     def image(self, functional_map: FloatArray, rows: IntArray) -> IntArray:
-        """Nearest target vertex of some source vertices."""
+        """Nearest target vertex of each of some source vertices."""
         of_source, of_target = self.embedding(functional_map)
         return self.pair.target.index.vertices(of_target, of_source[rows])

@@ -1,4 +1,4 @@
-"""What a baseline starts from, and how its map becomes the same kind of result as that of `match`."""
+"""The task of a baseline: from two prepared shapes and checked hints to a `MatchResult`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from isomatch.matching import (
 from isomatch.surfaces import Surface
 
 NOT_JUDGED = (
-    "a baseline tries no other map: misfit and rival are not defined, and symmetric maps go unnoticed"
+    "a baseline tries no other map: misfit and rival are not defined, and symmetric maps are not noticed"
 )
 
 
@@ -36,7 +36,7 @@ class Task:
     pair : ShapePair
         The shapes.
     hints : Hints
-        What was given, in vertices of the bodies.
+        What the user gave, in vertices of the bodies.
     seed : int
         Seed of the preparation.
     timer : StageTimer
@@ -58,7 +58,7 @@ class Task:
         initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
         seed: int,
     ) -> Self:
-        """Prepare the shapes, if they are not, and check the hints as `match` does.
+        """Prepare the shapes that are not prepared yet, and check the hints as `match` does.
 
         Raises
         ------
@@ -86,15 +86,15 @@ class Task:
         return self.pair.spectra
 
     def functions_at_most(self, wanted: int) -> int:
-        """Give the number of Laplace–Beltrami functions wanted, or as many as both shapes have."""
+        """Return a number of Laplace–Beltrami functions: the one wanted, but no more than both shapes have."""
         return min(wanted, self.pair.n_functions)
 
     def functional_map_at(self, points: IntArray, k: int) -> FloatArray:
-        """Least-squares functional map of the first k functions at corresponding vertices (q, 2), source and target."""
+        """Fit a functional map of the first k functions to corresponding vertices (q, 2), source and target."""
         return self.functional_map_from(points[:, 0], self.pair.target.laplace.vectors[points[:, 1], :k])
 
     def functional_map_from(self, source_vertex: IntArray, target_functions: FloatArray) -> FloatArray:
-        """Least-squares functional map from the target's first k functions as seen at source vertices, (q, k)."""
+        """Fit a functional map to values (q, k) of the target's first k functions at the images of source vertices."""
         k = target_functions.shape[1]
         return fit_functional_map(self.pair.source.laplace.vectors[source_vertex, :k], target_functions)
 
@@ -103,13 +103,13 @@ class Task:
         return self.spectra.orthogonal_icp(functional_map, k, steps, self.pair.source.laplace.weights)
 
     def spectral_result(self, functional_map: FloatArray, config: MatchSettings, origin: str) -> MatchResult:
-        """Take images to be nearest points in the spectral domain under a functional map."""
+        """Make the result in which images are nearest points in the spectral domain under a functional map."""
         return self.result(self.spectra.embedding(functional_map), config, origin)
 
     def result(self, embedding: Embedding, config: MatchSettings, origin: str) -> MatchResult:
         """Map every source vertex to the nearest point of the target in a common space, and measure the map.
 
-        The outcome rests on residual, stretch and orientation alone, by the bounds of `match`.
+        The outcome depends on residual, stretch and orientation, with the bounds of `match`.
         """
         source, target = self.shapes
         self.timer.start("points")

@@ -1,4 +1,4 @@
-"""ZoomOut: a functional map refined by growing it."""
+"""ZoomOut: a functional map refined while its size grows."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from isomatch.surfaces import Surface
 
 @dataclass(frozen=True)
 class ZoomOutConfig(FunctionalMapsConfig):
-    """Settings of `zoomout`: those of the functional map it starts from, and how it grows.
+    """Settings of `zoomout`: those of the functional map it starts from, and those of its growth.
 
     Parameters
     ----------
     first : int
-        Functions in the functional map of a given initial map; without one, growth starts from ``n_functions``.
+        Size of the functional map fitted to an initial map; without an initial map, growth starts from ``n_functions``.
     last : int
-        Functions in the end.
+        Number of functions at the end.
     step : int
-        Functions added at once.
+        Number of functions added in each step.
     """
 
     refinement: FunctionalRefinement = "none"
@@ -52,26 +52,26 @@ def zoomout(
     Parameters
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
-        As for `match`. An initial map is taken as it is; landmarks and descriptors then serve no purpose.
+        As for `match`. If an initial map is given, landmarks and descriptors are not used.
     config : ZoomOutConfig, optional
         Settings.
 
     Returns
     -------
     MatchResult
-        ``.map`` is the `Correspondence` source → target; the outcome rests on residual, stretch and orientation.
+        ``.map`` is the `Correspondence` source → target; the outcome depends on residual, stretch and orientation.
 
     Raises
     ------
-    MeshError, LandmarkError, SettingError
+    MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does.
 
     Notes
     -----
     Melzi, Ren, Rodolà, Sharma, Wonka & Ovsjanikov, *ZoomOut: Spectral Upsampling for Efficient Surface Correspondence*,
-    SIGGRAPH Asia 2019, after the paper: images of ``n_refine`` source vertices while the map grows, their acceleration by
-    sampling, but among all target vertices; then those of all. The paper leaves sizes and step to the user. About 2 s for
-    5 000 vertices, and as long again for the functional map.
+    SIGGRAPH Asia 2019; written from the paper. While the map grows, images are computed for ``n_refine`` source vertices,
+    which is the paper's acceleration by sampling, but among all target vertices; at the end, for all source vertices. The
+    paper leaves sizes and step to the user. About 2 s for 5 000 vertices, and as long again for the functional map.
     """
     config = config or ZoomOutConfig()
     with serial_blas():
