@@ -28,7 +28,7 @@ from isomatch.matching import SearchSettings
             {"engine": "teleport"},
             "engine = 'teleport' is not one of 'fast_marching', 'exact', 'heat', 'dijkstra'",
         ),
-        ({"search": {"pool": 3}}, "search = .* is not a SearchSettings"),
+        ({"search": {"n_hypotheses": 3}}, "search = .* is not a SearchSettings"),
     ],
 )
 def test_settings_that_make_no_sense(setting, message):
@@ -48,16 +48,16 @@ def test_unknown_setting_in_a_file(tmp_path):
 
 
 def test_plain_values_make_the_same_settings():
-    config = Config(rank=12, orientation="any", search=SearchSettings(pool=9, extremity_counts=(5,)))
+    config = Config(rank=12, orientation="any", search=SearchSettings(n_hypotheses=9, extremity_counts=(5,)))
     assert Config.from_dict(json.loads(json.dumps(config.to_dict()))) == config
 
 
 def test_stages_are_tables_of_a_file(tmp_path):
     (tmp_path / "config.toml").write_text(
-        "rank = 30\n[search]\npool = 20\noff_diagonal = [0.01]\n", encoding="utf-8"
+        "rank = 30\n[search]\nn_hypotheses = 20\noff_diagonal = [0.01]\n", encoding="utf-8"
     )
     config = Config.from_file(tmp_path / "config.toml")
-    assert config == Config(rank=30, search=SearchSettings(pool=20, off_diagonal=(0.01,)))
+    assert config == Config(rank=30, search=SearchSettings(n_hypotheses=20, off_diagonal=(0.01,)))
 
 
 def test_unknown_setting_of_a_stage(tmp_path):
@@ -73,7 +73,7 @@ def test_unknown_setting_of_a_stage(tmp_path):
         ({"off_diagonal": 0.1}, "off_diagonal = 0.1 is not a tuple"),
         ({"off_diagonal": ()}, "off_diagonal is empty; give at least one value"),
         ({"unchanged": 1.5}, "unchanged = 1.5 is not a number of at least 0 and at most 1"),
-        ({"pool": 2.5}, "pool = 2.5 is not an integer of at least 1"),
+        ({"n_hypotheses": 2.5}, "n_hypotheses = 2.5 is not an integer of at least 1"),
         ({"ridge": float("nan")}, "ridge = nan is not a number"),
     ],
 )
@@ -101,5 +101,5 @@ def test_every_default_names_its_source_and_is_documented(kind):
 
 def test_what_was_changed():
     assert Config().changed() == {}
-    config = Config(rank=30, search=SearchSettings(pool=9))
-    assert config.changed() == {"rank": 30, "search.pool": 9}
+    config = Config(rank=30, search=SearchSettings(n_hypotheses=9))
+    assert config.changed() == {"rank": 30, "search.n_hypotheses": 9}

@@ -22,7 +22,7 @@ from isomatch._threads import serial_blas
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, example_pair, ground_truth
 from isomatch.matching import prepare_pair
-from isomatch.matching.descriptor_refinement import laplace_icp_embedding
+from isomatch.matching.paper_refinements import laplace_icp_embedding
 from shapes import disguised
 from zoo import torus
 

@@ -19,8 +19,8 @@ from isomatch.correspondence.linear_alignment import (
     alignments_from_points,
     nearest_under_rotation,
 )
-from isomatch.correspondence.nearest import VertexCells, nearest_in_cells, nearest_rows
-from isomatch.correspondence.precise import (
+from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells, nearest_rows
+from isomatch.correspondence.precise_points import (
     PrecisePoints,
     faces_around_vertices,
     nearest_in_triangle,

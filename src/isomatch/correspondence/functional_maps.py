@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import polar, solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.correspondence.nearest import nearest_rows
+from isomatch.correspondence.nearest_neighbours import nearest_rows
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
 """Of candidates (n, d) and queries (m, d): the index (m,) of the candidate nearest to each query."""

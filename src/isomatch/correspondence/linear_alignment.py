@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.correspondence.nearest import nearest_rows
+from isomatch.correspondence.nearest_neighbours import nearest_rows
 from isomatch.correspondence.signed_points import SignedPoints
 
 

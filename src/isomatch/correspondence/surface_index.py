@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.correspondence.nearest import VertexCells, nearest_in_cells
-from isomatch.correspondence.precise import PrecisePoints, nearest_points
+from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells
+from isomatch.correspondence.precise_points import PrecisePoints, nearest_points
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ class PreparationSettings(Settings):
         Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
     wave_weight, curvature_weight : float
         Root mean square of either part of the signatures.
-    judged_curvature_functions : int
+    energy_curvature_functions : int
         Functions of the smoothed surface whose curvature the energy of a map compares.
     graph_average_distance : float
         Average distance between two points of a graph of unit size, in place of an area.
@@ -69,7 +69,7 @@ class PreparationSettings(Settings):
     curvature_functions: tuple[int, ...] = setting((50, 100, 200), "coarse to fine, by doubling", least=4)
     wave_weight: float = setting(0.6, "measured on 9 pairs: 0.6 2.43, 0.8 2.41", least=0)
     curvature_weight: float = setting(0.4, "measured on 9 pairs: 0.4 2.43, 0.6 2.70", least=0)
-    judged_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
+    energy_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
     graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
@@ -91,11 +91,11 @@ class SearchSettings(Settings):
         Penalty on every entry of the alignment.
     extremity_counts : tuple of int
         Numbers of extremities of one shape that are assigned together.
-    extremities_among : int
+    n_candidate_extremities : int
         Extremities of the other shape they may be assigned to.
     assignments : int
         Best assignments that are kept for each count and direction.
-    remoteness_weight : float
+    eccentricity_weight : float
         Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
     signature_share : float
         Weight of point signatures against descriptors in the first iterations.
@@ -107,7 +107,7 @@ class SearchSettings(Settings):
         Iterations between comparisons of the maps under way.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
-    pool : int
+    n_hypotheses : int
         Most hypotheses.
     flipped : int
         Best hypotheses whose flips are tried.
@@ -129,11 +129,11 @@ class SearchSettings(Settings):
     )
     ridge: float = setting(0.001, "a tenth of off_diagonal: decides only where points do not", least=0)
     extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
-    extremities_among: int = setting(7, "one more than are assigned", least=1)
+    n_candidate_extremities: int = setting(7, "one more than are assigned", least=1)
     assignments: int = setting(
         8, "measured: 8 per count and direction hold the right one on 86 of 86 pairs", least=1
     )
-    remoteness_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
+    eccentricity_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
     signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
     signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=1)
     distance_steps: int = setting(8, "most maps change little afterwards", least=1)
@@ -142,7 +142,9 @@ class SearchSettings(Settings):
     compare_every: int = setting(2, "starts that meet are dropped early", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
     same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
-    pool: int = setting(14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1)
+    n_hypotheses: int = setting(
+        14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1
+    )
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
     flip_landmarks: bool = setting(
@@ -162,9 +164,9 @@ class SelectionSettings(Settings):
         Functions of the smoothed surfaces whose normals are compared.
     curvature_exponent : float
         Energy = descriptor residual × curvature mismatch to this power.
-    oriented : float
+    orientation_threshold : float
         Mean cosine between normals above which a map counts as orientation-preserving.
-    contender : float
+    energy_limit : float
         Energy, against the least, up to which a hypothesis is refined and compared again.
     most_contenders : int
         Most hypotheses that are refined.
@@ -174,7 +176,7 @@ class SelectionSettings(Settings):
         Hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped.
     extension_functions : int
         Functions through which a hypothesis is extended to further vertices.
-    hopeless : float
+    misfit_limit : float
         Misfit after a stage of the refinement, against the least, from which a map is given up.
     same_map : float
         Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
@@ -193,15 +195,15 @@ class SelectionSettings(Settings):
     curvature_exponent: float = setting(
         2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
     )
-    oriented: float = setting(
+    orientation_threshold: float = setting(
         0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
     )
-    contender: float = setting(3.0, "measured on 86 pairs: the right map has the least energy", least=1)
+    energy_limit: float = setting(3.0, "measured on 86 pairs: the right map has the least energy", least=1)
     most_contenders: int = setting(6, "ablation: no contest", least=1)
     same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
     extension_functions: int = setting(50, "the last of sizes", least=4)
-    hopeless: float = setting(1.15, "well above the tie at 1.05 that the outcome looks for", least=1)
+    misfit_limit: float = setting(1.15, "well above the tie at 1.05 that the outcome looks for", least=1)
     same_map: float = setting(0.02, "one limb that is turned", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
@@ -264,7 +266,7 @@ class OutcomeSettings(Settings):
 
     Parameters
     ----------
-    covered : float
+    coverage_radius : float
         A target vertex this near to an image along edges, in √area, is covered.
     normal_functions : int
         Functions of the smoothed surfaces whose normals are compared.
@@ -280,7 +282,7 @@ class OutcomeSettings(Settings):
         Share of the area in components left out from which the match is partial.
     """
 
-    covered: float = setting(0.05, "the spacing of the search vertices", least=0)
+    coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
     tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
@@ -334,9 +336,9 @@ class Config(Settings):
 
     Examples
     --------
-    >>> Config(rank=30, n_columns=60).search.pool
+    >>> Config(rank=30, n_columns=60).search.n_hypotheses
     14
-    >>> Config.from_dict({"rank": 30, "search": {"pool": 20}}).search.pool
+    >>> Config.from_dict({"rank": 30, "search": {"n_hypotheses": 20}}).search.n_hypotheses
     20
     """
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from isomatch._arrays import IntArray
 from isomatch.errors import NotConvergedError
+from isomatch.matching.candidates import Judge, extended
 from isomatch.matching.config import Orientation
-from isomatch.matching.evidence import Judge, extended
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.search import NO_HYPOTHESIS, hypotheses_from_hints, search

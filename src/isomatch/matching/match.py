@@ -8,14 +8,19 @@ from numpy.typing import ArrayLike
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError, SettingError
+from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.config import Config
-from isomatch.matching.descriptor_refinement import descriptor_embedding, laplace_icp_embedding
-from isomatch.matching.evidence import Candidate, Judge, extended
 from isomatch.matching.hints import Hints
+from isomatch.matching.joint_refinement import (
+    RefinedCandidate,
+    distances_between,
+    joint_embedding,
+    refine_jointly,
+)
 from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
-from isomatch.matching.refine import RefinedCandidate, distances_between, joint_embedding, refine_jointly
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import NO_HYPOTHESIS, Hypothesis, hypotheses_from_hints, search
 from isomatch.matching.select import Selection, contenders, ranked, select

@@ -10,8 +10,8 @@ from scipy.sparse import csr_array
 from isomatch._arrays import IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.candidates import orientation_of
 from isomatch.matching.config import Orientation
-from isomatch.matching.evidence import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Outcome, Quality
 from isomatch.matching.select import Selection
@@ -62,7 +62,7 @@ def measure_quality(
         else np.nan,
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
-        coverage=float(target.body.vertex_areas[gap < settings.covered].sum() / target.body.area),
+        coverage=float(target.body.vertex_areas[gap < settings.coverage_radius].sum() / target.body.area),
         matched=float((source.body_vertex >= 0).mean()),
         landmark_error=landmark_error,
     )

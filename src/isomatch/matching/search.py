@@ -118,7 +118,7 @@ class _Pool:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
         kept: list[Hypothesis] = []
         for hypothesis in sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual):
-            if len(kept) < self._settings.pool and _is_new(self._pair, hypothesis, kept):
+            if len(kept) < self._settings.n_hypotheses and _is_new(self._pair, hypothesis, kept):
                 kept.append(hypothesis)
         self.hypotheses = kept
 

@@ -67,7 +67,7 @@ def ranked(
     """
 
     def rank(candidate: C) -> int:
-        return _orientation_rank(candidate.orientation, orientation, settings.oriented)
+        return _orientation_rank(candidate.orientation, orientation, settings.orientation_threshold)
 
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
@@ -76,7 +76,7 @@ def ranked(
     limit = settings.same_energy * min((c.energy for c in agreeing), default=0.0)
 
     def clear(candidate: C) -> int:
-        return _orientation_rank(candidate.orientation, "any", settings.oriented)
+        return _orientation_rank(candidate.orientation, "any", settings.orientation_threshold)
 
     return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
 
@@ -89,10 +89,14 @@ def contenders(order: Sequence[C], orientation: Orientation, settings: Selection
     """
     if not order:
         return []
-    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.oriented))
-    leaning = [c for c in order if _orientation_rank(c.orientation, orientation, settings.oriented) <= side]
+    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.orientation_threshold))
+    leaning = [
+        c
+        for c in order
+        if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
+    ]
     leaning.sort(key=lambda candidate: candidate.energy)
-    limit = settings.contender * leaning[0].energy
+    limit = settings.energy_limit * leaning[0].energy
     return [c for c in leaning if c.energy <= limit][: settings.most_contenders]
 
 
@@ -126,8 +130,10 @@ def survivors(
         refinement does not depend on the start, but the other refinements do.
     """
     q = range(len(fits))
-    clear = [i for i in q if with_normals or abs(fits[i].orientation) > settings.oriented] or list(q)
-    limit = settings.hopeless * min(fits[i].misfit for i in clear)
+    clear = [
+        i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
+    ] or list(q)
+    limit = settings.misfit_limit * min(fits[i].misfit for i in clear)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
     spared = {fits[i].side: i for i in reversed(order)}.values() if both_sides else []
     kept: list[tuple[int, int]] = []

@@ -117,7 +117,7 @@ def _consistent_assignments(
     a: PreparedShape, b: PreparedShape, count: int, settings: SearchSettings
 ) -> Iterable[tuple[IntArray, IntArray]]:
     """Extremities of a, the most remote first, and those of b that they are assigned to."""
-    few, among = a.extremities[:count], b.extremities[: settings.extremities_among]
+    few, among = a.extremities[:count], b.extremities[: settings.n_candidate_extremities]
     if len(few) < count or len(among) < count:
         return []
     choices = np.array(list(permutations(range(len(among)), count)))  # (c, count)
@@ -126,6 +126,6 @@ def _consistent_assignments(
     remote_few = a.average_distance[few] / a.intrinsic_scale
     remote_among = b.average_distance[among] / b.intrinsic_scale
     cost = np.abs(d_few - d_among[choices[:, :, None], choices[:, None, :]]).mean(axis=(1, 2))
-    cost += settings.remoteness_weight * np.abs(remote_few - remote_among[choices]).mean(axis=1)
+    cost += settings.eccentricity_weight * np.abs(remote_few - remote_among[choices]).mean(axis=1)
     best = np.argsort(cost, kind="stable")[: settings.assignments]
     return [(few, among[choices[c]]) for c in best]

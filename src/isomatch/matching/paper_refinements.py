@@ -10,7 +10,7 @@ from scipy.linalg import polar
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, signed_procrustes
-from isomatch.matching.evidence import energy_of, orientation_of
+from isomatch.matching.candidates import energy_of, orientation_of
 from isomatch.matching.pair import ShapePair
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, register_nonrigid
-from isomatch.matching.evidence import Candidate, energy_of, extended
+from isomatch.matching.candidates import Candidate, energy_of, extended
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.select import survivors
 from isomatch.surfaces import vertex_normals
