@@ -23,7 +23,7 @@ FAILURE = 10.0
 NOTICEABLE = 0.3  # difference of errors
 EVERYTHING = "everything"
 STEPS = RefinementSettings()
-WITHOUT_POSITIONS = RefinementSettings(
+LATE_POSITIONS = RefinementSettings(
     sizes_without_positions=STEPS.sizes_without_positions + STEPS.sizes_with_positions + STEPS.final_sizes,
     sizes_with_positions=(),
     final_sizes=(),
@@ -38,7 +38,7 @@ VARIANTS: dict[str, Config] = {
     "starts without point signatures": Config(search=SearchSettings(signature_share=0.0)),
     "one set of extremities": Config(search=SearchSettings(extremity_counts=(5,))),
     "no registration": Config(refining=RefinementSettings(registration_steps=0)),
-    "no positions and normals": Config(refining=WITHOUT_POSITIONS),
+    "positions and normals in the last step only, no registration": Config(refining=LATE_POSITIONS),
 }
 
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from isomatch import Config, MatchResult, match
 from isomatch.baselines import gdd, gdd_post
-from isomatch.datasets import BenchmarkPair
-from isomatch.datasets.benchmarks import benchmark_set
+from isomatch.datasets import BenchmarkPair, benchmark_set
 from isomatch.evaluation import CachingEngine, counted, geodesic_errors, metric_distortion, true_landmarks
 from isomatch.geodesics import distance_engine
 from isomatch.matching import PreparationSettings, RefinementSettings, SearchSettings

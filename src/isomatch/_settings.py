@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from isomatch.errors import SettingError
 
 
@@ -41,6 +43,8 @@ class Settings:
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self))
         for each in fields(self):
+            if isinstance(getattr(self, each.name), np.generic):  # plain numbers are what files can hold
+                object.__setattr__(self, each.name, getattr(self, each.name).item())
             _require_allowed(each.name, getattr(self, each.name), hints[each.name], each.metadata)
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,6 +112,8 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
             raise SettingError(f"{name} is empty; give at least one value")
         for entry in value:
             _require_allowed(name, entry, get_args(hint)[0], bounds)
+    if hint in (bool, str) and not isinstance(value, hint):
+        raise SettingError(f"{name} = {value!r} is not {'true or false' if hint is bool else 'a word'}")
     least, most = bounds.get("least"), bounds.get("most")
     if hint in (int, float):
         kinds: Any = int if hint is int else (int, float)

@@ -145,20 +145,28 @@ def test_a_fit_of_the_other_side_lends_no_hypothesis():
 
 def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
-    chosen = select(fits, [True, False, True], apart(3), SETTINGS)
+    chosen = select(fits, [True, False, True], apart(3), SETTINGS, 4)
     assert chosen.winner is fits[2]
     assert chosen.rivals == (fits[1], fits[0])
     assert chosen.rival == pytest.approx(0.5), "one that may not win fits better"
     assert chosen.mirrored == inf
     assert "least misfit" in chosen.reason
+    assert "4 candidates, 3 refined to the end" in chosen.reason
     assert "0.50 times" in chosen.reason
+
+
+def test_one_that_was_compared_with_nothing_has_no_rival():
+    alone = select([Fit(1.0)], [True], apart(1), SETTINGS, 1)
+    assert np.isnan(alone.rival)
+    assert np.isnan(alone.mirrored)
+    assert select([Fit(1.0)], [True], apart(1), SETTINGS, 2).rival == inf
 
 
 def test_a_variant_of_the_winner_is_no_rival():
     fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
-    chosen = select(fits, [True] * 3, apart(3, (0, 1)), SETTINGS)
+    chosen = select(fits, [True] * 3, apart(3, (0, 1)), SETTINGS, 4)
     assert (chosen.rival, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
-    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), SETTINGS)
+    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), SETTINGS, 4)
     assert alone.rival == inf
     assert "rival" not in alone.reason
 
@@ -166,7 +174,7 @@ def test_a_variant_of_the_winner_is_no_rival():
 @given(st.lists(st.floats(0.1, 10), min_size=1, max_size=6, unique=True), st.randoms())
 def test_the_winner_does_not_depend_on_the_order(scores, random):
     fits = [Fit(1.0, score=score) for score in scores]
-    chosen = select(fits, [True] * len(fits), apart(len(fits)), SETTINGS)
+    chosen = select(fits, [True] * len(fits), apart(len(fits)), SETTINGS, 4)
     assert chosen.winner.score == min(scores)
     assert len(chosen.rivals) == len(fits) - 1
     assert chosen.rival >= 1

@@ -74,13 +74,13 @@ def laplace_nearest_neighbours(
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         k = task.functions_at_most(config.n_functions)
-        start, origin = first_map(task, k)
+        start, origin = first_functional_map(task, k)
         task.timer.start("refinement")
         functional_map = task.orthogonal_icp(start, k, config.steps)
         return task.spectral_result(functional_map, config, origin)
 
 
-def first_map(task: Task, k: int) -> tuple[FloatArray, str]:
+def first_functional_map(task: Task, k: int) -> tuple[FloatArray, str]:
     """First functional map, computed as `match` does from distance descriptors, and where it comes from."""
     if len(task.hints.known):
         return task.functional_map_at(task.hints.known, k), "initial map"

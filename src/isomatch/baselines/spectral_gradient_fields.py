@@ -13,7 +13,7 @@ from isomatch._settings import Settings, require_least, setting
 from isomatch._threads import serial_blas
 from isomatch.baselines.eigenfunction_matching import MOST_MATCHED, SIDES, signed_permutation
 from isomatch.baselines.gradient_fields import ComplexArray, gradient_fields, invariants
-from isomatch.baselines.laplace_nearest_neighbours import first_map
+from isomatch.baselines.laplace_nearest_neighbours import first_functional_map
 from isomatch.baselines.task import Task
 from isomatch.correspondence import Embedding
 from isomatch.matching import MatchResult, Orientation, PreparedShape, ShapePair
@@ -120,7 +120,7 @@ def spectral_gradient_fields(
 def _start(task: Task, config: GradientFieldsConfig) -> tuple[FloatArray, str]:
     """First functional map, and where it comes from."""
     if task.hints.any:
-        return first_map(task, task.functions_at_most(min(HINTED, config.n_functions)))
+        return first_functional_map(task, task.functions_at_most(min(HINTED, config.n_functions)))
     m = task.functions_at_most(config.n_matched + 1) - 1
     return signed_permutation(task.pair, m, SIDES[config.orientation]), "eigenfunctions"
 

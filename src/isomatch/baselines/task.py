@@ -118,11 +118,11 @@ class Task:
         quality = measure_quality(self.pair, points, self.hints.landmarks)
         return MatchResult(
             map=source.correspondence(target, points),
-            outcome=outcome_of(self.pair, quality, config.orientation),
+            outcome=outcome_of(self.pair, quality, config.orientation, self.hints.any),
             quality=quality,
             alternatives=(),
             timings=self.timer.stop(),
-            notes=(*self.pair.notes, NOT_JUDGED),
+            notes=(*self.pair.notes, *self.hints.notes, NOT_JUDGED),
             engine=source.distances.engine,
             origin=origin,
             reason="",

@@ -1,4 +1,4 @@
-"""The orthogonal map that aligns two signed point clouds: known points (Procrustes), or none (closest points)."""
+"""Orthogonal alignment of signed point clouds: Procrustes, and iterative closest points."""
 
 from __future__ import annotations
 

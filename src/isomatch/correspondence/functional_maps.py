@@ -131,7 +131,7 @@ class SpectralPair:
         """Alternate images and the orthogonal functional map of k functions that fits them best.
 
         On the sampled vertices until nothing changes, or for a number of steps; then once on all n_s vertices, with
-        their areas as weights.
+        their areas (n_s,) as weights.
 
         Notes
         -----

@@ -71,7 +71,7 @@ def alignment_from_functions(
     off_diagonal: float = 0.01,
     ridge: float = 0.001,
 ) -> FloatArray:
-    """Align two clouds by functions that should correspond: least squares F₁ᵀ W₁ C = F₂ᵀ W₂.
+    """Align two point clouds by functions that should correspond: least squares (F_tᵀ W_t) C ≈ F_sᵀ W_s.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a shape is matched: its largest part, mended, and of unit area."""
+"""The part of a shape that is matched: its largest component, repaired, of unit area."""
 
 from __future__ import annotations
 

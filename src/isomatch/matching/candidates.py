@@ -1,4 +1,4 @@
-"""Evidence for a map: energies that tell it from its mirror image and from half-turned variants."""
+"""Candidates: hypotheses with the evidence for them, energy, orientation and landmark error."""
 
 from __future__ import annotations
 

@@ -59,9 +59,11 @@ class PreparationSettings(Settings):
     """
 
     extremity_spacing: float = setting(
-        0.25, "measured on 50 pairs: 0.15 fails on 1 where the energy is less sharp, 0.25 on none", least=0
+        0.25, "changed with others: at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
     )
-    n_extremities: int = setting(8, "search.extremity_counts needs 7; one more in reserve", least=0)
+    n_extremities: int = setting(
+        8, "chosen, not measured: one more than search.n_candidate_extremities", least=0
+    )
     signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
     signature_step: int = setting(
         5, "the filters are seven energies wide, so neighbours repeat each other", least=1
@@ -118,27 +120,27 @@ class SearchSettings(Settings):
         extremities leave the front and the back of a thin body undecided.
     """
 
-    rank: int = setting(
-        30, "measured: 30 of 60 columns find the same hypotheses on 50 pairs as 50 of 100", least=4
-    )
+    rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
     start_columns: int = setting(20, "as many as five points and the penalties determine", least=4)
     off_diagonal: tuple[float, ...] = setting(
         (0.01, 0.001, 0.0001),
         "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
         least=0,
     )
-    ridge: float = setting(0.001, "a tenth of off_diagonal: decides only where points do not", least=0)
-    extremity_counts: tuple[int, ...] = setting((4, 5, 6), "ablation: one set of extremities", least=1)
-    n_candidate_extremities: int = setting(7, "one more than are assigned", least=1)
-    assignments: int = setting(
-        8, "measured: 8 per count and direction hold the right one on 86 of 86 pairs", least=1
+    ridge: float = setting(0.001, "chosen, not measured", least=0)
+    extremity_counts: tuple[int, ...] = setting(
+        (4, 5, 6), "ablation: one set of extremities (cat4–cat9)", least=1
     )
-    eccentricity_weight: float = setting(0.3, "a third: one distance against the average of three", least=0)
-    signature_share: float = setting(2.0, "ablation: starts without point signatures", least=0)
+    n_candidate_extremities: int = setting(7, "chosen: one more than are assigned", least=1)
+    assignments: int = setting(8, "chosen; with flips, the right map was found on 86 of 86 pairs", least=1)
+    eccentricity_weight: float = setting(0.3, "chosen, not measured", least=0)
+    signature_share: float = setting(
+        2.0, "ablation: starts without point signatures; needed by cat4–cat9", least=0
+    )
     signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=1)
     distance_steps: int = setting(8, "most maps change little afterwards", least=1)
     short_steps: int = setting(4, "flips start near their limit", least=1)
-    unchanged: float = setting(0.99, "below the resolution of 400 samples", least=0, most=1)
+    unchanged: float = setting(0.99, "chosen, not measured", least=0, most=1)
     compare_every: int = setting(2, "starts that meet are dropped early", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
     same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
@@ -148,7 +150,7 @@ class SearchSettings(Settings):
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
     flip_landmarks: bool = setting(
-        True, "docs/paper.md: victoria12–victoria23 from landmarks, 8.0 without, 4.0 with"
+        True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
     )
 
 
@@ -191,20 +193,20 @@ class SelectionSettings(Settings):
     sizes: tuple[int, ...] = setting(
         tuple(range(20, 51, 5)), "Melzi et al. 2019: grow in steps of 5", least=4
     )
-    normal_functions: int = setting(40, "measured: threshold and number chosen together on 50 pairs", least=4)
+    normal_functions: int = setting(40, "chosen with orientation_threshold", least=4)
     curvature_exponent: float = setting(
         2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
     )
     orientation_threshold: float = setting(
         0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
     )
-    energy_limit: float = setting(3.0, "measured on 86 pairs: the right map has the least energy", least=1)
-    most_contenders: int = setting(6, "ablation: no contest", least=1)
+    energy_limit: float = setting(3.0, "chosen, not measured: wide", least=1)
+    most_contenders: int = setting(6, "ablation: no contest (victoria1–victoria2, cat10–cat3)", least=1)
     same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
     extension_functions: int = setting(50, "the last of sizes", least=4)
     misfit_limit: float = setting(1.15, "well above the tie at 1.05 that the outcome looks for", least=1)
-    same_map: float = setting(0.02, "one limb that is turned", least=0)
+    same_map: float = setting(0.02, "half of the displacement by one turned limb", least=0)
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
@@ -248,16 +250,23 @@ class RefinementSettings(Settings):
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
     )
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
-    normal_weight: float = setting(0.3, "measured with position_unit", least=0)
+    normal_weight: float = setting(0.3, "chosen, not measured", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
     smooth_registration_steps: int = setting(8, "docs/benchmarks.md, smoothness", least=0)
-    distance_steps: int = setting(15, "docs/paper.md: more change little", least=0)
+    distance_steps: int = setting(15, "chosen, not measured", least=0)
     laplace_first: tuple[int, ...] = setting(
         (15, 20, 30, 40), "docs/paper.md: the best of four heals most", least=2
     )
-    laplace_choice: int = setting(50, "docs/paper.md", least=2)
+    laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
     laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.sizes_without_positions or self.sizes_with_positions or self.final_sizes):
+            raise SettingError(
+                "the three stages of the joint refinement are all empty; give one of them a size"
+            )
 
 
 @dataclass(frozen=True)
@@ -286,9 +295,15 @@ class OutcomeSettings(Settings):
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
     tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
-    poor_misfit: float = setting(0.66, "docs/benchmarks.md, confidence: noise and other kinds", least=0)
-    poor_residual: float = setting(0.38, "docs/benchmarks.md, confidence: noise and other kinds", least=0)
-    poor_stretch: float = setting(1.3, "docs/benchmarks.md, confidence: limbs that stretch", least=1)
+    poor_misfit: float = setting(
+        0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+    )
+    poor_residual: float = setting(
+        0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
+    )
+    poor_stretch: float = setting(
+        1.3, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=1
+    )
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
 
@@ -315,7 +330,7 @@ class Config(Settings):
     n_refine : int
         Source vertices on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
-        Choose among automatic hypotheses and those given, or only among those given.
+        Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
     search_rivals : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
         quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
@@ -349,18 +364,22 @@ class Config(Settings):
     engine: str | None = setting(
         None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"
     )
-    n_search: int = setting(400, "measured on 50 pairs: 400 as good as 600, 300 fails on 1", least=100)
+    n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
     n_refine: int = setting(
         1000, "measured on 50 pairs: 1.63 against 1.59 with all vertices, twice as fast", least=100
     )
     hypotheses: Hypotheses = setting(
         "all", "a hint can be wrong; an automatic hypothesis that fits better wins"
     )
-    search_rivals: bool = setting(
-        True, "the quality of a map from a hint is to tell whether another fits better"
+    search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
+    refinement: Refinement = setting(
+        "joint",
+        "docs/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
     )
-    refinement: Refinement = setting("joint", "ablation: refinement")
-    orientation: Orientation = setting("preserve", "ablation: either orientation")
+    orientation: Orientation = setting(
+        "preserve",
+        "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
+    )
     preparation: PreparationSettings = setting(PreparationSettings())
     search: SearchSettings = setting(SearchSettings())
     selection: SelectionSettings = setting(SelectionSettings())
@@ -379,6 +398,13 @@ class Config(Settings):
             )
         if self.rank > self.n_columns:
             raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
+        most = max(*self.selection.sizes, self.selection.extension_functions, self.search.flipped_functions)
+        if most > self.n_search // 2:
+            raise SettingError(
+                f"n_search = {self.n_search} is below 2 × {most}, the functions fitted on the search vertices; ask for "
+                "more vertices, or fewer functions in search.flipped_functions, selection.sizes or "
+                "selection.extension_functions"
+            )
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:
@@ -391,10 +417,8 @@ class Config(Settings):
             raise SettingError(f"{path}: {error}") from None
 
     @property
-    def searches(self) -> bool:
-        """Whether automatic hypotheses are searched, as candidates or as rivals."""
-        if self.hypotheses == "all":
-            return True
+    def searches_rivals(self) -> bool:
+        """Whether automatic hypotheses are searched as rivals of those given."""
         return self.refinement in ("joint", "smooth") if self.search_rivals is None else self.search_rivals
 
     def differs_in_preparation(self, other: Config) -> str | None:

@@ -29,11 +29,14 @@ class Hints:
         Source vertices and their images in the initial map.
     functions : (n_s, r) and (n_t, r) arrays of float
         Functions on source and target that should correspond.
+    notes : tuple of str
+        Which hints were left out.
     """
 
     landmarks: IntArray
     known: IntArray
     functions: tuple[FloatArray, FloatArray]
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -53,6 +56,7 @@ class Hints:
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
         points = known = np.zeros((0, 2), dtype=np.int64)
+        notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
             points = _on_bodies(source, target, pairs)
@@ -60,6 +64,10 @@ class Hints:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
                     "are needed there"
+                )
+            if len(points) < len(pairs):
+                notes.append(
+                    f"{len(pairs) - len(points)} of {len(pairs)} landmarks lie off the main components and are left out"
                 )
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
@@ -80,7 +88,7 @@ class Hints:
                     f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
                     "not matched may have nan"
                 )
-        return cls(points, known, on_bodies)
+        return cls(points, known, on_bodies, tuple(notes))
 
     @property
     def any(self) -> bool:
@@ -122,6 +130,10 @@ def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int
 def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) -> IntArray:
     """Return an initial map as an (n_source,) integer array after checking type, length and range."""
     image = np.asarray(getattr(initial_map, "vertices", initial_map))
+    if getattr(initial_map, "n_target", n_target) != n_target:
+        raise MapError(
+            f"the initial map {initial_map!r} leads to another target, which has {n_target} vertices here"
+        )
     if image.shape != (n_source,) or image.dtype.kind not in "iu":
         raise MapError(
             f"initial map has shape {image.shape} and type {image.dtype}; expected one integer target vertex for "
@@ -149,6 +161,8 @@ def checked_descriptors(
         raise DescriptorError(
             f"initial descriptors have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"
         )
+    if not source.shape[1]:
+        raise DescriptorError("initial descriptors have no columns; give at least one function of each shape")
     for side, values, n in (("source", source, n_source), ("target", target, n_target)):
         if len(values) != n:
             raise DescriptorError(f"{side} descriptors have {len(values)} rows for {n} vertices")

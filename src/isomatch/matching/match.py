@@ -68,6 +68,8 @@ def match(
         If a surface cannot be used.
     LandmarkError, MapError, DescriptorError
         If landmarks, initial map or descriptors do not fit the shapes.
+    SettingError
+        If shapes were prepared with other settings, or hints are asked for and none was given.
     NotConvergedError
         If no hypothesis could be formed at all.
 
@@ -92,12 +94,10 @@ def match(
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature), both)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
         timer.start("search")
-        given, found = _hypotheses(pair, hints)
+        may_win, only_rivals = _hypotheses(pair, hints)
         timer.start("selection")
         judge = Judge(pair, hints)
-        eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (given, found))
-        if pair.config.hypotheses == "all":
-            eligible, rivals = rivals, []
+        eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
         if not eligible:
             raise NotConvergedError(NO_HYPOTHESIS)
         timer.start("refinement")
@@ -114,7 +114,7 @@ def match(
         quality=quality,
         alternatives=alternatives,
         timings=timer.stop(),
-        notes=pair.notes,
+        notes=(*pair.notes, *hints.notes, *_notes(pair, selection)),
         engine=pair.source.distances.engine,
         origin=selection.winner.candidate.hypothesis.origin,
         reason=selection.reason,
@@ -124,12 +124,24 @@ def match(
 
 
 def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
-    """Hypotheses from hints, and all hypotheses as far as they are asked for."""
+    """Hypotheses that may win, and those that are searched as rivals only."""
     config = pair.config
     if config.hypotheses == "given" and not hints.any:
         raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
     given = hypotheses_from_hints(pair, hints)
-    return given, search(pair, given) if config.searches else []
+    if config.hypotheses == "all":
+        return search(pair, given), []
+    return given, search(pair, given) if config.searches_rivals else []
+
+
+def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:
+    """Tell what could not be done as it was asked for."""
+    notes = []
+    if not pair.oriented and pair.config.orientation == "reverse":
+        notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
+    if np.isnan(selection.rival):
+        notes.append("no other map was tried: symmetric maps go unnoticed")
+    return notes
 
 
 def _ranked(pair: ShapePair, hints: Hints, candidates: list[Candidate]) -> list[Candidate]:
@@ -148,7 +160,8 @@ def _contest(
     )
     may_win = [True] * len(fits) + [False] * len(others)
     fits += others
-    return select(fits, may_win, distances_between(pair, fits), settings)
+    n_tried = len(eligible) + len(rivals)
+    return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
 
 
 def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:

@@ -22,7 +22,7 @@ from isomatch.correspondence import (
     VertexCells,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import DescriptorError, MeshError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -58,7 +58,8 @@ class PreparedShape:
     user_vertex : (n_body,) array of int
         Vertex of ``surface`` of each body vertex.
     scale : float
-        √area of the body in the user's units: what a length of 1 in the body is worth.
+        What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
+        over ``graph_average_distance``.
     distances : DistanceBasis
         Geodesic distance basis of the body, rank k.
     laplace : LaplaceBasis
@@ -188,15 +189,20 @@ class PreparedShape:
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
-        """Carry values (n_body, ...) on the body to the user's vertices (n, ...); ``missing`` off the body."""
-        values = np.asarray(values)
-        padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing, dtype=values.dtype)])
+        """Carry values (n_body, ...) on the body to the user's vertices (n, ...).
+
+        Vertices off the body get ``missing``: nan, which makes integers floats, or a number such as −1 for labels.
+        """
+        values = _require_rows(values, self.body.n_vertices, "body vertices")
+        kind = np.result_type(values, np.float64) if missing != missing else values.dtype
+        padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing)]).astype(kind)
         lifted: AnyArray = padded[self.body_vertex]  # −1, for vertices left out, picks the last row
         return lifted
 
     def restrict(self, values: AnyArray) -> AnyArray:
         """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
-        restricted: AnyArray = np.asarray(values)[self.user_vertex]
+        rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")
+        restricted: AnyArray = rows[self.user_vertex]
         return restricted
 
     def correspondence(self, target: PreparedShape, image: IntArray | PrecisePoints) -> Correspondence:
@@ -261,9 +267,9 @@ def prepare(
         )
     fine = config.preparation
     with serial_blas():
-        engine = distance_engine(body, config.engine)
-        if distances is not None:
-            engine = _given(distances, surface, found)
+        engine = (
+            distance_engine(body, config.engine) if distances is None else _given(distances, surface, found)
+        )
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
@@ -293,6 +299,13 @@ def prepare(
         notes=notes,
         seconds=time.perf_counter() - started,
     )
+
+
+def _require_rows(values: AnyArray, n: int, what: str) -> AnyArray:
+    rows = np.asarray(values)
+    if rows.shape[:1] != (n,):
+        raise DescriptorError(f"values of shape {rows.shape} do not have one row for each of {n} {what}")
+    return rows
 
 
 def _given(distances: MetricSpace, surface: Surface, found: Body) -> DistanceEngine:

@@ -55,7 +55,7 @@ class Quality:
     rival : float
         What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
         over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
-        those given); ``inf`` if no other came near, nan for a baseline, which has no rivals.
+        those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
     mirrored : float
         The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
         difference of the poses.
@@ -132,7 +132,7 @@ class MatchResult:
     notes : tuple of str
         What was mended, left out or replaced on the way.
     engine : str
-        Geodesic engine that ran.
+        Geodesic engine of the source.
     origin : str
         Where the winning hypothesis came from.
     reason : str

@@ -1,4 +1,4 @@
-"""Many cheap hypotheses, so that the true map is among them: starts, and flips of the best."""
+"""Hypotheses: first maps after iterative closest points, and flips of the best."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Hypothesis:
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     """Hypotheses from what the user knows, each after iterative closest points.
 
-    Landmarks at extremities leave the front and the back of a thin body undecided. Where no automatic hypotheses compete,
-    the flips of the map from landmarks come with it.
+    Landmarks at extremities leave the front and the back of a thin body undecided. With ``hypotheses="given"``, the
+    flips of the map from landmarks come with it; otherwise automatic hypotheses compete.
     """
     settings = pair.config.search
     given = [
@@ -91,6 +91,7 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     settings, pool = pair.config.search, _Pool(pair)
     pool.merge(given)
     points = pair.search_points[0].coordinates
+    # signatures have a mean square of about 1 / 2, descriptors that of the points
     share = settings.signature_share * np.sqrt((points**2).sum(axis=1).mean() / 2)
     of_source, of_target = pair.signatures
     signatures = share * of_source[pair.source_vertices], share * of_target[pair.target_vertices]
@@ -128,8 +129,10 @@ class _Pool:
 
     def flip(self, parents: list[Hypothesis], origin: str) -> None:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
-        pair, n = self._pair, self._settings.flipped_functions
+        pair = self._pair
+        n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [_grown(pair, parent.target_row, (n,) * 4) for parent in parents if n]
+        # the first function is constant; a flip of the second alone is rarely a symmetry
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
         self.add(starts, self._settings.short_steps, origin)

@@ -84,7 +84,8 @@ def ranked(
 def contenders(order: Sequence[C], orientation: Orientation, settings: SelectionSettings) -> list[C]:
     """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
 
-    Where limbs touch, the orientation of a right map through few functions can be small. The refinement compares normals
+    Comparable is meant to the least energy among them, which the first of the ranking need not have. Where limbs touch,
+    the orientation of a right map through few functions can be small. The refinement compares normals
     everywhere, so all that lean to the wanted side are let in.
     """
     if not order:
@@ -161,7 +162,7 @@ class Selection(Generic[R]):
         All others, best first.
     rival, mirrored : float
         Score of the best rival that is another map, and of the best of the other orientation, over that of the winner;
-        1 is a tie, below 1 it fits better but was not eligible; inf if there is none.
+        1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
     reason : str
         One sentence.
     """
@@ -174,7 +175,11 @@ class Selection(Generic[R]):
 
 
 def select(
-    fits: Sequence[R], eligible: Sequence[bool], apart: FloatArray, settings: SelectionSettings
+    fits: Sequence[R],
+    eligible: Sequence[bool],
+    apart: FloatArray,
+    settings: SelectionSettings,
+    n_tried: int,
 ) -> Selection[R]:
     """Select the eligible candidate of least score.
 
@@ -187,6 +192,8 @@ def select(
         Mean distance between the images of each two, in √area.
     settings : SelectionSettings
         ``rival_distance`` tells a rival from a variant of the winner.
+    n_tried : int
+        Candidates that were compared at all, refined or not.
 
     Returns
     -------
@@ -197,11 +204,13 @@ def select(
     least = max(fits[winner].score, 1e-12)
 
     def ratio(rivals: list[int]) -> float:
+        if n_tried < 2:
+            return np.nan
         return fits[rivals[0]].score / least if rivals else np.inf
 
     rival = ratio([i for i in others if apart[i, winner] > settings.rival_distance])
     mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])
-    reason = f"least misfit × energy^{settings.energy_exponent:g} of {sum(eligible)} refined hypotheses"
+    reason = f"least misfit × energy^{settings.energy_exponent:g}; {n_tried} candidates, {len(fits)} refined to the end"
     if rival < np.inf:
         reason += f"; the best rival scores {rival:.2f} times as much"
     return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason)

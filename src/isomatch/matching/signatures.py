@@ -1,4 +1,4 @@
-"""Point signatures: what recognises a vertex beside its distances, and sees inside from outside."""
+"""Point signatures: wave kernel signatures and signed mean curvatures."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: Prepara
     Returns
     -------
     (n, 23) array of float
-        20 logarithms of the wave kernel signature, which evens out its scale, and 3 curvatures, which alone tell a
-        surface from its mirror image and a chest from a back. (n, 20) without a mesh.
+        20 logarithms of the wave kernel signature, which evens out its scale, and 3 curvatures, which distinguish
+        bumps from dents, as a chest from a back. (n, 20) without a mesh.
     """
     wave = np.log(
         wave_kernel_signature(laplace, k=settings.signature_functions)[:, :: settings.signature_step]

@@ -1,4 +1,4 @@
-"""First maps, all in one place: from hints, and from extremities of the shapes alone."""
+"""First maps: from hints, and from extremities of the shapes alone."""
 
 from __future__ import annotations
 
