@@ -93,7 +93,7 @@ def test_relabelled_copy_gives_the_relabelling(copies, method):
     landmarks = landmarks_of(shapes[0], truth)
     found = method(*shapes, landmarks=landmarks, config=CONFIG[method])
     assert (found.map.vertices == truth).mean() > 0.95
-    assert error(found.map.vertices, truth, shapes[1].mesh) < 1e-3
+    assert error(found.map.vertices, truth, shapes[1].surface) < 1e-3
     assert found.quality.landmark_error < 1e-3
     assert found.quality.residual < 0.01
     assert found.outcome is Outcome.CONVERGED
@@ -182,7 +182,7 @@ def test_descriptors_are_used(example, example_truth, prepared_example):
 
 def test_laplace_basis_from_descriptors(copies):
     shapes, _, truth = copies
-    values = np.sin(3 * shapes[1].mesh.vertices @ np.random.default_rng(0).normal(size=(3, 30)))
+    values = np.sin(3 * shapes[1].surface.vertices @ np.random.default_rng(0).normal(size=(3, 30)))
     found = laplace_nearest_neighbours(*shapes, initial_descriptors=(values[truth], values))
     assert found.origin == "descriptors"
     assert (found.map.vertices == truth).mean() > 0.95

@@ -141,7 +141,7 @@ def test_landmarks_are_honoured(poses):
 
 def test_relabelling_and_motion_change_nothing(poses):
     source, target, truth = poses
-    moved = disguised(target.mesh, seed=5)
+    moved = disguised(target.surface, seed=5)
     landmarks = landmarks_of(source, truth)
     plain = gmds(source, target, landmarks)
     landmarks[:, 1] = moved.new_vertex[landmarks[:, 1]]
@@ -173,7 +173,7 @@ def test_points_are_placed_by_distances_to_others(copies):
 
 def test_descriptors_can_start(copies):
     source, target, truth = copies
-    values = np.sin(3 * target.mesh.vertices @ np.random.default_rng(0).normal(size=(3, 30)))
+    values = np.sin(3 * target.surface.vertices @ np.random.default_rng(0).normal(size=(3, 30)))
     found = gmds(source, target, initial_descriptors=(values[truth], values))
     assert found.origin == "descriptors"
     assert (found.map.vertices == truth).mean() > 0.95
@@ -181,7 +181,7 @@ def test_descriptors_can_start(copies):
 
 def test_points_go_to_triangles_only(poses):
     source, target, truth = poses
-    cloud = PointCloud(source.mesh.vertices)
+    cloud = PointCloud(source.surface.vertices)
     found = gmds(cloud, target, initial_map=truth)
     assert found.outcome is not Outcome.PARTIAL
     with pytest.raises(SettingError, match="the target has none; give a mesh"):
