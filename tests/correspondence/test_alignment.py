@@ -151,12 +151,3 @@ def test_icp_moves_each_start_as_if_it_were_alone(planted):
         np.testing.assert_array_equal(found.target_row, alone.target_row)
         np.testing.assert_array_equal(found.rotation, alone.rotation)
         assert found.residual == alone.residual
-
-
-def test_extra_coordinates_decide_what_the_descriptors_leave_open(planted):
-    """All descriptors equal: only the extra coordinates tell the rows apart."""
-    _, _, truth = planted
-    same = SignedPoints(np.ones((300, 1)), np.ones(1))
-    extra = np.random.default_rng(8).normal(size=(300, 3))
-    found = iterative_closest_points(same, same, np.zeros((1, 300), dtype=int), 5, (extra[truth], extra))[0]
-    np.testing.assert_array_equal(found.target_row, truth)

@@ -83,7 +83,6 @@ def iterative_closest_points(
     target: SignedPoints,
     starts: IntArray,
     max_iterations: int,
-    extra: tuple[FloatArray, FloatArray] | None = None,
     unchanged: float = 0.99,
 ) -> list[Alignment]:
     """Alternate the best rotation and the nearest neighbours, from several first maps at once.
@@ -96,8 +95,6 @@ def iterative_closest_points(
         First maps: target row of each source row.
     max_iterations : int
         Most iterations.
-    extra : pair of (m_s, q) and (m_t, q) arrays, optional
-        Further coordinates of source and target for the nearest neighbours. The rotation leaves them alone.
     unchanged : float
         A map with at least this share of unchanged images has converged.
 
@@ -111,17 +108,11 @@ def iterative_closest_points(
     Shamai & Kimmel 2017, the algorithm for min ‖P X₁ C − X₂‖. O(m_t m_s k) for each iteration and first map.
     """
     images, moving = starts.copy(), np.arange(len(starts))
-    source_extra, target_extra = (
-        (np.empty((len(source.coordinates), 0)), np.empty((len(target.coordinates), 0)))
-        if extra is None
-        else extra
-    )
-    fixed = np.hstack([source.coordinates, source_extra])
     for _ in range(max_iterations):
         previous = images[moving]
         turned = target.coordinates @ signed_procrustes(source, target.at(previous))
         for i, points in zip(moving, turned):
-            images[i] = _nearest(np.hstack([points, target_extra]), fixed)
+            images[i] = _nearest(points, source.coordinates)
         moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
     rotations = signed_procrustes(source, target.at(images))
     return [Alignment(i, c, alignment_residual(source, target.at(i), c)) for i, c in zip(images, rotations)]

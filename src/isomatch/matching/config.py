@@ -99,10 +99,8 @@ class SearchSettings(Settings):
         Best assignments that are kept for each count and direction.
     eccentricity_weight : float
         Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
-    signature_share : float
-        Weight of point signatures against descriptors in the first iterations.
-    signature_steps, distance_steps, short_steps : int
-        Iterations of closest points with signatures, with descriptors alone, and after flips.
+    start_steps, hint_steps, flip_steps : int
+        Iterations of closest points from extremities, from hints, and after flips.
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
@@ -134,12 +132,9 @@ class SearchSettings(Settings):
     n_candidate_extremities: int = setting(7, "chosen: one more than are assigned", least=1)
     assignments: int = setting(8, "chosen; with flips, the right map was found on 86 of 86 pairs", least=1)
     eccentricity_weight: float = setting(0.3, "chosen, not measured", least=0)
-    signature_share: float = setting(
-        2.0, "ablation: starts without point signatures; needed by cat4–cat9", least=0
-    )
-    signature_steps: int = setting(4, "enough to leave a wrong start; descriptors decide the rest", least=1)
-    distance_steps: int = setting(8, "most maps change little afterwards", least=1)
-    short_steps: int = setting(4, "flips start near their limit", least=1)
+    start_steps: int = setting(12, "most maps change little afterwards", least=1)
+    hint_steps: int = setting(8, "most maps change little afterwards", least=1)
+    flip_steps: int = setting(4, "flips start near their limit", least=1)
     unchanged: float = setting(0.99, "chosen, not measured", least=0, most=1)
     compare_every: int = setting(2, "starts that meet are dropped early", least=1)
     same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)

@@ -49,9 +49,7 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     """
     settings = pair.config.search
     given = [
-        Hypothesis(
-            iterative_closest_points(*pair.search_points, start[None], settings.distance_steps)[0], origin
-        )
+        Hypothesis(iterative_closest_points(*pair.search_points, start[None], settings.hint_steps)[0], origin)
         for start, origin in starts_from_hints(pair, hints)
     ]
     led = [start for start in given if start.origin == "landmarks"]
@@ -90,13 +88,7 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     """
     settings, pool = pair.config.search, _Pool(pair)
     pool.merge(given)
-    points = pair.search_points[0].coordinates
-    # signatures have a mean square of about 1 / 2, descriptors that of the points
-    share = settings.signature_share * np.sqrt((points**2).sum(axis=1).mean() / 2)
-    of_source, of_target = pair.signatures
-    signatures = share * of_source[pair.source_vertices], share * of_target[pair.target_vertices]
-    guided = pool.converged(starts_from_extremities(pair), settings.signature_steps, signatures)
-    pool.add([alignment.target_row for alignment in guided], settings.distance_steps, "extremities")
+    pool.add(starts_from_extremities(pair), settings.start_steps, "extremities")
     if pool.hypotheses:
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
@@ -135,11 +127,9 @@ class _Pool:
         # the first function is constant; a flip of the second alone is rarely a symmetry
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
-        self.add(starts, self._settings.short_steps, origin)
+        self.add(starts, self._settings.flip_steps, origin)
 
-    def converged(
-        self, starts: list[IntArray], steps: int, extra: tuple[FloatArray, FloatArray] | None = None
-    ) -> list[Alignment]:
+    def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.
 
         Most starts lead to few maps: comparing them every other iteration saves most of the work.
@@ -151,7 +141,7 @@ class _Pool:
             groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
             moved = parallel_map(
                 lambda group: iterative_closest_points(
-                    *self._pair.search_points, group, settings.compare_every, extra, settings.unchanged
+                    *self._pair.search_points, group, settings.compare_every, settings.unchanged
                 ),
                 groups,
             )
