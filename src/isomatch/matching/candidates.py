@@ -129,7 +129,7 @@ def orientation_of(
 
 
 def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:
-    """Extend a map of the search vertices (m_s,), through fifty functions, to source vertices (q,): target vertices."""
+    """Extend a map of the search vertices (m_s,), through some functions, to source vertices (q,): target vertices."""
     k = min(pair.config.selection.extension_functions, pair.n_functions)
     functional_map = pair.search_spectra.functional_map(target_row, k)
     of_source, of_target = spectral_embedding(

@@ -73,7 +73,7 @@ class Quality:
         target, so that the error of the basis, about half a per cent, is part of it. A graph's distances are scaled to
         the same average.
     coverage : float
-        Share of the target's area within 0.05 √area, along edges, of an image.
+        Share of the target's area within 0.05 √area, along edges, of an image (``Config.outcome.coverage_radius``).
     matched : float
         Share of the source's vertices that have an image.
     landmark_error : float
@@ -100,7 +100,7 @@ class Alternative:
     Parameters
     ----------
     map : Correspondence
-        Source → target, through 50 functions, not refined.
+        Source → target, extended by its functional map, not refined.
     energy, orientation : float
         Evidence; lower energy is better.
     origin : str
