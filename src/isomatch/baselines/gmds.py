@@ -95,8 +95,8 @@ def gmds(
         values = points.interpolated(task.pair.target.laplace.vectors[:, :k])
         functional_map = task.functional_map_from(points.vertices, values)
         result = task.spectral_result(functional_map, config, origin)
-    told = f"relative stress of {len(points.vertices)} points: {stresses[-1]:.4f}"
-    return replace(result, notes=(*result.notes, told))
+    note = f"relative stress of {len(points.vertices)} points: {stresses[-1]:.4f}"
+    return replace(result, notes=(*result.notes, note))
 
 
 def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, ...], str]:

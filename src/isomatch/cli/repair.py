@@ -21,7 +21,7 @@ def repair(
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
 
-    Writes the mended mesh and, next to it, NAME.index.npz with vertex_index (original vertex of each new vertex),
+    Writes the repaired mesh and, next to it, NAME.index.npz with vertex_index (original vertex of each new vertex),
     new_index (new vertex of each original vertex, -1 if removed) and face_index (original face of each new face).
 
     Parameters
@@ -29,7 +29,7 @@ def repair(
     file : Path
         Mesh: .off, .obj, .ply or .stl.
     output : Path
-        File for the mended mesh.
+        File for the repaired mesh.
     force : bool
         Replace existing files.
     """
@@ -39,14 +39,14 @@ def repair(
             raise isomatch.IsomatchError(
                 f"{path}: already exists; choose another name with -o, or pass --force"
             )
-    mended = isomatch.repair(isomatch.read_mesh(file))
-    isomatch.write_mesh(output, mended.mesh)
+    repaired = isomatch.repair(isomatch.read_mesh(file))
+    isomatch.write_mesh(output, repaired.mesh)
     np.savez_compressed(
         index,
-        vertex_index=mended.vertex_index,
-        new_index=mended.new_index,
-        face_index=mended.face_index,
+        vertex_index=repaired.vertex_index,
+        new_index=repaired.new_index,
+        face_index=repaired.face_index,
     )
-    for change in mended.changes or ("nothing to mend",):
+    for change in repaired.changes or ("nothing to repair",):
         say(change)
     say(f"wrote {output}, {index}")

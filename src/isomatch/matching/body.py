@@ -31,7 +31,7 @@ class Body:
     left_out : float
         Share of the area in other components.
     notes : tuple of str
-        What was left out or mended.
+        What was left out or repaired.
     """
 
     surface: Surface
@@ -50,7 +50,7 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
     MeshError
         If the shape cannot be used.
     """
-    whole, unit, new_index, old_index, notes = _mended(shape)
+    whole, unit, new_index, old_index, notes = _repaired(shape)
     labels = whole.components
     shares = np.bincount(labels, whole.vertex_areas) / whole.area
     largest = int(shares.argmax())
@@ -79,7 +79,7 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
     )
 
 
-def _mended(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
+def _repaired(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
     """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways."""
     if isinstance(shape, PointCloud | Graph):
         everything = np.arange(shape.n_vertices)
@@ -91,10 +91,10 @@ def _mended(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[st
     report = check(shape)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    mended = repair(shape)
-    unit = float(np.abs(mended.mesh.vertices).max())
-    mesh = Mesh(mended.mesh.vertices / unit, mended.mesh.faces)
-    return mesh, unit, mended.new_index, mended.vertex_index, list(mended.changes)
+    repaired = repair(shape)
+    unit = float(np.abs(repaired.mesh.vertices).max())
+    mesh = Mesh(repaired.mesh.vertices / unit, repaired.mesh.faces)
+    return mesh, unit, repaired.new_index, repaired.vertex_index, list(repaired.changes)
 
 
 def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) -> tuple[Surface, float]:

@@ -130,7 +130,7 @@ class MatchResult:
     timings : dict of str to float
         Seconds of each stage.
     notes : tuple of str
-        What was mended, left out or replaced on the way.
+        What was repaired, left out or replaced on the way.
     engine : str
         Geodesic engine of the source.
     origin : str

@@ -16,24 +16,24 @@ ZERO_AREA_RATIO = 1e-10
 SLIVER_RATIO = 1e-3
 """A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
 
-_MENDED = "repair(mesh) removes them"
+_REPAIRED = "repair(mesh) removes them"
 
 # field: (what it is, why it matters and what to do); the rows of the printed table are in this order
 _FATAL = {
     "non_finite_vertices": (
         "vertices with NaN or infinite coordinates",
-        f"no distance is defined there; {_MENDED} and their faces",
+        f"no distance is defined there; {_REPAIRED} and their faces",
     ),
     "out_of_range_faces": (
         "faces with a vertex index out of range",
-        f"the surface is undefined there; {_MENDED}, or export the file again",
+        f"the surface is undefined there; {_REPAIRED}, or export the file again",
     ),
 }
 _SURVIVABLE = {
-    "repeated_index_faces": ("faces with a repeated vertex", f"they have no area and no normal; {_MENDED}"),
+    "repeated_index_faces": ("faces with a repeated vertex", f"they have no area and no normal; {_REPAIRED}"),
     "duplicate_faces": (
         "faces with the vertices of an earlier face",
-        f"their area counts twice and their edges are non-manifold; {_MENDED}",
+        f"their area counts twice and their edges are non-manifold; {_REPAIRED}",
     ),
     "zero_area_faces": (
         "faces of zero area",
@@ -42,7 +42,7 @@ _SURVIVABLE = {
     "sliver_faces": ("sliver faces", "distances across them are less accurate; remesh if there are many"),
     "unused_vertices": (
         "finite vertices that no sound face uses",
-        f"their distance to all other vertices is infinite and they are not matched; {_MENDED}",
+        f"their distance to all other vertices is infinite and they are not matched; {_REPAIRED}",
     ),
     "coincident_vertices": (
         "vertices at the position of an earlier vertex",
