@@ -1,0 +1,110 @@
+"""How much does each fine setting matter? Some hard pairs, each time with one setting about halved or doubled.
+
+    python benchmarks/sensitivity.py --data DIR -o OUT
+
+writes ``sensitivity.csv``: for each setting and value the mean error (geodesic, × 100 / √area) over the pairs, failures
+(> 10), and the largest change of a pair. The first row has the defaults.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from isomatch import Config, IsomatchError, PreparedShape, match, prepare
+from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error
+
+FAILURE = 10.0
+EVERY = 10  # of the hard pairs, so many are passed over for one that is taken
+USUAL = Config()
+VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
+    "": {"n_search": (300, 600), "n_refine": (500, 2000)},
+    "preparation": {
+        "extremity_spacing": (0.15, 0.4),
+        "n_extremities": (7, 12),
+        "signature_step": (2, 10),
+        "curvature_functions": ((100,), (25, 50, 100, 200)),
+        "energy_curvature_functions": (50, 200),
+    },
+    "search": {
+        "start_columns": (10, 30),
+        "ridge": (0.0001, 0.01),
+        "n_candidate_extremities": (6, 8),
+        "assignments": (4, 16),
+        "eccentricity_weight": (0.0, 1.0),
+        "start_steps": (6, 24),
+        "flip_steps": (2, 8),
+        "unchanged": (0.95, 1.0),
+        "compare_every": (1, 4),
+        "same_start": (0.01, 0.04),
+        "same_map": (0.025, 0.1),
+        "n_hypotheses": (7, 28),
+        "flipped": (2, 5),
+        "flipped_functions": (12, 30),
+    },
+    "selection": {
+        "normal_functions": (20, 80),
+        "orientation_threshold": (0.15, 0.5),
+        "energy_limit": (1.5, 6.0),
+        "most_contenders": (3, 12),
+        "extension_functions": (25, 100),
+        "misfit_limit": (1.05, 1.3),
+        "same_map": (0.01, 0.04),
+        "energy_exponent": (0.1, 0.5),
+    },
+    "refining": {"position_unit": (0.04, 0.16), "normal_weight": (0.15, 0.6), "registration_steps": (2, 8)},
+}
+
+
+def variants() -> dict[tuple[str, str], Config]:
+    """List the settings by what was changed and to what."""
+    made = {("defaults", ""): USUAL}
+    for stage, settings in VALUES.items():
+        for name, values in settings.items():
+            for value in values:
+                if stage:
+                    config = replace(USUAL, **{stage: replace(getattr(USUAL, stage), **{name: value})})
+                else:
+                    config = replace(USUAL, **{name: value})
+                made[f"{stage}.{name}".lstrip("."), str(value)] = config
+    return made
+
+
+def measured(job: Job) -> dict[tuple[str, str], float]:
+    """Match one pair with each value; shapes are prepared again where a setting asks for it."""
+    pair = loaded(job)
+    usual = prepare(pair.source), prepare(pair.target)
+    errors = {}
+    for key, config in variants().items():
+        shapes: tuple[PreparedShape, PreparedShape] = usual
+        if USUAL.differs_in_preparation(config):
+            shapes = prepare(pair.source, config), prepare(pair.target, config)
+        try:
+            errors[key] = mean_error(pair, match(*shapes, config=config).map)
+        except IsomatchError:
+            errors[key] = 100.0
+    return errors
+
+
+if __name__ == "__main__":
+    asked = asked_for(__doc__, "sensitivity.csv")
+    rows = list(in_parallel(measured, hard_jobs(asked.data)[::EVERY]))
+    usual = np.array([row["defaults", ""] for row in rows])
+    with (asked.output / "sensitivity.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("setting", "value", "pairs", "mean", "failures", "largest_change"))
+        for key in variants():
+            errors = np.array([row[key] for row in rows])
+            largest = errors[np.abs(errors - usual).argmax()] - usual[np.abs(errors - usual).argmax()]
+            line = (
+                *key,
+                len(errors),
+                round(errors.mean(), 3),
+                int((errors > FAILURE).sum()),
+                round(largest, 2),
+            )
+            writer.writerow(line)
+            print(*line, sep="  ")
