@@ -6,7 +6,7 @@ Laplace–Beltrami functions, one column each, and image the target vertex of ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -124,6 +124,10 @@ class SpectralPair:
         for k in sizes:
             functional_map = self.functional_map(self.image(functional_map), k)
         return functional_map
+
+    def grown(self, image: IntArray, sizes: Sequence[int]) -> FloatArray:
+        """Fit the functional map of the first size to a vertex map (m,), and upsample it through the others."""
+        return self.upsampled(self.functional_map(image, sizes[0]), sizes[1:])
 
     def orthogonal_icp(
         self, functional_map: FloatArray, k: int, steps: int, weights: FloatArray

@@ -60,9 +60,7 @@ class Judge:
     def _candidate(self, hypothesis: Hypothesis) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        first, *sizes = settings.sizes
-        functional_map = spectra.functional_map(hypothesis.target_row, first)
-        target_row = spectra.image(spectra.upsampled(functional_map, sizes))
+        target_row = spectra.image(spectra.grown(hypothesis.target_row, settings.sizes))
         target_vertex = pair.target_vertices[target_row]
         landmark_error = 0.0
         if len(self._landmarks):

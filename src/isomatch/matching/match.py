@@ -177,8 +177,8 @@ def _alternatives(pair: ShapePair, order: list[Candidate]) -> tuple[Alternative,
     """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
     distinct = order[:1]
     for candidate in order[1:]:
-        apart = pair.distances_between_maps(candidate.target_row, [c.target_row for c in distinct])
-        if (apart > pair.config.search.same_map).all():
+        known = [c.target_row for c in distinct]
+        if pair.differs(candidate.target_row, known, pair.config.search.same_map):
             distinct.append(candidate)
     everywhere = np.arange(pair.source.body.n_vertices)
 

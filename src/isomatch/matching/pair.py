@@ -115,6 +115,10 @@ class ShapePair:
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
         return means
 
+    def differs(self, target_row: IntArray, others: list[IntArray], least: float) -> bool:
+        """Tell whether a map (m_s,) differs from each of q others by more than a mean distance, in √area."""
+        return bool((self.distances_between_maps(target_row, others) > least).all())
+
 
 def prepare_pair(
     source: Surface | PreparedShape,

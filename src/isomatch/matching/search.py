@@ -95,8 +95,7 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
 
 
 def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:
-    apart = pair.distances_between_maps(hypothesis.target_row, [h.target_row for h in known])
-    return bool((apart > pair.config.search.same_map).all())
+    return pair.differs(hypothesis.target_row, [h.target_row for h in known], pair.config.search.same_map)
 
 
 class _Pool:
@@ -123,8 +122,8 @@ class _Pool:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
         pair = self._pair
         n = min(self._settings.flipped_functions, pair.n_functions)
-        grown = [_grown(pair, parent.target_row, (n,) * 4) for parent in parents if n]
-        # the first function is constant; a flip of the second alone is rarely a symmetry
+        grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
+        # the first function is constant; leaving out the second is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
         self.add(starts, self._settings.flip_steps, origin)
@@ -153,16 +152,9 @@ class _Pool:
         known = [h.target_row for h in self.hypotheses]
         kept: list[IntArray] = []
         for start in starts:
-            apart = self._pair.distances_between_maps(start, [*known, *kept])
-            if (apart > self._settings.same_start).all():
+            if self._pair.differs(start, [*known, *kept], self._settings.same_start):
                 kept.append(start)
         return kept
-
-
-def _grown(pair: ShapePair, target_row: IntArray, sizes: tuple[int, ...]) -> FloatArray:
-    """Functional map of a map of the search vertices, upsampled through some sizes."""
-    spectra = pair.search_spectra
-    return spectra.upsampled(spectra.functional_map(target_row, sizes[0]), sizes[1:])
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:
