@@ -18,7 +18,7 @@ from isomatch import Config, IsomatchError, PreparedShape, match, prepare
 from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error
 
 FAILURE = 10.0
-EVERY = 10  # of the hard pairs, so many are passed over for one that is taken
+EVERY = 16  # of the hard pairs, so many are passed over for one that is taken
 USUAL = Config()
 VALUES: dict[str, dict[str, tuple[Any, ...]]] = {  # by stage; "" for the everyday settings
     "": {"n_search": (300, 600), "n_refine": (500, 2000)},
@@ -91,7 +91,11 @@ def measured(job: Job) -> dict[tuple[str, str], float]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "sensitivity.csv")
-    rows = list(in_parallel(measured, hard_jobs(asked.data)[::EVERY]))
+    jobs = hard_jobs(asked.data)[::EVERY]
+    rows = []
+    for job, row in zip(jobs, in_parallel(measured, jobs), strict=True):
+        rows.append(row)
+        print(*job[1:], round(row["defaults", ""], 2), flush=True)
     usual = np.array([row["defaults", ""] for row in rows])
     with (asked.output / "sensitivity.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
