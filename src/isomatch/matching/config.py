@@ -61,20 +61,66 @@ class PreparationSettings(Settings):
     extremity_spacing: float = setting(
         0.25, "changed with others: at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
     )
-    n_extremities: int = setting(
-        8, "chosen, not measured: one more than search.n_candidate_extremities", least=0
-    )
+    n_extremities: int = setting(8, "docs/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
     signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
     signature_step: int = setting(
-        5, "the filters are seven energies wide, so neighbours repeat each other", least=1
+        5,
+        "docs/benchmarks.md, sensitivity; the filters are seven energies wide, so neighbours repeat each other",
+        least=1,
     )
-    curvature_functions: tuple[int, ...] = setting((50, 100, 200), "coarse to fine, by doubling", least=4)
+    curvature_functions: tuple[int, ...] = setting(
+        (50, 100, 200), "docs/benchmarks.md, sensitivity; coarse to fine, by doubling", least=4
+    )
     wave_weight: float = setting(0.6, "measured on 9 pairs: 0.6 2.43, 0.8 2.41", least=0)
     curvature_weight: float = setting(0.4, "measured on 9 pairs: 0.4 2.43, 0.6 2.70", least=0)
-    energy_curvature_functions: int = setting(100, "the middle of curvature_functions", least=4)
+    energy_curvature_functions: int = setting(
+        100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
+    )
     graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
+
+
+@dataclass(frozen=True)
+class SymmetrySettings(Settings):
+    """Settings of the search for symmetries of one shape.
+
+    Parameters
+    ----------
+    n_samples : int
+        Samples among which symmetries are searched.
+    n_anchors : int
+        Samples, far from each other, that determine a map of the shape onto itself.
+    beam : int
+        Partial assignments of anchors that are kept.
+    most : int
+        Most assignments that are followed up; 0 searches for no symmetries.
+    steps : int
+        Iterations of closest points from each.
+    generators : int
+        Symmetries whose products are tried too.
+    least_moved, same_map : float
+        Mean distances, in √area, from which a map is not the identity, and from which two maps differ.
+    largest_residual : float
+        Misfit of the distance descriptors, in units of √(average distance), up to which a map is a symmetry.
+    least_orientation : float
+        Mean cosine between normals, of either sign, from which it is one.
+    """
+
+    n_samples: int = setting(200, "chosen: spacing 0.08, less than same_map", least=20)
+    n_anchors: int = setting(
+        5, "three points determine an isometry of a surface, two more its errors", least=3
+    )
+    beam: int = setting(60, "docs/benchmarks.md, symmetry", least=1)
+    most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
+    steps: int = setting(6, "docs/benchmarks.md, symmetry", least=1)
+    generators: int = setting(4, "docs/benchmarks.md, symmetry", least=0)
+    least_moved: float = setting(
+        0.15, "selection.rival_distance: less is a variant, not another map", least=0
+    )
+    same_map: float = setting(0.1, "the spacing of n_samples", least=0)
+    largest_residual: float = setting(0.2, "docs/benchmarks.md, symmetry", least=0)
+    least_orientation: float = setting(0.7, "docs/benchmarks.md, symmetry", least=0, most=1)
 
 
 @dataclass(frozen=True)
@@ -119,26 +165,30 @@ class SearchSettings(Settings):
     """
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
-    start_columns: int = setting(20, "as many as five points and the penalties determine", least=4)
+    start_columns: int = setting(20, "docs/benchmarks.md, sensitivity", least=4)
     off_diagonal: tuple[float, ...] = setting(
         (0.01, 0.001, 0.0001),
         "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",
         least=0,
     )
-    ridge: float = setting(0.001, "chosen, not measured", least=0)
+    ridge: float = setting(0.001, "docs/benchmarks.md, sensitivity", least=0)
     extremity_counts: tuple[int, ...] = setting(
         (4, 5, 6), "ablation: one set of extremities (cat4–cat9)", least=1
     )
-    n_candidate_extremities: int = setting(7, "chosen: one more than are assigned", least=1)
-    assignments: int = setting(8, "chosen; with flips, the right map was found on 86 of 86 pairs", least=1)
-    eccentricity_weight: float = setting(0.3, "chosen, not measured", least=0)
-    start_steps: int = setting(12, "most maps change little afterwards", least=1)
+    n_candidate_extremities: int = setting(7, "docs/benchmarks.md, sensitivity", least=1)
+    assignments: int = setting(
+        8, "docs/benchmarks.md, sensitivity; with flips, the right map was found on 86 of 86 pairs", least=1
+    )
+    eccentricity_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    start_steps: int = setting(12, "docs/benchmarks.md, sensitivity", least=1)
     hint_steps: int = setting(8, "most maps change little afterwards", least=1)
-    flip_steps: int = setting(4, "flips start near their limit", least=1)
-    unchanged: float = setting(0.99, "chosen, not measured", least=0, most=1)
-    compare_every: int = setting(2, "starts that meet are dropped early", least=1)
-    same_start: float = setting(0.02, "half the spacing of 400 samples", least=0)
-    same_map: float = setting(0.05, "the spacing of 400 samples", least=0)
+    flip_steps: int = setting(4, "docs/benchmarks.md, sensitivity", least=1)
+    unchanged: float = setting(0.99, "docs/benchmarks.md, sensitivity", least=0, most=1)
+    compare_every: int = setting(2, "docs/benchmarks.md, sensitivity", least=1)
+    same_start: float = setting(
+        0.02, "docs/benchmarks.md, sensitivity; half the spacing of 400 samples", least=0
+    )
+    same_map: float = setting(0.05, "docs/benchmarks.md, sensitivity; the spacing of 400 samples", least=0)
     n_hypotheses: int = setting(
         14, "measured: the right map was among the best 12 on 86 of 86 pairs", least=1
     )
@@ -179,6 +229,9 @@ class SelectionSettings(Settings):
         Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
     energy_exponent : float
         Score of a refined map = misfit × energy to this power.
+    misfit_noise, score_noise : float
+        Misfits and scores below these are equal: two triangulations of one surface differ as much. Otherwise one of the
+        symmetric maps between two copies of a mesh would seem better than the others.
     rival_distance : float
         Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
     most_alternatives : int
@@ -188,21 +241,33 @@ class SelectionSettings(Settings):
     sizes: tuple[int, ...] = setting(
         tuple(range(20, 51, 5)), "Melzi et al. 2019: grow in steps of 5", least=4
     )
-    normal_functions: int = setting(40, "chosen with orientation_threshold", least=4)
+    normal_functions: int = setting(40, "docs/benchmarks.md, sensitivity", least=4)
     curvature_exponent: float = setting(
         2.0, "measured on 86 pairs: 2 and 1 choose right, 2 by a wider margin", least=0
     )
     orientation_threshold: float = setting(
         0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
     )
-    energy_limit: float = setting(3.0, "chosen, not measured: wide", least=1)
+    energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
     most_contenders: int = setting(6, "ablation: no contest (victoria1–victoria2, cat10–cat3)", least=1)
     same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
-    extension_functions: int = setting(50, "the last of sizes", least=4)
-    misfit_limit: float = setting(1.15, "well above the tie at 1.05 that the outcome looks for", least=1)
-    same_map: float = setting(0.02, "half of the displacement by one turned limb", least=0)
+    extension_functions: int = setting(50, "docs/benchmarks.md, sensitivity; the last of sizes", least=4)
+    misfit_limit: float = setting(
+        1.15,
+        "docs/benchmarks.md, sensitivity; well above the tie at 1.05 that the outcome looks for",
+        least=1,
+    )
+    same_map: float = setting(
+        0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
+    )
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    misfit_noise: float = setting(
+        0.25, "docs/benchmarks.md, symmetry: 0.26 to 0.35 between triangulations", least=0
+    )
+    score_noise: float = setting(
+        0.04, "docs/benchmarks.md, symmetry: 0.04 to 0.09 between triangulations", least=0
+    )
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
@@ -245,7 +310,7 @@ class RefinementSettings(Settings):
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
     )
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
-    normal_weight: float = setting(0.3, "chosen, not measured", least=0)
+    normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
     smooth_registration_steps: int = setting(8, "docs/benchmarks.md, smoothness", least=0)
     distance_steps: int = setting(15, "chosen, not measured", least=0)
@@ -338,6 +403,7 @@ class Config(Settings):
         Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
         better.
     preparation : PreparationSettings
+    symmetry : SymmetrySettings
     search : SearchSettings
     selection : SelectionSettings
     refining : RefinementSettings
@@ -376,6 +442,7 @@ class Config(Settings):
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
     preparation: PreparationSettings = setting(PreparationSettings())
+    symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
@@ -427,6 +494,7 @@ class Config(Settings):
             "n_search",
             "n_refine",
             "preparation",
+            "symmetry",
         )
         return next((name for name in names if getattr(self, name) != getattr(other, name)), None)
 

@@ -22,7 +22,13 @@ from isomatch.matching.paper_refinements import descriptor_embedding, laplace_ic
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import NO_HYPOTHESIS, Hypothesis, hypotheses_from_hints, search
+from isomatch.matching.search import (
+    NO_HYPOTHESIS,
+    Hypothesis,
+    hypotheses_from_hints,
+    search,
+    symmetric_variants,
+)
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import Progress, StageTimer
 from isomatch.surfaces import Surface
@@ -100,6 +106,11 @@ def match(
         eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
         if not eligible:
             raise NotConvergedError(NO_HYPOTHESIS)
+        variants = _symmetric_variants(pair, eligible[0])
+        if pair.config.hypotheses == "all":
+            eligible = _ranked(pair, hints, [*eligible, *judge(variants)])
+        else:
+            rivals = _ranked(pair, hints, [*rivals, *judge(variants)])
         timer.start("refinement")
         selection = _contest(pair, eligible, rivals)
         embedding = _embedding(pair, selection.winner)
@@ -132,6 +143,12 @@ def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[H
     if config.hypotheses == "all":
         return search(pair, given), []
     return given, search(pair, given) if config.searches_rivals else []
+
+
+def _symmetric_variants(pair: ShapePair, best: Candidate) -> list[Hypothesis]:
+    """Compose the best map with the symmetries of the target, where rivals are searched."""
+    searched = pair.config.hypotheses == "all" or pair.config.searches_rivals
+    return symmetric_variants(pair, best.target_row) if searched else []
 
 
 def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:

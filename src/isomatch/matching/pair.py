@@ -99,11 +99,7 @@ class ShapePair:
     @cached_property
     def _target_row_distances(self) -> FloatArray:
         """Geodesic distances between the target's search vertices, in √area, (m_t, m_t)."""
-        vertices = self.target_vertices
-        distances: FloatArray = np.maximum(self.target.distances.between(vertices, vertices), 0.0)
-        distances /= np.sqrt(self.target.body.area)
-        np.fill_diagonal(distances, 0.0)
-        return distances
+        return self.target.distances_between(self.target_vertices)
 
     def distances_between_maps(self, target_row: IntArray, others: list[IntArray]) -> FloatArray:
         """Mean geodesic distance between the images of a map (m_s,) and those of each of q others, (q,), in √area.

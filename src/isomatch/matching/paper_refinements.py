@@ -10,7 +10,8 @@ from scipy.linalg import polar
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, signed_procrustes
-from isomatch.matching.candidates import energy_of, orientation_of
+from isomatch.matching.candidates import energy_of
+from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
 
 

@@ -17,6 +17,7 @@ from isomatch.correspondence import (
     UNMATCHED,
     Correspondence,
     PrecisePoints,
+    SampledBasis,
     SignedPoints,
     SurfaceIndex,
     VertexCells,
@@ -36,7 +37,9 @@ from isomatch.geodesics import (
 from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
+from isomatch.matching.orientation import orientation_of
 from isomatch.matching.signatures import point_signatures
+from isomatch.matching.symmetries import Symmetry, find_symmetries
 from isomatch.surfaces import Graph, Mesh, Surface
 
 
@@ -148,6 +151,13 @@ class PreparedShape:
         apart = np.maximum(self.distances.distance(a, b), 0.0)
         return float(np.where(a == b, 0.0, apart).mean())
 
+    def distances_between(self, vertices: IntArray) -> FloatArray:
+        """Low-rank geodesic distances between m vertices, (m, m), in √area."""
+        distances: FloatArray = np.maximum(self.distances.between(vertices, vertices), 0.0)
+        distances /= np.sqrt(self.body.area)
+        np.fill_diagonal(distances, 0.0)
+        return distances
+
     @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
@@ -174,6 +184,20 @@ class PreparedShape:
             self.triangles, self.laplace, self.config.preparation.energy_curvature_functions
         )
         return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
+
+    @cached_property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Maps of the shape onto itself, by rows of its search vertices; see `find_symmetries`."""
+        settings = self.config.symmetry
+        vertices = self.sample_vertices[: self.config.n_search]
+        basis = SampledBasis(self.laplace.vectors, vertices)
+        k = min(self.config.selection.normal_functions, len(self.laplace.values))
+        return find_symmetries(
+            self.points.at(vertices, self.config.search.start_columns),
+            self.distances_between(vertices),
+            lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
+            settings,
+        )
 
     @cached_property
     def index(self) -> SurfaceIndex:

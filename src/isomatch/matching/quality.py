@@ -10,8 +10,8 @@ from scipy.sparse import csr_array
 from isomatch._arrays import IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.candidates import orientation_of
 from isomatch.matching.config import Orientation
+from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Outcome, Quality
 from isomatch.matching.select import Selection

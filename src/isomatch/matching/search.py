@@ -29,7 +29,7 @@ class Hypothesis:
     alignment : Alignment
         Target row of each source row, rotation and residual after iterative closest points.
     origin : str
-        Where it came from: "extremities", "landmarks", "initial map", "descriptors" or "flip".
+        Where it came from: "extremities", "landmarks", "initial map", "descriptors", "flip" or "symmetry".
     """
 
     alignment: Alignment
@@ -68,6 +68,25 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> l
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
     return [flip for flip in pool.hypotheses if _is_new(pair, flip, known)]
+
+
+def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
+    """Compose a map of the search vertices (m_s,) with the symmetries of the target.
+
+    Mirror images are left out unless either orientation is allowed.
+    """
+    starts = [
+        symmetry.image_row[target_row]
+        for symmetry in pair.target.symmetries
+        if symmetry.orientation >= 0 or pair.config.orientation == "any"
+    ]
+    if not starts:
+        return []
+    settings = pair.config.search
+    moved = iterative_closest_points(
+        *pair.search_points, np.array(starts), settings.flip_steps, settings.unchanged
+    )
+    return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
 def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:

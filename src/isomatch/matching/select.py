@@ -134,7 +134,7 @@ def survivors(
     clear = [
         i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
     ] or list(q)
-    limit = settings.misfit_limit * min(fits[i].misfit for i in clear)
+    limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), settings.misfit_noise)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
     spared = {fits[i].side: i for i in reversed(order)}.values() if both_sides else []
     kept: list[tuple[int, int]] = []
@@ -201,12 +201,12 @@ def select(
     """
     winner = min((i for i in range(len(fits)) if eligible[i]), key=lambda i: fits[i].score)
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: fits[i].score)
-    least = max(fits[winner].score, 1e-12)
+    least = max(fits[winner].score, settings.score_noise)
 
     def ratio(rivals: list[int]) -> float:
         if n_tried < 2:
             return np.nan
-        return fits[rivals[0]].score / least if rivals else np.inf
+        return max(fits[rivals[0]].score, settings.score_noise) / least if rivals else np.inf
 
     rival = ratio([i for i in others if apart[i, winner] > settings.rival_distance])
     mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])

@@ -1,0 +1,155 @@
+"""Symmetries of one shape: maps onto itself, other than the identity, that keep its distances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import (
+    SignedPoints,
+    alignment_residual,
+    iterative_closest_points,
+    nearest_rows,
+    nearest_under_rotation,
+    signed_procrustes,
+)
+from isomatch.matching.config import SymmetrySettings
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """A map of a shape onto itself that nearly keeps distances.
+
+    Parameters
+    ----------
+    image_row : (r,) array of int
+        Sample that each sample goes to.
+    residual : float
+        Misfit of the distance descriptors, in units of √(average distance): about 0.1 for an exact symmetry, from the
+        spacing of the samples.
+    orientation : float
+        Near 1 for a rotation, near −1 for a mirror image; 0 where the shape has no triangles.
+    moved : float
+        Mean distance between a sample and its image, in √area.
+    """
+
+    image_row: IntArray
+    residual: float
+    orientation: float
+    moved: float
+
+
+def find_symmetries(
+    points: SignedPoints,
+    distances: FloatArray,
+    orientation: Callable[[IntArray], float],
+    settings: SymmetrySettings,
+) -> tuple[Symmetry, ...]:
+    """Find maps of a shape onto itself.
+
+    Parameters
+    ----------
+    points : SignedPoints
+        Descriptors of r samples, evenly spread, as is every prefix of them.
+    distances : (r, r) array of float
+        Geodesic distances between them, in √area.
+    orientation : callable
+        Orientation of a map of the samples (r,).
+    settings : SymmetrySettings
+
+    Returns
+    -------
+    tuple of Symmetry
+        Best residual first. Of a continuous group, or one of many elements, some.
+
+    Notes
+    -----
+    Points far from each other are assigned to other samples so that all distances agree, point by point, with the best
+    partial assignments kept that differ. Each assignment is a first alignment of the descriptors with themselves, for
+    iterative closest points. O(beam · samples · log) for the assignments and O(starts · samples² · rank) for the rest.
+    """
+    n = min(settings.n_samples, len(distances))
+    few, between = points.at(np.arange(n)), distances[:n, :n]
+    anchors = _farthest_rows(between, settings.n_anchors)
+    assigned = _assignments(between, anchors, settings)
+    if not len(assigned):
+        return ()
+    to_anchors = between[:, anchors]
+    starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
+    alignments = iterative_closest_points(few, few, starts, settings.steps)
+    found: list[tuple[Symmetry, FloatArray]] = []
+
+    def add(rotation: FloatArray) -> None:
+        image_row = nearest_under_rotation(points, points, rotation)
+        moved = distances[image_row, np.arange(len(distances))].mean()
+        repeats = any(distances[image_row, known.image_row].mean() < settings.same_map for known, _ in found)
+        if moved < settings.least_moved or repeats:
+            return
+        images = points.at(image_row)
+        residual = alignment_residual(points, images, signed_procrustes(points, images))
+        if residual > settings.largest_residual:
+            return
+        side = orientation(image_row)
+        if side == 0 or abs(side) >= settings.least_orientation:
+            found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
+
+    for alignment in sorted(alignments, key=lambda each: each.residual):
+        add(alignment.rotation)
+    generators = [rotation for _, rotation in found[: settings.generators]]
+    for first, second in product(generators, repeat=2):  # two mirror images make a rotation
+        add(second @ first)
+    return tuple(sorted((symmetry for symmetry, _ in found), key=lambda each: each.residual))
+
+
+def describe_symmetries(symmetries: Sequence[Symmetry], settings: SymmetrySettings) -> str:
+    """Name the symmetries in a few words; empty if there are none."""
+    counts = [
+        (sum(s.orientation > 0 for s in symmetries), "rotation"),
+        (sum(s.orientation < 0 for s in symmetries), "mirror image"),
+        (sum(s.orientation == 0 for s in symmetries), "map onto itself"),
+    ]
+    named = [f"{n} {what}{'s' if n > 1 else ''}" for n, what in counts if n]
+    more = "at least " if len(symmetries) >= settings.most // 2 else ""
+    return more + " and ".join(named)
+
+
+def _farthest_rows(distances: FloatArray, count: int) -> IntArray:
+    """Rows far from each other, from the most remote one."""
+    rows = [int(distances.mean(axis=1).argmax())]
+    while len(rows) < min(count, len(distances)):
+        rows.append(int(distances[rows].min(axis=0).argmax()))
+    return np.array(rows)
+
+
+def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySettings) -> IntArray:
+    """Rows (h, m) that m anchors are assigned to, with like distances; no two alike, none near the identity."""
+    remoteness = distances.mean(axis=1)
+    assigned, cost = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    for i, anchor in enumerate(anchors):
+        added = 0.5 * np.abs(remoteness - remoteness[anchor])
+        if i:
+            wanted = distances[anchor, anchors[:i], None]
+            added = added + np.abs(distances[assigned] - wanted).mean(axis=1)  # (h, n)
+        total = cost[:, None] + added
+        best = np.argsort(total, axis=None, kind="stable")[: 16 * settings.beam]
+        parent, row = np.unravel_index(best, total.shape)
+        grown = np.column_stack([assigned[parent], row])
+        kept = _distinct(distances, grown, settings.beam, settings.least_moved)
+        assigned, cost = grown[kept], total[parent, row][kept]
+    moved = distances[assigned, anchors].mean(axis=1)
+    far: IntArray = assigned[moved > settings.least_moved][: settings.most]
+    return far
+
+
+def _distinct(distances: FloatArray, tuples: IntArray, most: int, apart: float) -> list[int]:
+    """Tuples, first ones first, that differ from all kept before them by a mean distance."""
+    kept: list[int] = []
+    left = np.ones(len(tuples), dtype=bool)
+    while left.any() and len(kept) < most:
+        kept.append(int(left.argmax()))
+        left &= distances[tuples, tuples[kept[-1]]].mean(axis=1) > apart
+    return kept
