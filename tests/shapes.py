@@ -80,6 +80,23 @@ def cylinder_distances(around: int, along: int, source: int) -> np.ndarray:
     return np.hypot(np.minimum(steps, around - steps), j - source % along) / around
 
 
+def box(*sizes: int) -> Mesh:
+    """A closed box of a × b × c unit squares, each cut in two."""
+    quads = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        i, j = (k.ravel() for k in np.indices((sizes[u], sizes[v])))
+        for side in (0, sizes[axis]):
+            corners = np.zeros((len(i), 4, 3), dtype=int)
+            corners[:, :, axis] = side
+            corners[:, :, u] = i[:, None] + [0, 1, 1, 0]
+            corners[:, :, v] = j[:, None] + [0, 0, 1, 1]
+            quads.append(corners if side else corners[:, ::-1])
+    vertices, number = np.unique(np.concatenate(quads).reshape(-1, 3), axis=0, return_inverse=True)
+    quad = number.reshape(-1, 4)
+    return Mesh(vertices.astype(float), np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]))
+
+
 def two_spheres(level: int, second_radius: float) -> Mesh:
     """A unit sphere and, well apart, a second one: two components."""
     one = icosphere(level)

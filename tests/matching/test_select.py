@@ -178,3 +178,13 @@ def test_the_winner_does_not_depend_on_the_order(scores, random):
     assert chosen.winner.score == min(scores)
     assert len(chosen.rivals) == len(fits) - 1
     assert chosen.rival >= 1
+
+
+def test_differences_below_the_noise_of_triangulations_are_ties():
+    copy = Fit(0.01, score=0.0001)
+    other = Fit(0.1, score=0.02)
+    assert select([copy, other], [True, True], apart(2), SETTINGS, 2).rival == 1
+    assert len(survivors([copy, other], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 2
+    far = Fit(0.6, score=0.2)
+    assert select([copy, far], [True, True], apart(2), SETTINGS, 2).rival == 0.2 / SETTINGS.score_noise
+    assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1

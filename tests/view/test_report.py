@@ -74,7 +74,18 @@ def result(pair):
     unmatched = truth.vertices.copy()
     unmatched[:7] = -1
     quality = Quality(
-        0.71, float("inf"), float("inf"), 0.16, 1.0, 0.98, 0.0186, 0.0478, 0.994, 0.9, float("nan")
+        0.71,
+        float("inf"),
+        float("inf"),
+        0.16,
+        1.0,
+        0.98,
+        0.0186,
+        0.0478,
+        0.994,
+        0.9,
+        float("nan"),
+        float("nan"),
     )
     other = Correspondence(np.roll(truth.vertices, 1), target.n_vertices)
     return MatchResult(

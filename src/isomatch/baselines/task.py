@@ -16,6 +16,7 @@ from isomatch.matching import (
     PreparedShape,
     ShapePair,
     StageTimer,
+    contradicted_landmarks,
     measure_quality,
     outcome_of,
     prepare_pair,
@@ -115,14 +116,19 @@ class Task:
         self.timer.start("points")
         points = target.index.points(embedding.target, embedding.source)
         self.timer.start("quality")
-        quality = measure_quality(self.pair, points, self.hints.landmarks)
+        quality = measure_quality(self.pair, points, self.hints)
         return MatchResult(
             map=source.correspondence(target, points),
             outcome=outcome_of(self.pair, quality, config.orientation, self.hints.any),
             quality=quality,
             alternatives=(),
             timings=self.timer.stop(),
-            notes=(*self.pair.notes, *self.hints.notes, NOT_JUDGED),
+            notes=(
+                *self.pair.notes,
+                *self.hints.notes,
+                NOT_JUDGED,
+                *contradicted_landmarks(self.pair, points, self.hints),
+            ),
             engine=source.distances.engine,
             origin=origin,
             reason="",

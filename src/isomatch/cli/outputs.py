@@ -83,6 +83,9 @@ def say_result(result: MatchResult) -> None:
     say("")
     say_table(_quality_rows(result))
     say("")
+    for side, found in zip(("source", "target"), result.symmetries):
+        if found:
+            say(f"{side} maps onto itself: {found}")
     say("seconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in result.timings.items()))
     for note in result.notes:
         say(f"note: {note}")

@@ -10,13 +10,14 @@ from isomatch.matching.config import (
     RefinementSettings,
     SearchSettings,
     SelectionSettings,
+    SymmetrySettings,
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
-from isomatch.matching.quality import measure_quality, outcome_of
+from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import StageTimer
 
@@ -38,6 +39,8 @@ __all__ = [
     "SelectionSettings",
     "ShapePair",
     "StageTimer",
+    "SymmetrySettings",
+    "contradicted_landmarks",
     "first_map",
     "match",
     "measure_quality",

@@ -113,13 +113,13 @@ class SymmetrySettings(Settings):
     )
     beam: int = setting(60, "docs/benchmarks.md, symmetry", least=1)
     most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
-    steps: int = setting(6, "docs/benchmarks.md, symmetry", least=1)
+    steps: int = setting(12, "docs/benchmarks.md, symmetry", least=1)
     generators: int = setting(4, "docs/benchmarks.md, symmetry", least=0)
     least_moved: float = setting(
         0.15, "selection.rival_distance: less is a variant, not another map", least=0
     )
     same_map: float = setting(0.1, "the spacing of n_samples", least=0)
-    largest_residual: float = setting(0.2, "docs/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(0.16, "docs/benchmarks.md, symmetry", least=0)
     least_orientation: float = setting(0.7, "docs/benchmarks.md, symmetry", least=0, most=1)
 
 
@@ -347,6 +347,9 @@ class OutcomeSettings(Settings):
         Values above which a map is poor.
     poor_orientation : float
         Value below which a map is poor.
+    contradiction : float
+        Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
+        landmarks, or the median of an initial map, which may be wrong in places.
     large_component : float
         Share of the area in components left out from which the match is partial.
     """
@@ -365,6 +368,7 @@ class OutcomeSettings(Settings):
         1.3, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=1
     )
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
+    contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
 
 

@@ -20,7 +20,7 @@ from isomatch.matching.joint_refinement import (
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.quality import measure_quality, outcome_of
+from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
     NO_HYPOTHESIS,
@@ -31,6 +31,7 @@ from isomatch.matching.search import (
 )
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import Progress, StageTimer
+from isomatch.matching.symmetries import describe_symmetries
 from isomatch.surfaces import Surface
 
 
@@ -97,7 +98,7 @@ def match(
         timer.start("prepare")
         pair = prepare_pair(source, target, config, seed)
         both = pair.source, pair.target
-        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature), both)
+        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
         timer.start("search")
         may_win, only_rivals = _hypotheses(pair, hints)
@@ -116,7 +117,7 @@ def match(
         embedding = _embedding(pair, selection.winner)
         points = pair.target.index.points(embedding.target, embedding.source)
         timer.start("quality")
-        quality = measure_quality(pair, points, hints.landmarks, selection)
+        quality = measure_quality(pair, points, hints, selection)
         order = [fit.candidate for fit in (selection.winner, *selection.rivals)]
         alternatives = _alternatives(pair, [*order, *eligible, *rivals])
     return MatchResult(
@@ -125,12 +126,18 @@ def match(
         quality=quality,
         alternatives=alternatives,
         timings=timer.stop(),
-        notes=(*pair.notes, *hints.notes, *_notes(pair, selection)),
+        notes=(
+            *pair.notes,
+            *hints.notes,
+            *_notes(pair, selection),
+            *contradicted_landmarks(pair, points, hints),
+        ),
         engine=pair.source.distances.engine,
         origin=selection.winner.candidate.hypothesis.origin,
         reason=selection.reason,
         config=pair.config,
         seed=seed,
+        symmetries=(describe_symmetries(both[0].symmetries), describe_symmetries(both[1].symmetries)),
     )
 
 

@@ -7,21 +7,24 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Orientation
+from isomatch.matching.hints import Hints
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Outcome, Quality
 from isomatch.matching.select import Selection
 from isomatch.surfaces import Graph, Surface
 
+MOST_NAMED = 5  # landmarks in a note
+
 
 def measure_quality(
     pair: ShapePair,
     points: PrecisePoints,
-    landmarks: IntArray,
+    hints: Hints,
     selection: Selection[Any] | None = None,
 ) -> Quality:
     """Measure a map of bodies.
@@ -32,8 +35,8 @@ def measure_quality(
         The two shapes.
     points : PrecisePoints
         Image of each of the n_s source vertices; the first corner is the nearest target vertex.
-    landmarks : (m, 2) array of int
-        Given pairs of body vertices; none if nothing was given.
+    hints : Hints
+        What was given.
     selection : Selection, optional
         Refined winner and its rivals; none for a map found otherwise.
     """
@@ -48,9 +51,6 @@ def measure_quality(
     gap, _ = distance_along_edges_to_nearest(target.body, np.unique(image))
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     basis = SampledBasis(source.laplace.vectors, vertices)
-    landmark_error = np.nan
-    if len(landmarks):
-        landmark_error = target.mean_distance(image[landmarks[:, 0]], landmarks[:, 1])
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
         rival=selection.rival if selection else np.nan,
@@ -64,7 +64,12 @@ def measure_quality(
         distortion_p95=float(np.quantile(distortion, 0.95)),
         coverage=float(target.body.vertex_areas[gap < settings.coverage_radius].sum() / target.body.area),
         matched=float((source.body_vertex >= 0).mean()),
-        landmark_error=landmark_error,
+        landmark_error=float(distances_to_hints(pair, image, hints.landmarks).mean())
+        if len(hints.landmarks)
+        else np.nan,
+        initial_map_error=float(np.median(distances_to_hints(pair, image, hints.known)))
+        if len(hints.known)
+        else np.nan,
     )
 
 
@@ -78,8 +83,30 @@ def _stretch(source: Surface, target: Surface, pull_back: csr_array) -> float:
     return float(images / lengths)
 
 
+def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:
+    """Distance between the images under a map (n_s,) and those known (q, 2), source and target vertex: (q,), in √area."""
+    image = target_vertex[known[:, 0]]
+    apart = np.maximum(pair.target.distances.distance(image, known[:, 1]), 0.0)
+    return np.where(image == known[:, 1], 0.0, apart)
+
+
+def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints) -> list[str]:
+    """Name the landmarks that a map of bodies contradicts, in the users' vertices; no note if it contradicts none."""
+    apart = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
+    against = np.flatnonzero(apart > pair.config.outcome.contradiction)
+    if not len(against):
+        return []
+    worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
+    named = ", ".join(
+        f"{pair.source.user_vertex[i]} → {pair.target.user_vertex[j]} ({distance:.2f} √area off)"
+        for (i, j), distance in zip(hints.landmarks[worst], apart[worst])
+    )
+    more = ", …" if len(against) > len(worst) else ""
+    return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
+
+
 def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False) -> Outcome:
-    """Sum up the evidence.
+    """Sum up the evidence; of several outcomes the first one in the order of `Outcome` holds.
 
     Parameters
     ----------
@@ -92,6 +119,8 @@ def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: b
         Whether hints were given: they may have led to the orientation that was not wanted.
     """
     bounds = pair.config.outcome
+    if quality.landmark_error > bounds.contradiction or quality.initial_map_error > bounds.contradiction:
+        return Outcome.HINTS_CONTRADICTED
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
     kept = sign * quality.orientation
     turned = hinted and kept < -bounds.poor_orientation

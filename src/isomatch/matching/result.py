@@ -11,12 +11,13 @@ from isomatch.matching.config import MatchSettings
 
 
 class Outcome(Enum):
-    """How a match ended; ``advice`` says what it means and what to do."""
+    """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
 
-    CONVERGED = "converged"
-    PARTIAL = "partial"
-    SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
+    HINTS_CONTRADICTED = "hints contradicted"
     LOW_CONFIDENCE = "low confidence"
+    SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
+    PARTIAL = "partial"
+    CONVERGED = "converged"
 
     @property
     def advice(self) -> str:
@@ -25,20 +26,24 @@ class Outcome(Enum):
 
 
 _ADVICE = {
-    Outcome.CONVERGED: "The evidence agrees on one map.",
-    Outcome.PARTIAL: (
-        "The main components are matched; vertices of other components are marked unmatched (−1). Connect or match "
-        "those parts separately if they are needed."
+    Outcome.HINTS_CONTRADICTED: (
+        "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "
+        "pairs (source vertex, target vertex) that count from 0; if they are right, match with hypotheses = 'given'."
+    ),
+    Outcome.LOW_CONFIDENCE: (
+        "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
+        "three to five landmark pairs at extremities, or check that both shapes are complete and of one kind."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
         "is meant."
     ),
-    Outcome.LOW_CONFIDENCE: (
-        "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
-        "three to five landmark pairs at extremities, or check that both shapes are complete and of one kind."
+    Outcome.PARTIAL: (
+        "The main components are matched; vertices of other components are marked unmatched (−1). Connect or match "
+        "those parts separately if they are needed."
     ),
+    Outcome.CONVERGED: "The evidence agrees on one map.",
 }
 
 
@@ -78,6 +83,8 @@ class Quality:
         Share of the source's vertices that have an image.
     landmark_error : float
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
+    initial_map_error : float
+        Median distance between the images and those of the initial map / √target area; nan without.
     """
 
     misfit: float
@@ -91,6 +98,7 @@ class Quality:
     coverage: float
     matched: float
     landmark_error: float
+    initial_map_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +149,9 @@ class MatchResult:
         Settings used.
     seed : int
         Seed used.
+    symmetries : tuple of str
+        Maps of the source, and of the target, onto themselves, in words; empty where none was found, or for a baseline,
+        which searches for none.
     """
 
     map: Correspondence
@@ -154,6 +165,7 @@ class MatchResult:
     reason: str
     config: MatchSettings
     seed: int
+    symmetries: tuple[str, str] = ("", "")
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""
@@ -171,6 +183,7 @@ class MatchResult:
                 {"energy": a.energy, "orientation": a.orientation, "origin": a.origin}
                 for a in self.alternatives
             ],
+            "symmetries": dict(zip(("source", "target"), self.symmetries)),
             "timings": self.timings,
             "notes": list(self.notes),
             "engine": self.engine,

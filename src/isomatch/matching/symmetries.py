@@ -89,8 +89,11 @@ def find_symmetries(
         repeats = any(distances[image_row, known.image_row].mean() < settings.same_map for known, _ in found)
         if moved < settings.least_moved or repeats:
             return
+        rotation = signed_procrustes(points, points.at(image_row))
+        image_row = nearest_under_rotation(points, points, rotation)
         images = points.at(image_row)
-        residual = alignment_residual(points, images, signed_procrustes(points, images))
+        rotation = signed_procrustes(points, images)
+        residual = alignment_residual(points, images, rotation)
         if residual > settings.largest_residual:
             return
         side = orientation(image_row)
@@ -105,16 +108,16 @@ def find_symmetries(
     return tuple(sorted((symmetry for symmetry, _ in found), key=lambda each: each.residual))
 
 
-def describe_symmetries(symmetries: Sequence[Symmetry], settings: SymmetrySettings) -> str:
-    """Name the symmetries in a few words; empty if there are none."""
+def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
+    """Count the symmetries in words; empty if there are none. Groups are not always found whole."""
+    sides = np.sign([symmetry.orientation for symmetry in symmetries])
     counts = [
-        (sum(s.orientation > 0 for s in symmetries), "rotation"),
-        (sum(s.orientation < 0 for s in symmetries), "mirror image"),
-        (sum(s.orientation == 0 for s in symmetries), "map onto itself"),
+        ((sides > 0).sum(), "rotation"),
+        ((sides < 0).sum(), "mirror image"),
+        ((sides == 0).sum(), "map onto itself"),
     ]
     named = [f"{n} {what}{'s' if n > 1 else ''}" for n, what in counts if n]
-    more = "at least " if len(symmetries) >= settings.most // 2 else ""
-    return more + " and ".join(named)
+    return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 
 
 def _farthest_rows(distances: FloatArray, count: int) -> IntArray:

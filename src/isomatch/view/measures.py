@@ -133,6 +133,14 @@ MEASURES = {
         "of √(target area)",
         "Mean geodesic distance on the target between the images of the landmarks and their given positions, relative to "
         "√area.",
+        most=BOUNDS.contradiction,
+    ),
+    "initial_map_error": Measure(
+        "distance to the initial map",
+        "{:.2%}",
+        "of √(target area), median",
+        "Median geodesic distance on the target between the images and those of the initial map, relative to √area.",
+        most=BOUNDS.contradiction,
     ),
 }
 

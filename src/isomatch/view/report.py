@@ -30,7 +30,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00"}
 _UNDECIDED = "#e69f00"
 _SIDES = ("source", "target")
-_HELPED_BY_LANDMARKS = (Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
+_HELPED_BY_LANDMARKS = (Outcome.HINTS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
 def write_report(
@@ -163,6 +163,7 @@ def _run(result: MatchResult, facts: Mapping[str, object]) -> str:
         "selected for": result.reason,
         "geodesic engine": result.engine,
         "seed": result.seed,
+        **{f"{side} onto itself": found for side, found in zip(_SIDES, result.symmetries) if found},
         "python": python_version(),
         **{name: _version(name) for name in LIBRARIES},
     }
