@@ -114,7 +114,7 @@ class SymmetrySettings(Settings):
     beam: int = setting(60, "docs/benchmarks.md, symmetry", least=1)
     most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
     steps: int = setting(12, "docs/benchmarks.md, symmetry", least=1)
-    generators: int = setting(4, "docs/benchmarks.md, symmetry", least=0)
+    generators: int = setting(6, "docs/benchmarks.md, symmetry", least=0)
     least_moved: float = setting(
         0.15, "selection.rival_distance: less is a variant, not another map", least=0
     )

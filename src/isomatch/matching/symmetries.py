@@ -19,6 +19,8 @@ from isomatch.correspondence import (
 )
 from isomatch.matching.config import SymmetrySettings
 
+NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products
+
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
@@ -94,7 +96,7 @@ def find_symmetries(
         images = points.at(image_row)
         rotation = signed_procrustes(points, images)
         residual = alignment_residual(points, images, rotation)
-        if residual > settings.largest_residual:
+        if residual > NEAR * settings.largest_residual:
             return
         side = orientation(image_row)
         if side == 0 or abs(side) >= settings.least_orientation:
@@ -105,7 +107,8 @@ def find_symmetries(
     generators = [rotation for _, rotation in found[: settings.generators]]
     for first, second in product(generators, repeat=2):  # two mirror images make a rotation
         add(second @ first)
-    return tuple(sorted((symmetry for symmetry, _ in found), key=lambda each: each.residual))
+    symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= settings.largest_residual]
+    return tuple(sorted(symmetries, key=lambda each: each.residual))
 
 
 def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
