@@ -37,8 +37,8 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     Returns
     -------
     Damaged
-        Topology and boundaries are preserved, and no vertex moves. More vertices remain where no further edge can be
-        collapsed.
+        The topology and all vertices of boundaries are preserved, and no vertex moves. More vertices remain if no further
+        edge can be collapsed.
 
     Raises
     ------
@@ -72,8 +72,8 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     Returns
     -------
     Damaged
-        The density decreases exponentially with the geodesic distance from the dense end. Topology and boundaries are
-        preserved, and no vertex moves.
+        The density decreases exponentially with the geodesic distance from the dense end. The topology and all
+        vertices of boundaries are preserved, and no vertex moves.
 
     Raises
     ------
@@ -165,9 +165,9 @@ def _collapse(
     while n_removed > 0 and len(heap) > 0:
         _, u, v, age_u, age_v = heapq.heappop(heap)
         turn += 2
-        if age[u] != age_u or age[v] != age_v:
+        if age[u] != age_u or age[v] != age_v or at_boundary[u]:
             continue
-        if not _may_collapse(points, faces, alive, first, following, at_boundary, mark, turn, u, v):
+        if not _may_collapse(points, faces, alive, first, following, mark, turn, u, v):
             continue
         corner = first[u]
         while corner >= 0:
@@ -219,13 +219,12 @@ def _may_collapse(
     alive: BoolArray,
     first: IntArray,
     following: IntArray,
-    at_boundary: BoolArray,
     mark: IntArray,
     turn: int,
     u: int,
     v: int,
 ) -> bool:  # pragma: no cover - compiled
-    """Whether u may move onto v: topology and boundary are preserved, and no face turns over.
+    """Whether u may move onto v: the topology is preserved, and no face turns over.
 
     The topology is preserved if the common neighbours of u and v are the opposite corners of their common faces.
     """
@@ -242,8 +241,6 @@ def _may_collapse(
             elif _turns_over(points, faces[face], corner % 3, v):
                 return False
         corner = following[corner]
-    if at_boundary[u] and (not at_boundary[v] or n_common_faces != 1):
-        return False
     n_common = 0
     mark[u] = mark[v] = -1
     corner = first[v]
