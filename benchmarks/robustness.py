@@ -30,7 +30,7 @@ PAIRS = (
     ("tosca_iso_r", "horse0", "horse5"),
 )
 TOUCHING = (  # limbs of the target touch
-    ("faust_r", "tr_reg_000", "tr_reg_041"),
+    ("faust_r", "tr_reg_010", "tr_reg_016"),
     ("tosca_iso_r", "victoria0", "victoria7"),
     ("tosca_iso_r", "victoria1", "victoria25"),
     ("faust_r", "tr_reg_040", "tr_reg_046"),

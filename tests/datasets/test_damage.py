@@ -236,7 +236,7 @@ def test_choices_are_read_from_text_and_written_back():
         assert str(DamageChoice.parse(text)) == text
     assert DamageChoice.parse("holes@source") == DamageChoice("holes", 0.25, "source")
     with pytest.raises(
-        SettingError, match="unknown damage 'fire'; choose from cut, holes, limb_removed, view, weld, noise"
+        SettingError, match="unknown damage 'fire'; choose from cut, holes, limb_removed, view"
     ):
         DamageChoice.parse("fire:3")
     with pytest.raises(
