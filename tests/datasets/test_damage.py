@@ -5,6 +5,7 @@ from inspect import signature
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from isomatch import InputError, Mesh, MeshError, SettingError, check, geodesic_distances
 from isomatch.datasets import (
@@ -129,12 +130,22 @@ def test_a_camera_sees_half_a_ball_and_six_see_all_of_it():
 
 
 def test_what_is_behind_something_else_is_not_seen():
-    front = flat_grid(9, 9)
-    back = Mesh(front.vertices * 0.2 + [3, 3, -0.5], front.faces)
-    both = Mesh(np.vstack([front.vertices, back.vertices]), np.vstack([front.faces, back.faces + 81]))
-    for seed in range(40):
-        seen = view(both, seed=seed).original
-        assert (seen < 81).all() or (seen >= 81).all()
+    sheet = flat_grid(9, 9)
+    patch = Mesh(sheet.vertices * 0.35 + [2.6, 2.6, -0.2], sheet.faces)
+    both = Mesh(np.vstack([sheet.vertices, patch.vertices]), np.vstack([sheet.faces, patch.faces + 81]))
+    sides = set()
+    for seed in range(300):
+        height = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()[
+            2, 2
+        ]  # of the camera over the sheet
+        if abs(height) > 0.98:
+            sides.add(height > 0)
+            seen = view(both, seed=seed)
+            assert (seen.original < 81).all(), "the largest component is the sheet"
+            assert seen.mesh.area == pytest.approx(64 if height > 0 else 60), (
+                "the patch hides 4 of its 64 squares"
+            )
+    assert len(sides) == 2
 
 
 def test_noise_is_gaussian_of_the_amplitude_asked_for():
