@@ -134,7 +134,7 @@ def test_what_is_behind_something_else_is_not_seen():
     patch = Mesh(sheet.vertices * 0.35 + [2.6, 2.6, -0.2], sheet.faces)
     both = Mesh(np.vstack([sheet.vertices, patch.vertices]), np.vstack([sheet.faces, patch.faces + 81]))
     sides = set()
-    for seed in range(300):
+    for seed in range(1500):
         height = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()[
             2, 2
         ]  # of the camera over the sheet
@@ -238,6 +238,9 @@ def test_levels_out_of_range_are_refused():
         holes(BALL, count=0)
     with pytest.raises(MeshError, match=r"no limbs of .* are as near as 0.02 √area"):
         weld(BALL)
+    for damage in DAMAGES.values():
+        with pytest.raises(MeshError, match="no faces"):
+            damage.function(Mesh(BALL.vertices, []), damage.default)
     with pytest.raises(MeshError, match="nothing would be left"):
         cut(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
 

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch.datasets.damage.damaged import SHARES, Damaged, require_between
+from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable
 from isomatch.geodesics import distance_engine, peripheral_vertex
 from isomatch.surfaces import Mesh
 
@@ -45,14 +45,14 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     SettingError
         If the share is not between 0 and 1.
     MeshError
-        If the mesh has invalid faces.
+        If the mesh is no surface.
 
     Notes
     -----
     Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, with each edge collapsed onto
     its better end. O(n log n).
     """
-    require_between("share", share, SHARES)
+    require_usable(mesh, "share", share, SHARES)
     weights = np.full(mesh.n_vertices, LENGTH_WEIGHT * mesh.area / mesh.n_faces)
     return _collapsed(mesh, share, _quadrics(mesh), weights)
 
@@ -80,13 +80,13 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     SettingError
         If the ratio is out of range.
     MeshError
-        If the mesh has invalid faces.
+        If the mesh is no surface.
 
     Notes
     -----
     The shortest edge is collapsed first, lengths being multiplied by the root of the density. O(n log n).
     """
-    require_between("ratio", ratio, RATIOS)
+    require_usable(mesh, "ratio", ratio, RATIOS)
     engine = distance_engine(mesh)
     distance = engine.distances_from(np.array([peripheral_vertex(mesh, engine, seed)]))[0]
     farthest = distance[np.isfinite(distance)].max()

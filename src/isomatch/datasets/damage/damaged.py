@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import IntArray
-from isomatch.errors import SettingError
-from isomatch.surfaces import Mesh
+from isomatch.errors import MeshError, SettingError
+from isomatch.surfaces import Mesh, check
 
 SHARES = (0.0, 1.0)
 
@@ -51,6 +51,14 @@ class Damaged:
 def undamaged(mesh: Mesh) -> Damaged:
     """Return a mesh as its own original."""
     return Damaged(mesh, mesh, np.arange(mesh.n_vertices))
+
+
+def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, float]) -> None:
+    """Raise `MeshError` unless a mesh is a surface, and `SettingError` unless a level lies between its bounds."""
+    fatal = check(mesh).fatal
+    if fatal:
+        raise MeshError("; ".join(fatal))
+    require_between(name, level, bounds)
 
 
 def require_between(name: str, value: float, bounds: tuple[float, float]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from isomatch._arrays import IntArray
-from isomatch.datasets.damage.damaged import Damaged, require_between
+from isomatch.datasets.damage.damaged import Damaged, require_usable
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 from isomatch.surfaces import Mesh
@@ -37,9 +37,11 @@ def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     Raises
     ------
     SettingError
-        If the share is not positive.
+        If the share is out of range.
+    MeshError
+        If the mesh is no surface.
     """
-    require_between("share", share, LOUDNESS)
+    require_usable(mesh, "share", share, LOUDNESS)
     steps = np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
     vertices = mesh.vertices + share * mesh.edge_lengths.mean() * steps
     return Damaged(mesh, Mesh(vertices, mesh.faces), np.arange(mesh.n_vertices))
@@ -70,14 +72,14 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
     SettingError
         If the gap is out of range.
     MeshError
-        If no two parts are so near.
+        If no two parts are so near, or the mesh is no surface.
 
     Notes
     -----
     The two vertices of a pair are at least 0.5 √area apart along the surface, or in different components: more than the
     way around a limb, so that opposite sides of one limb are not merged. Costs 60 distance columns.
     """
-    require_between("gap", gap, GAPS)
+    require_usable(mesh, "gap", gap, GAPS)
     partner = _nearest_far_vertex(mesh, seed)
     vertices = np.flatnonzero(partner >= 0)
     pairs = np.column_stack([vertices, partner[vertices]])

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch.datasets.damage.damaged import SHARES, Damaged, require_between
+from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.surfaces import Mesh, rasterise
@@ -40,7 +40,7 @@ def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     SettingError
         If the share is not between 0 and 1.
     MeshError
-        If nothing would be left.
+        If nothing would be left, or the mesh is no surface.
 
     Examples
     --------
@@ -48,6 +48,7 @@ def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
     >>> cut(strip, 0.5).mesh
     Mesh(9 vertices, 4 faces)
     """
+    require_usable(mesh, "share", share, SHARES)
     direction = np.random.default_rng(seed).standard_normal(3)
     return _removed(mesh, mesh.vertices @ direction, share)
 
@@ -76,8 +77,9 @@ def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> 
     SettingError
         If the share is not between 0 and 1, or the count is not in 1…n.
     MeshError
-        If nothing would be left.
+        If nothing would be left, or the mesh is no surface.
     """
+    require_usable(mesh, "share", share, SHARES)
     if not 1 <= count <= mesh.n_vertices:
         raise SettingError(f"count = {count} must lie in 1…{mesh.n_vertices}, the number of vertices")
     weights = mesh.vertex_areas / mesh.area
@@ -110,8 +112,9 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     SettingError
         If the share is not between 0 and 1.
     MeshError
-        If nothing would be left, or the mesh has fewer than five vertices.
+        If nothing would be left, or the mesh is no surface of at least five vertices.
     """
+    require_usable(mesh, "share", share, SHARES)
     body, index = mesh.submesh(mesh.components == _largest(mesh))
     engine = distance_engine(body)
     samples = farthest_point_sampling(engine, TIPS, peripheral_vertex(body, engine))
@@ -143,14 +146,14 @@ def view(mesh: Mesh, views: int = 1, *, seed: int = 0) -> Damaged:
     SettingError
         If the number of views is not 1 to 6.
     MeshError
-        If no face is seen.
+        If no face is seen, or the mesh is no surface.
 
     Notes
     -----
     The cameras are orthographic. A pixel is an eighth of all but the shortest twentieth of the edges, with at most 3000
     pixels along an axis. Faces that are seen so obliquely that no pixel shows them are missed, as at the rims of a scan.
     """
-    require_between("views", views, VIEWS)
+    require_usable(mesh, "views", views, VIEWS)
     if views != int(views):
         raise SettingError(f"views = {views} is not a whole number of cameras")
     axes = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
@@ -173,7 +176,6 @@ def _removed(mesh: Mesh, order: FloatArray, share: float) -> Damaged:
     All but the largest component of the rest is gone as well. What is gone grows with the number of faces removed, so
     that this number is found by bisection.
     """
-    require_between("share", share, SHARES)
     ranked = order[mesh.sound_faces].min(axis=1).argsort(kind="stable")
 
     def left(count: int) -> BoolArray:
