@@ -178,7 +178,9 @@ def _collapse(
                 faces[face, corner % 3] = v
             corner = following[corner]
         following[last[v]], last[v] = first[u], last[u]
-        quadrics[v] += quadrics[u]
+        for i in range(4):
+            for j in range(4):
+                quadrics[v, i, j] += quadrics[u, i, j]
         age[u], age[v] = -1, age[v] + 1
         n_removed -= 1
         mark[v] = turn + 1
@@ -200,7 +202,7 @@ def _cost(
     points: FloatArray, quadrics: FloatArray, weights: FloatArray, u: int, v: int
 ) -> float:  # pragma: no cover - compiled
     """Quadric error of u and v at v, plus weight × squared length."""
-    p = np.array([points[v, 0], points[v, 1], points[v, 2], 1.0])
+    p = (points[v, 0], points[v, 1], points[v, 2], 1.0)
     cost = 0.0
     for i in range(4):
         for j in range(4):
@@ -233,10 +235,9 @@ def _may_collapse(
     while corner >= 0:
         face = corner // 3
         if alive[face]:
-            a, b, c = faces[face]
-            for w in (a, b, c):
-                mark[w] = turn
-            if v in (a, b, c):
+            for k in range(3):
+                mark[faces[face, k]] = turn
+            if faces[face, 0] == v or faces[face, 1] == v or faces[face, 2] == v:
                 n_common_faces += 1
             elif _turns_over(points, faces[face], corner % 3, v):
                 return False
@@ -258,7 +259,23 @@ def _may_collapse(
 @numba.njit(cache=True, nogil=True)
 def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:  # pragma: no cover - compiled
     """Whether a face turns too far, or loses its area, when its corner k moves to v."""
-    a, b = points[face[(k + 1) % 3]], points[face[(k + 2) % 3]]
-    before, after = np.cross(a - points[face[k]], b - points[face[k]]), np.cross(a - points[v], b - points[v])
-    lengths = np.sqrt((before**2).sum() * (after**2).sum())
-    return bool(np.dot(before, after) <= LARGEST_TURN * lengths)
+    before_after, before, after = 0.0, 0.0, 0.0  # products of the normals
+    a, b, u = face[(k + 1) % 3], face[(k + 2) % 3], face[k]
+    for x in range(3):
+        y, z = (x + 1) % 3, (x + 2) % 3
+        n = _normal(points, u, a, b, y, z)
+        m = _normal(points, v, a, b, y, z)
+        before_after += n * m
+        before += n * n
+        after += m * m
+    return bool(before_after <= LARGEST_TURN * np.sqrt(before * after))
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _normal(
+    points: FloatArray, u: int, a: int, b: int, y: int, z: int
+) -> float:  # pragma: no cover - compiled
+    """Coordinate x of (a - u) × (b - u), with y and z the axes after x."""
+    one = (points[a, y] - points[u, y]) * (points[b, z] - points[u, z])
+    other = (points[a, z] - points[u, z]) * (points[b, y] - points[u, y])
+    return float(one - other)
