@@ -18,9 +18,9 @@ import numpy as np
 
 import isomatch
 from isomatch import Config
-from isomatch.datasets import BenchmarkPair, benchmark_set
+from isomatch.datasets import BenchmarkPair, benchmark_set, noise
 from isomatch.matching import SearchSettings
-from studies import asked_for, in_parallel, mean_error, noisy
+from studies import asked_for, in_parallel, mean_error
 
 RIGHT, WRONG = 3.0, 10.0
 SEED = 2026
@@ -40,10 +40,10 @@ Job = tuple[str, str, str, tuple[str, str]]  # folder of the sets, kind, set, pa
 
 def jobs(data: str) -> Iterator[Job]:
     """Draw the pairs of each kind."""
-    for name, plain, weakened, noise in (
+    for name, plain, weakened, noisy in (
         ("faust_r", 12, 16, 6), ("tosca_iso_r", 16, 24, 6), ("scape", 8, 12, 0), ("creatures", 8, 12, 8)
     ):  # fmt: skip
-        for kind, count in (("plain", plain), ("weakened", weakened), ("blind", weakened), ("noise", noise)):
+        for kind, count in (("plain", plain), ("weakened", weakened), ("blind", weakened), ("noise", noisy)):
             if count:
                 for pair in benchmark_set(name, data).chosen(count, SEED).pairs:
                     yield data, kind, name, pair
@@ -84,9 +84,10 @@ def judged(job: Job) -> dict[str, Any]:
         pair = known.load(a, b)
     source, target = pair.source, pair.target
     if kind == "noise":
-        rng = np.random.default_rng(SEED)
         share = (0.35, 0.6)[crc32(pair.name.encode()) % 2]
-        source, target = noisy(source, share, rng), noisy(target, share, rng)
+        source, target = (
+            noise(mesh, share, seed=SEED + side).mesh for side, mesh in enumerate((source, target))
+        )
     options: dict[str, Any] = {}
     if kind == "given mirror":
         assert pair.mirrored is not None

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
-from isomatch.datasets import BenchmarkPair, benchmark_set, creature, ground_truth, relabelled
+from isomatch.datasets import BenchmarkPair, benchmark_set, creature, ground_truth, noise, relabelled
 from isomatch.evaluation import counted, geodesic_errors
 
 T = TypeVar("T")
@@ -67,8 +67,7 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
     "noise": Gaussian, of 0.4 edge lengths, on both. "decimation": the target has 1600 vertices. "stretch": its limbs are
     longer by up to 45 %, the more the farther from the centre.
     """
-    rng = np.random.default_rng(1000 + seed)
-    style = int(rng.integers(5))
+    style = int(np.random.default_rng(1000 + seed).integers(5))
     sizes = (5000, 1600) if damage == "decimation" else (5000, 5000)
     made = [
         creature(
@@ -82,7 +81,8 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
     ]
     source, target = (each.mesh for each in made)
     if damage == "noise":
-        source, target = (noisy(mesh, 0.4 / 3**0.5, rng) for mesh in (source, target))
+        share = 0.4 / 3**0.5
+        source, target = (noise(each.mesh, share, seed=2 * seed + i).mesh for i, each in enumerate(made))
     if damage == "stretch":
         centre = np.average(target.vertices, axis=0, weights=target.vertex_areas)
         radius = np.linalg.norm(target.vertices - centre, axis=1, keepdims=True)
@@ -91,12 +91,6 @@ def damaged_creatures(damage: str, seed: int) -> BenchmarkPair:
     target, new = relabelled(target, seed)
     truth = np.column_stack([np.arange(source.n_vertices), new[ground_truth(*made).vertices]])
     return BenchmarkPair(f"{damage}-{seed}", source, target, truth)
-
-
-def noisy(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
-    """Add Gaussian noise to every coordinate, of a share of the mean edge length."""
-    noise = share * mesh.edge_lengths.mean() * rng.standard_normal(mesh.vertices.shape)
-    return Mesh(mesh.vertices + noise, mesh.faces)
 
 
 def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:

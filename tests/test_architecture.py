@@ -21,7 +21,7 @@ EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 MAY_IMPORT = {
     **dict.fromkeys(FOUNDATION, FOUNDATION),
     "surfaces": SURFACES,
-    "datasets": SURFACES | {"datasets"},
+    "datasets": GEODESICS | {"datasets"},
     "geodesics": GEODESICS,
     "bases": BASES,
     "descriptors": DESCRIPTORS,

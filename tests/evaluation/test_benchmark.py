@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import asdict, dataclass, replace
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -19,7 +20,15 @@ from isomatch import (
 )
 from isomatch.cli import main
 from isomatch.cli.bench import bench
-from isomatch.datasets import BenchmarkPair, BenchmarkSet, benchmark_set, example_pair, ground_truth
+from isomatch.datasets import (
+    DAMAGES,
+    BenchmarkPair,
+    BenchmarkSet,
+    benchmark_set,
+    example_pair,
+    ground_truth,
+    weld,
+)
 from isomatch.datasets.benchmarks import relabelled
 from isomatch.evaluation import (
     CONTINUATIONS,
@@ -469,3 +478,113 @@ def test_phi_runs_as_a_method(relabelled_pair):
     )
     assert (found.vertices == relabelled_pair.truth[:, 1]).mean() > 0.95
     assert diagnostics["outcome"] == "CONVERGED"
+
+
+def half_of(mesh, seed):
+    """Cut a mesh as a benchmark with a seed does to the target of the example pair."""
+    return DAMAGES["cut"].function(mesh, 0.5, seed=crc32(f"standing-running target {seed}".encode()))
+
+
+def test_maps_to_a_damaged_target_are_judged_on_the_whole_one(monkeypatch, tmp_path):
+    target = example_pair()[1].mesh
+    truth = ground_truth(*example_pair()).vertices
+    part = half_of(target, seed=3)
+    unit = np.sqrt(target.area)
+    away = geodesic_distances(target, part.original[:1])[0]
+
+    def nearest(one, other):
+        assert other.n_vertices == part.mesh.n_vertices
+        became = part.damaged_vertex[truth]
+        return Correspondence(became, other.n_vertices)
+
+    def first(one, other):
+        return Correspondence(np.zeros(one.n_vertices, dtype=int), other.n_vertices)
+
+    for name, method in (("right", nearest), ("first", first)):
+        monkeypatch.setitem(METHODS, name, Method(method, preparation=None))
+    run = BenchmarkRun("example", ("right", "first"), n_points=10**6, seed=3, jobs=1, damage="cut:0.5")
+    right, wrong = run_benchmark(run, tmp_path)
+    assert right["error"] == right["unmatched"] == 0, "only what remains is judged"
+    assert right["distortion_l2"] == right["distortion_l2_truth"]
+    remaining = truth[part.damaged_vertex[truth] >= 0]
+    assert wrong["error"] == pytest.approx(100 * away[remaining].mean() / unit, rel=2e-3), (
+        "distances and area of the whole"
+    )
+    assert (right["damage"], right["n_target"]) == ("cut:0.5", part.mesh.n_vertices)
+
+
+def test_a_damaged_source_is_judged_where_it_remains(monkeypatch, tmp_path):
+    truth = ground_truth(*example_pair()).vertices
+
+    def method(one, other):
+        index = np.flatnonzero(np.isin(example_pair()[0].mesh.vertices, one.vertices).all(axis=1))
+        return Correspondence(truth[index], other.n_vertices)
+
+    monkeypatch.setitem(METHODS, "right", Method(method, preparation=None))
+    (row,) = run_benchmark(BenchmarkRun("example", ("right",), jobs=1, damage="view@source"), tmp_path)
+    assert row["error"] == row["unmatched"] == 0
+    assert row["damage"] == "view:1@source"
+
+
+def test_the_nearer_of_two_merged_vertices_counts(monkeypatch, tmp_path):
+    target = example_pair()[1].mesh
+    truth = ground_truth(*example_pair()).vertices
+    seed = crc32(b"standing-running target 0")
+    part = weld(target, 0.2, seed=seed)
+    pairs = {int(v): i for i, both in enumerate(zip(part.original, part.with_twins)) for v in both}
+
+    def method(one, other):
+        return Correspondence([pairs[v] for v in truth.tolist()], other.n_vertices)
+
+    monkeypatch.setitem(METHODS, "right", Method(method, preparation=None))
+    (row,) = run_benchmark(BenchmarkRun("example", ("right",), jobs=1, damage="weld:0.2"), tmp_path)
+    assert row["error"] == row["unmatched"] == 0
+
+
+def test_damage_tells_rows_apart_in_every_table(small, tmp_path):
+    run = BenchmarkRun("small", ("flipped",), n_points=20, n_pairs=1, jobs=1)
+    for damage in (None, "noise", "noise:0.3"):
+        list(run_benchmark(replace(run, damage=damage), tmp_path))
+    assert len(small) == 2, "noise and noise:0.3 are the same rows"
+    assert [row["damage"] for row in read_rows(tmp_path)] == [None, "noise:0.3"]
+    assert [(line["damage"], line["pairs"]) for line in write_tables(tmp_path)] == [("", 1), ("noise:0.3", 1)]
+    with (tmp_path / "pairs.csv").open() as file:
+        assert [row["damage"] for row in csv.DictReader(file)] == ["", "noise:0.3"]
+    assert "small, noise:0.3: direct" in (tmp_path / "curves.svg").read_text(encoding="utf-8")
+
+
+def test_rows_without_a_word_about_damage_are_those_of_whole_shapes(small, tmp_path):
+    run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
+    list(run_benchmark(run, tmp_path))
+    ledger = tmp_path / "rows.jsonl"
+    ledger.write_text(ledger.read_text().replace('"damage": null, ', ""))
+    assert "damage" not in ledger.read_text()
+    assert list(run_benchmark(run, tmp_path)) == []
+    assert write_tables(tmp_path)[0]["damage"] == ""
+
+
+def test_the_command_damages(capsys, monkeypatch, tmp_path):
+    def method(one, other):
+        return Correspondence(np.zeros(one.n_vertices, dtype=int), other.n_vertices)
+
+    monkeypatch.setitem(METHODS, "first", Method(method, preparation=None))
+    asked = [
+        "bench",
+        "--set",
+        "example",
+        "-o",
+        str(tmp_path),
+        "--methods",
+        "first",
+        "--jobs",
+        "1",
+        "--points",
+        "50",
+    ]
+    assert main([*asked, "--damage", "cut:0.3", "--damage", "view@both"]) == 0
+    shown = capsys.readouterr().out
+    assert "example, cut:0.3 " in shown
+    assert "example, view:1@both " in shown
+    assert main([*asked, "--damage", "fire"]) == 1
+    assert "unknown damage 'fire'; choose from cut, holes" in capsys.readouterr().err
+    assert all(name in bench.__doc__ for name in DAMAGES)

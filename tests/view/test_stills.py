@@ -9,7 +9,6 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.surfaces import Mesh
 from isomatch.view import ValuePanel, draw_map, position_colours
 from isomatch.view.camera import camera_of, turn_to_target
-from isomatch.view.raster import rasterise
 
 WIDTH = 400
 
@@ -89,17 +88,6 @@ def test_a_stray_vertex_changes_no_colour(pair):
     mesh = pair[1]
     strayed = Mesh(np.vstack([mesh.vertices, [[1e6, 0, 0]]]), mesh.faces)
     np.testing.assert_allclose(position_colours(strayed)[:-1], position_colours(mesh), atol=1e-9)
-
-
-def test_the_nearest_triangle_is_seen_and_positions_are_exact():
-    points = np.array([[0, 0, 1], [10, 0, 1], [0, 10, 1], [0, 0, 5], [4, 0, 5], [0, 4, 5]], dtype=float)
-    raster = rasterise(points, np.array([[0, 1, 2], [3, 4, 5]]), 10, 10)
-    assert raster.face[1, 1] == 1
-    assert raster.face[4, 4] == 0
-    assert raster.face[9, 9] == -1
-    seen = raster.interpolated(points, np.array([[0, 1, 2], [3, 4, 5]]))
-    rows, columns = np.nonzero(raster.covered)
-    np.testing.assert_allclose(seen[:, :2], np.column_stack([columns, rows]) + 0.5)
 
 
 @pytest.mark.parametrize("up", ["y", "z"])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from isomatch.cli.terminal import progress, say, say_json
-from isomatch.evaluation import BenchmarkRun, read_published_curves, run_benchmark, write_tables
+from isomatch.evaluation import BenchmarkRun, read_published_curves, run_benchmark, set_label, write_tables
 
 
 def bench(
@@ -24,6 +25,7 @@ def bench(
     landmarks: Path | None = None,
     cycles: bool = False,
     published: Path | None = None,
+    damage: tuple[str, ...] = (),
     json: bool = False,
 ) -> None:
     """Run methods over benchmark sets and measure their maps against the truth.
@@ -58,12 +60,16 @@ def bench(
         Also match each target to its source, and record the mean cycle error × 100 / √(source area).
     published : Path
         Folder of published curves to draw for comparison, .npz with 'set|method|x' (errors) and 'set|method|y' (percent).
+    damage : str
+        Damage to the target of each pair: NAME or NAME:LEVEL, of cut, holes, limb_removed, view, weld, noise, decimate,
+        resample; ending in @source or @both, to the source or to both. May be repeated. Errors are measured on the whole
+        target.
     json : bool
         Print one JSON object and nothing else.
     """
     curves = [] if published is None else read_published_curves(published)
     with progress() as stage:
-        for name in sets.split(","):
+        for name, each in product(sets.split(","), damage or (None,)):
             run = BenchmarkRun(
                 set_name=name,
                 methods=tuple(methods.split(",")),
@@ -74,20 +80,23 @@ def bench(
                 jobs=jobs,
                 landmarks=None if landmarks is None else str(landmarks),
                 cycles=cycles,
+                damage=each,
             )
             for count, row in enumerate(run_benchmark(run, output), 1):
-                stage(f"{name}: {count} rows, last {row['pair']} by {row['method']}")
+                stage(f"{set_label(row)}: {count} rows, last {row['pair']} by {row['method']}")
     table = write_tables(output, curves)
     if json:
         say_json({"summary": table, "folder": str(output)})
         return
     say("mean geodesic error × 100 / √(target area)", "bold")
+    names = [set_label(row) for row in table]
+    width = max([12, *map(len, names)])
     say(
-        f"{'set':12} {'method':28} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
+        f"{'set':{width}} {'method':28} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"
     )
-    for row in table:
+    for name, row in zip(names, table):
         say(
-            f"{row['set']:12} {row['method']:28} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
+            f"{name:{width}} {row['method']:28} {row['pairs']:5d} {_number(row['mean'])} {_number(row['median'])} "
             f"{_number(row['max'])} {row['failures']:5d} {_number(row['seconds']):>8}"
             + ("  at landmarks" if row["judged_at"] == "landmarks" else "")
             + (f"  cycle error {row['cycle']:.2f}" if row["cycle"] is not None else "")

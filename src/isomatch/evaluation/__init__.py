@@ -5,7 +5,7 @@ from isomatch.evaluation.benchmark_run import BenchmarkRun
 from isomatch.evaluation.bijectivity import coverage, cycle_errors
 from isomatch.evaluation.caching import CachingEngine
 from isomatch.evaluation.distortion import MetricDistortion, distance_table, metric_distortion
-from isomatch.evaluation.ledger import read_rows
+from isomatch.evaluation.ledger import read_rows, set_label
 from isomatch.evaluation.methods import CONTINUATIONS, METHODS, Method
 from isomatch.evaluation.princeton import (
     LIMIT,
@@ -48,6 +48,7 @@ __all__ = [
     "read_rows",
     "rows_of",
     "run_benchmark",
+    "set_label",
     "sided_errors",
     "summaries",
     "torn_edges",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from typing import TypeAlias
 
 from isomatch._settings import Settings, setting
-from isomatch.datasets import BenchmarkPair, benchmark_set
+from isomatch.datasets import DamageChoice, DamagedPair, benchmark_set, damaged_pair
 from isomatch.evaluation.ledger import Row
 from isomatch.evaluation.methods import parts_of, settings_digest
 
@@ -49,11 +49,14 @@ class BenchmarkRun(Settings):
         points to all of them.
     pairs : tuple of (str, str), optional
         Names of the pairs to run, instead of a draw.
+    damage : str, optional
+        Damage to the shapes, as `DamageChoice.parse` reads it: "cut:0.3" or "noise@both", for example. What it draws
+        depends on the seed of the run and the pair.
 
     Raises
     ------
     SettingError
-        If a method is unknown, or a number is out of range.
+        If a method or a damage is unknown, or a number is out of range.
     """
 
     set_name: str
@@ -67,28 +70,35 @@ class BenchmarkRun(Settings):
     cycles: bool = False
     table_distortion: bool = False
     pairs: tuple[PairNames, ...] | None = None
+    damage: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in self.methods:
             parts_of(name)
+        if self.damage is not None:
+            object.__setattr__(self, "damage", str(DamageChoice.parse(self.damage)))
 
     def chosen_pairs(self) -> tuple[PairNames, ...]:
         """Names of the pairs to run; opens the set, see `benchmark_set` for what it raises."""
         opened = benchmark_set(self.set_name, self.folder, self.landmarks)
         return opened.chosen(self.n_pairs, self.seed).pairs if self.pairs is None else self.pairs
 
-    def load(self, names: PairNames) -> tuple[BenchmarkPair, BenchmarkPair]:
-        """Read a pair with its dense truth, and the same pair with the truth at which errors are measured."""
-        pair = benchmark_set(self.set_name, self.folder).load(*names)
+    def load(self, names: PairNames) -> tuple[DamagedPair, DamagedPair]:
+        """Read a pair with its dense truth, and with the truth at which errors are measured, both damaged alike."""
+        damaged = (
+            damaged_pair if self.damage is None else partial(DamageChoice.parse(self.damage), seed=self.seed)
+        )
+        pair = damaged(benchmark_set(self.set_name, self.folder).load(*names))
         if self.landmarks is None:
             return pair, pair
-        return pair, benchmark_set(self.set_name, self.folder, self.landmarks).load(*names)
+        return pair, damaged(benchmark_set(self.set_name, self.folder, self.landmarks).load(*names))
 
     def identity(self, names: PairNames, method: str) -> Row:
         """Values that identify the row of a pair and a method."""
         return {
             "set": self.set_name,
+            "damage": self.damage,
             "pair": "-".join(names),
             "method": method,
             "points": self.n_points,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch.evaluation.ledger import set_label
 from isomatch.evaluation.methods import METHODS
 from isomatch.evaluation.princeton import LIMIT, THRESHOLDS
 from isomatch.evaluation.published_curves import PublishedCurve
@@ -30,12 +31,13 @@ Panel = dict[str, tuple[FloatArray, int]]
 def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve], out: Path) -> None:
     """Write ``curves.png`` and ``curves.svg``.
 
-    Each set has a panel of its methods against the direct truth; one against the better of direct and mirrored truth for
-    each pair, if that differs; and one of methods started from the maps of others, shown as thin lines, if there are any.
+    Each set, and each damage to it, has a panel of its methods against the direct truth; one against the better of direct
+    and mirrored truth for each pair, if that differs; and one of methods started from the maps of others, shown as thin
+    lines, if there are any.
     """
     from matplotlib.figure import Figure
 
-    good = [row for row in rows if "curve" in row]
+    good = [row | {"set": set_label(row)} for row in rows if "curve" in row]
     sets = {name: _panels([row for row in good if row["set"] == name]) for name in _distinct(good, "set")}
     if not sets:
         return

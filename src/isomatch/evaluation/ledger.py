@@ -14,7 +14,7 @@ from isomatch.errors import FormatError
 Row: TypeAlias = dict[str, Any]
 """Measurements for one pair and one method, or the problem that prevented them."""
 
-IDENTITY = ("set", "pair", "method", "points", "seed", "judged_at", "version", "settings")
+IDENTITY = ("set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings")
 FILE = "rows.jsonl"
 logger = logging.getLogger(__name__)
 
@@ -30,9 +30,9 @@ def read_rows(out: str | Path) -> list[Row]:
     Returns
     -------
     list of dict
-        In the order of writing. Of several rows with the same set, pair, method, points, seed, kind of truth, version of
-        isomatch and settings of the method, the last one. An incomplete last line, as an interrupted run leaves it, is
-        left out, with a warning in the log.
+        In the order of writing. Of several rows with the same set, damage, pair, method, points, seed, kind of truth,
+        version of isomatch and settings of the method, the last one. An incomplete last line, as an interrupted run
+        leaves it, is left out, with a warning in the log.
 
     Raises
     ------
@@ -73,6 +73,11 @@ def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
             file.write(json.dumps(row, allow_nan=False).encode() + b"\n")
 
         yield append
+
+
+def set_label(row: Row) -> str:
+    """Set of a row, and the damage to it if there is any: "creatures, cut:0.3"."""
+    return ", ".join(filter(None, (row["set"], row.get("damage"))))
 
 
 def identity_of(row: Row) -> tuple[Any, ...]:

@@ -11,8 +11,10 @@ from string import Template
 from typing import Any
 
 MOST_PAIRS = 20  # worst pairs shown
-WORDS = ("set", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
+WORDS = ("set", "damage", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
 MEANINGS = {
+    "damage": "what was done to the target, or to the shape named after @, and how much; errors and distortions are "
+    "measured on the whole shapes, at the points that remain",
     "mean, median, max": "of the pairs' mean errors",
     "failures": "pairs with a mean error above 10",
     "problems": "pairs that could not be matched or measured; they are left out of the means",
@@ -38,12 +40,12 @@ MEANINGS = {
     "version": "version of isomatch",
 }
 SUMMARY = (
-    "set", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
+    "set", "damage", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
     "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table",
     "distortion_table_truth", "cycle", "coverage", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (
-    "set", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
+    "set", "damage", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
     "coverage", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
 GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'

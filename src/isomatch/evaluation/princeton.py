@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,6 +134,14 @@ def sided_errors(
         if mirrored is None
         else geodesic_errors(target, correspondence, mirrored, n_points, seed, engine),
     )
+
+
+def smallest(sides: Iterable[SidedErrors]) -> SidedErrors:
+    """Take, point by point, the smallest error of several maps that are equally good readings of one."""
+    sides = list(sides)
+    direct = np.min([each.direct for each in sides], axis=0)
+    mirrored = [each.mirrored for each in sides if each.mirrored is not None]
+    return SidedErrors(direct, np.min(mirrored, axis=0) if mirrored else None)
 
 
 def counted(errors: FloatArray) -> FloatArray:

@@ -19,7 +19,14 @@ from isomatch.evaluation.caching import CachingEngine
 from isomatch.evaluation.distortion import metric_distortion
 from isomatch.evaluation.ledger import Row
 from isomatch.evaluation.methods import MatchInput, Method
-from isomatch.evaluation.princeton import SHARES, area_under_curve, counted, cumulative_curve, sided_errors
+from isomatch.evaluation.princeton import (
+    SHARES,
+    area_under_curve,
+    counted,
+    cumulative_curve,
+    sided_errors,
+    smallest,
+)
 from isomatch.evaluation.smoothness import dirichlet_energy
 from isomatch.evaluation.true_landmarks import true_landmarks
 from isomatch.geodesics import distance_engine
@@ -56,12 +63,15 @@ class Subject:
 
     def __init__(self, run: BenchmarkRun, names: PairNames) -> None:
         self._run = run
-        self.pair, self._judged = run.load(names)
-        limit = memory_budget() / (4 * (run.jobs or n_threads()))
-        source, target = (
-            CachingEngine(distance_engine(mesh), limit) for mesh in (self.pair.source, self.pair.target)
+        self._dense, self._judged = run.load(names)
+        self.pair = self._dense.given
+        limit = memory_budget() / (8 * (run.jobs or n_threads()))
+        engine = lru_cache(
+            lambda mesh: CachingEngine(distance_engine(mesh), limit)
+        )  # shared where nothing is damaged
+        self._engines, self._whole_engines = (
+            (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
         )
-        self._engines = source, target
         self._landmarks = lru_cache(lambda count: true_landmarks(self.pair, count, run.seed, self._engines))
         self._prepared = lru_cache(self._prepare)
 
@@ -119,14 +129,17 @@ class Subject:
         }
 
     def _errors(self, found: Correspondence) -> Row:
-        """Errors × 100, and their curves; a vertex without an image counts as √(target area).
+        """Errors × 100 on the whole target, and their curves; a vertex without an image counts as √(target area).
 
         If the shapes are truly symmetric, one decision is made for the pair between direct and mirrored truth.
         """
-        run, judged = self._run, self._judged
+        run, judged = self._run, self._judged.whole
         n_points = run.n_points if run.landmarks is None else None
-        sides = sided_errors(
-            judged.target, found, judged.truth, judged.mirrored, n_points, run.seed, self._engines[1]
+        sides = smallest(
+            sided_errors(
+                judged.target, lift, judged.truth, judged.mirrored, n_points, run.seed, self._whole_engines[1]
+            )
+            for lift in self._lifted(found)
         )
         direct, better = counted(sides.direct), counted(sides.better)
         errors = better if judged.symmetric else direct
@@ -148,11 +161,22 @@ class Subject:
             for name, values in curves.items()
         }
 
+    def _lifted(self, found: Correspondence) -> list[Correspondence]:
+        """Carry a map between the damaged shapes to the whole ones."""
+        n_target = self._dense.whole.target.n_vertices
+        return [Correspondence(image, n_target) for image in self._dense.lifted(found.vertices)]
+
     def _distortion(self, name: str, found: Correspondence, **draw: Any) -> dict[str, float]:
-        """Mean square distortion of a map and of the truth, over random points."""
-        pair = self.pair
+        """Mean square distortion of a map and of the truth, over random points of the whole shapes."""
+        whole = self._dense.whole
         distortion = metric_distortion(
-            pair.source, pair.target, found, pair.truth, seed=self._run.seed, engines=self._engines, **draw
+            whole.source,
+            whole.target,
+            self._lifted(found)[0],
+            whole.truth,
+            seed=self._run.seed,
+            engines=self._whole_engines,
+            **draw,
         )
         return {name: distortion.l2, f"{name}_truth": distortion.truth.l2 if distortion.truth else np.nan}
 

@@ -16,7 +16,7 @@ from isomatch.evaluation.published_curves import PublishedCurve
 
 FAILURE = 10.0  # mean error × 100 above which a pair counts as failed
 COLUMNS = (
-    "set", "pair", "method", "points", "seed", "judged_at", "version", "settings", "n_source", "n_target",
+    "set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings", "n_source", "n_target",
     "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "auc", "within_05", "within_10",
     "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle",
     "coverage", "smoothness", "seconds", "outcome", "problem",
@@ -27,8 +27,8 @@ AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
 def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> list[dict[str, Any]]:
     """Write tables, curves and a page of the rows in a folder.
 
-    Of each set and method, only the rows that agree with the last one in points, seed, version and settings are shown,
-    and of each set only those with the kind of truth of its last row, so that no mean is over rows that cannot be
+    Of each set, damage and method, only the rows that agree with the last one in points, seed, version and settings are
+    shown, and of each set only those with the kind of truth of its last row, so that no mean is over rows that cannot be
     compared. The page says how many rows are left out.
 
     Parameters
@@ -46,7 +46,7 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
     """
     out = Path(out)
     every = read_rows(out)
-    rows = sorted(_comparable(every), key=lambda row: (row["set"], row["method"], row["pair"]))
+    rows = sorted(_comparable(every), key=lambda row: (*_group(row), row["pair"]))
     table = summaries(rows)
     _write_csv(out / "pairs.csv", rows, COLUMNS)
     if table:
@@ -61,29 +61,35 @@ def write_tables(out: str | Path, published: Sequence[PublishedCurve] = ()) -> l
 
 
 def _comparable(rows: list[Row]) -> list[Row]:
-    """Keep the rows that differ from the last of their set and method in the pair alone; one kind of truth a set."""
+    """Keep the rows that differ from the last of their group in the pair alone; one kind of truth a set."""
 
     def kind(row: Row) -> tuple[Any, ...]:
         return identity_of(row | {"pair": ""})
 
     truth = {row["set"]: row.get("judged_at") for row in rows}
     rows = [row for row in rows if row.get("judged_at") == truth[row["set"]]]
-    last = {(row["set"], row["method"]): kind(row) for row in rows}
-    return [row for row in rows if kind(row) == last[row["set"], row["method"]]]
+    last = {_group(row): kind(row) for row in rows}
+    return [row for row in rows if kind(row) == last[_group(row)]]
+
+
+def _group(row: Row) -> tuple[str, str, str]:
+    """Set, damage ("" without) and method of a row: what means are taken over."""
+    return row["set"], row.get("damage") or "", row["method"]
 
 
 def summaries(rows: list[Row]) -> list[dict[str, Any]]:
-    """Mean, median and largest error, failures, and means of the other measures, for each set and method."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    """Mean, median and largest error, failures, and means of the other measures, for each set, damage and method."""
+    groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row["set"], row["method"]), []).append(row)
+        groups.setdefault(_group(row), []).append(row)
     table = []
-    for (name, method), members in groups.items():
+    for (name, damage, method), members in groups.items():
         good = [row for row in members if "problem" not in row]
         errors = np.array([row["error"] for row in good])
         table.append(
             {
                 "set": name,
+                "damage": damage,
                 "method": method,
                 "judged_at": members[-1].get("judged_at"),
                 "version": members[-1].get("version"),
@@ -102,19 +108,19 @@ def summaries(rows: list[Row]) -> list[dict[str, Any]]:
 def improvements(rows: list[Row]) -> list[dict[str, Any]]:
     """Compare maps that were started from another method's map with that map, on the pairs for which both exist.
 
-    For each set and each such method: mean error and distortion before and after, and the share of pairs for which each
-    became smaller. The distortion of a map that tears is infinite; such pairs are left out of its means, and
+    For each set, damage and such method: mean error and distortion before and after, and the share of pairs for which
+    each became smaller. The distortion of a map that tears is infinite; such pairs are left out of its means, and
     "distortion_pairs" is the number of the others.
     """
-    good = {(row["set"], row["method"], row["pair"]): row for row in rows if "problem" not in row}
-    groups: dict[tuple[str, str], list[tuple[Row, Row]]] = {}
-    for (name, method, pair), row in good.items():
-        before = good.get((name, method.partition("+")[0], pair))
+    good = {(*_group(row), row["pair"]): row for row in rows if "problem" not in row}
+    groups: dict[tuple[str, str, str], list[tuple[Row, Row]]] = {}
+    for (name, damage, method, pair), row in good.items():
+        before = good.get((name, damage, method.partition("+")[0], pair))
         if "+" in method and before:
-            groups.setdefault((name, method), []).append((before, row))
+            groups.setdefault((name, damage, method), []).append((before, row))
     table = []
-    for (name, method), members in groups.items():
-        line: dict[str, Any] = {"set": name, "method": method, "pairs": len(members)}
+    for (name, damage, method), members in groups.items():
+        line: dict[str, Any] = {"set": name, "damage": damage, "method": method, "pairs": len(members)}
         for key in ("error", "distortion_l2"):
             values = [[np.inf if row[key] is None else row[key] for row in both] for both in members]
             before, after = np.array(values).T

@@ -1,4 +1,4 @@
-"""Surfaces: meshes, point clouds and graphs; their files, their defects, and repair."""
+"""Surfaces: meshes, point clouds and graphs; their files, their defects, repair, and what a camera sees."""
 
 from typing import TypeAlias
 
@@ -7,6 +7,7 @@ from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.raster import Raster, rasterise
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
 
@@ -20,9 +21,11 @@ __all__ = [
     "MeshFormat",
     "MeshReport",
     "PointCloud",
+    "Raster",
     "Repair",
     "Surface",
     "check",
+    "rasterise",
     "read_mesh",
     "read_point_cloud",
     "repair",

@@ -17,7 +17,7 @@ from typing import Any
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
-from isomatch.view import raster
+from isomatch.view import lighting
 from isomatch.view.measures import quality_measures
 from isomatch.view.scene import scene_of
 from isomatch.view.stills import WIDTH, draw_map
@@ -98,9 +98,9 @@ def write_report(
 
 def _lights() -> dict[str, str]:
     """Give the shader the same lights as the still pictures."""
-    directions = {"key": raster.KEY_LIGHT, "fill": raster.FILL_LIGHT}
-    strengths = {"ambient": raster.AMBIENT, "key_strength": raster.KEY, "fill_strength": raster.FILL}
-    numbers = {**strengths, "gloss": raster.GLOSS, "sharpness": raster.SHARPNESS}
+    directions = {"key": lighting.KEY_LIGHT, "fill": lighting.FILL_LIGHT}
+    strengths = {"ambient": lighting.AMBIENT, "key_strength": lighting.KEY, "fill_strength": lighting.FILL}
+    numbers = {**strengths, "gloss": lighting.GLOSS, "sharpness": lighting.SHARPNESS}
     return {name: ", ".join(map(str, direction)) for name, direction in directions.items()} | {
         name: str(float(number)) for name, number in numbers.items()
     }

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, rasterise
 from isomatch.view.camera import camera_of, seen_from
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
-from isomatch.view.raster import light, rasterise
+from isomatch.view.lighting import light
 
 OVERSAMPLING = 2  # samples per pixel and axis
 

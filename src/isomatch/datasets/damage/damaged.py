@@ -1,0 +1,68 @@
+"""What every damage returns: the damaged mesh, and where each of its vertices was before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch.errors import MeshError, SettingError
+from isomatch.surfaces import Mesh, check
+
+SHARES = (0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Damaged:
+    """A mesh made from a whole one, and the relation of their vertices.
+
+    Parameters
+    ----------
+    whole : Mesh
+        The mesh before the damage.
+    mesh : Mesh
+        The damaged mesh, n vertices.
+    original : (n,) array of int
+        Vertex of the whole mesh that each damaged vertex was.
+    twin : (n,) array of int, optional
+        Where two vertices were merged into one, the second of them; −1 elsewhere.
+    """
+
+    whole: Mesh
+    mesh: Mesh
+    original: IntArray
+    twin: IntArray | None = None
+
+    @property
+    def damaged_vertex(self) -> IntArray:
+        """(n_whole,) damaged vertex that each vertex of the whole became; −1 where it is gone or was merged."""
+        became = np.full(self.whole.n_vertices, -1, dtype=np.int64)
+        single = np.ones(len(self.original), dtype=bool) if self.twin is None else self.twin < 0
+        became[self.original[single]] = np.flatnonzero(single)
+        return became
+
+    @property
+    def with_twins(self) -> IntArray:
+        """(n,) ``original``, with the twin in place of the first of two merged vertices."""
+        return self.original if self.twin is None else np.where(self.twin < 0, self.original, self.twin)
+
+
+def undamaged(mesh: Mesh) -> Damaged:
+    """Return a mesh as its own original."""
+    return Damaged(mesh, mesh, np.arange(mesh.n_vertices))
+
+
+def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, float]) -> None:
+    """Raise `MeshError` unless a mesh is a surface, and `SettingError` unless a level lies between its bounds."""
+    fatal = check(mesh).fatal
+    if fatal:
+        raise MeshError("; ".join(fatal))
+    require_between(name, level, bounds)
+
+
+def require_between(name: str, value: float, bounds: tuple[float, float]) -> None:
+    """Raise `SettingError` unless a value lies strictly between two bounds."""
+    low, high = bounds
+    if not low < value < high:
+        raise SettingError(f"{name} = {value} does not lie between {low:g} and {high:g}")
