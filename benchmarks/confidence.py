@@ -17,8 +17,9 @@ from zlib import crc32
 import numpy as np
 
 import isomatch
-from isomatch import Config
-from isomatch.datasets import BenchmarkPair, benchmark_set, noise
+from isomatch import Config, Correspondence
+from isomatch.datasets import BenchmarkPair, DamageChoice, DamagedPair, benchmark_set
+from isomatch.evaluation import counted, geodesic_errors
 from isomatch.matching import SearchSettings
 from studies import asked_for, in_parallel, mean_error
 
@@ -26,84 +27,120 @@ RIGHT, WRONG = 3.0, 10.0
 SEED = 2026
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",
-    "weakened": "hypotheses from four extremities and flips of one map only",
-    "blind": "the same without flips: the right map is often not among the hypotheses",
-    "noise": "Gaussian noise of 0.35 and of 0.6 edge lengths on both shapes",
+    "damaged": "one of the shapes damaged: noise, welded limbs, small holes, uneven sampling, decimation",
+    "blind": "hypotheses from four extremities without flips: the right map is often not among them",
+    "runner-up": "the best alternative of the match, given as initial map and to be trusted",
+    "mirrored": "the mirrored truth, given as initial map and to be trusted",
+    "exchanged": "five landmarks at extremities, of which two are exchanged, and to be trusted",
     "other kind": "a quadruped and a biped, a cat and a horse, …: no map is right",
-    "given mirror": "a symmetric creature with its mirror image given as initial map, and to be trusted",
     "either side": "a symmetric creature with orientation = 'any': its mirror image fits as well",
 }
 
 EVIDENCE = ("misfit", "rival", "mirrored", "residual", "stretch", "orientation", "distortion_p95")
+DAMAGED = ("noise:0.3", "noise:0.6", "weld:0.02", "holes:0.1", "decimate:0.25", "resample:4", "resample:16")
 Job = tuple[str, str, str, tuple[str, str]]  # folder of the sets, kind, set, pair
 
 
 def jobs(data: str) -> Iterator[Job]:
     """Draw the pairs of each kind."""
-    for name, plain, weakened, noisy in (
-        ("faust_r", 12, 16, 6), ("tosca_iso_r", 16, 24, 6), ("scape", 8, 12, 0), ("creatures", 8, 12, 8)
-    ):  # fmt: skip
-        for kind, count in (("plain", plain), ("weakened", weakened), ("blind", weakened), ("noise", noisy)):
-            if count:
-                for pair in benchmark_set(name, data).chosen(count, SEED).pairs:
-                    yield data, kind, name, pair
+    for name, counts in (
+        ("faust_r", (12, 18, 10, 16, 16, 16)),
+        ("tosca_iso_r", (16, 24, 10, 20, 16, 20)),
+        ("scape", (6, 4, 0, 4, 4, 4)),
+        ("creatures", (8, 24, 10, 12, 0, 14)),
+    ):
+        for kind, count in zip(("plain", "damaged", "blind", "runner-up", "mirrored", "exchanged"), counts):
+            known = benchmark_set(name, data).chosen(count, SEED).pairs if count else []
+            for pair in (
+                known if name != "creatures" else [creature_names(i, "asymmetric") for i in range(count)]
+            ):
+                yield data, kind, name, pair
     rng = np.random.default_rng(SEED)
     shapes = sorted({shape for pair in benchmark_set("tosca_iso_r", data).pairs for shape in pair})
     other = 0
-    while other < 16:
+    while other < 24:
         a, b = (str(shape) for shape in rng.choice(shapes, 2))
         classes = {shape.rstrip("0123456789") for shape in (a, b)}
         if len(classes) == 2 and classes != {"david", "victoria"}:  # two humans are near-isometric
             other += 1
             yield data, "other kind", "tosca_iso_r", (a, b)
     for i in range(8):
-        yield (
-            data,
-            "other kind",
-            "creatures",
-            (f"quadruped_asymmetric_{i}_{i}_5000", f"biped_asymmetric_{i}_{i}_5000"),
-        )
-        pair = tuple(
-            f"{('quadruped', 'biped')[i % 2]}_symmetric_{i}_{pose}_{size}"
-            for pose, size in ((i, 5000), (i + 9, 7000))
-        )
-        yield data, "given mirror", "creatures", pair
-        yield data, "either side", "creatures", pair
+        names = [f"{kind}_asymmetric_{i}_{i}_4000" for kind in ("quadruped", "biped")]
+        yield data, "other kind", "creatures", (names[0], names[1])
+        yield data, "mirrored", "creatures", creature_names(i, "symmetric")
+        yield data, "either side", "creatures", creature_names(i, "symmetric")
+
+
+def creature_names(style: int, symmetry: str) -> tuple[str, str]:
+    """Two poses of a creature, in different triangulations."""
+    kind = ("quadruped", "biped")[style % 2]
+    names = [f"{kind}_{symmetry}_{style}_{pose}_{n}" for pose, n in ((style, 4000), (style + 9, 5000))]
+    return names[0], names[1]
 
 
 def judged(job: Job) -> dict[str, Any]:
     """Match one pair and judge the map."""
     data, kind, name, (a, b) = job
-    known = benchmark_set(name, data)
+    whole = loaded_pair(data, kind, name, a, b)
     row: dict[str, Any] = {"kind": kind, "set": name, "pair": f"{a}-{b}"}
-    if kind == "other kind":
-        pair = BenchmarkPair(
-            f"{a}-{b}", known.load(a, a).source, known.load(b, b).target, np.zeros((0, 2), int)
-        )
-    else:
-        pair = known.load(a, b)
-    source, target = pair.source, pair.target
-    if kind == "noise":
-        share = (0.35, 0.6)[crc32(pair.name.encode()) % 2]
-        source, target = (
-            noise(mesh, share, seed=SEED + side).mesh for side, mesh in enumerate((source, target))
-        )
-    options: dict[str, Any] = {}
-    if kind == "given mirror":
-        assert pair.mirrored is not None
-        options = {"initial_map": pair.mirrored[:, 1], "config": Config(hypotheses="given")}
-    elif kind == "either side":
-        options = {"config": Config(orientation="any")}
-    if kind in ("weakened", "blind"):
-        search = SearchSettings(extremity_counts=(4,), flipped=int(kind == "weakened"))
-        options = {"config": Config(search=search)}
+    choice = DamageChoice.parse(DAMAGED[crc32(whole.name.encode()) % len(DAMAGED)])
+    damaged = choice(whole, SEED) if kind == "damaged" else None
+    pair = damaged.given if damaged else whole
+    if damaged:
+        row["kind"] = f"damaged, {choice.name}"
     try:
-        found = isomatch.match(source, target, **options)
-    except isomatch.IsomatchError as error:
-        return row | {"outcome": type(error).__name__, "error": None}
-    error = mean_error(pair, found.map, kind == "either side") if len(pair.truth) else None
+        found = isomatch.match(pair.source, pair.target, **provoked(kind, pair))
+    except isomatch.IsomatchError as problem:
+        return row | {"outcome": type(problem).__name__, "error": None}
+    error = None
+    if damaged:
+        error = error_after(damaged, found.map)
+    elif len(whole.truth):
+        error = mean_error(whole, found.map, kind == "either side")
     row |= {"outcome": found.outcome.name, "error": error}
     return row | {key: found.to_dict()["quality"][key] for key in EVIDENCE}
+
+
+def error_after(damaged: DamagedPair, found: Correspondence) -> float:
+    """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
+    target = damaged.whole.target
+    lifted = [Correspondence(image, target.n_vertices) for image in damaged.lifted(found.vertices)]
+    errors = [geodesic_errors(target, image, damaged.whole.truth, 400) for image in lifted]
+    return float(100 * counted(np.min(errors, axis=0)).mean())
+
+
+def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:
+    """Load a pair; of shapes of different kinds without any truth."""
+    known = benchmark_set(name, data)
+    if kind != "other kind":
+        return known.load(a, b)
+    source, target = known.load(a, a).source, known.load(b, b).target
+    return BenchmarkPair(f"{a}-{b}", source, target, np.zeros((0, 2), int))
+
+
+def provoked(kind: str, pair: BenchmarkPair) -> dict[str, Any]:
+    """Options of `match` that make a wrong map likely."""
+    trusted = Config(hypotheses="given")
+    if kind == "mirrored":
+        assert pair.mirrored is not None
+        image = np.full(pair.source.n_vertices, -1)
+        image[pair.mirrored[:, 0]] = pair.mirrored[:, 1]
+        return {"initial_map": image, "config": trusted}
+    if kind == "runner-up":
+        others = isomatch.match(pair.source, pair.target).alternatives
+        return {"initial_map": others[0].map, "config": trusted} if others else {}
+    if kind == "exchanged":
+        rows = [
+            np.flatnonzero(pair.truth[:, 0] == v) for v in isomatch.prepare(pair.source).column_vertices[:9]
+        ]
+        landmarks = pair.truth[[row[0] for row in rows if len(row)][:5]]
+        landmarks[:2, 1] = landmarks[[1, 0], 1]
+        return {"landmarks": landmarks, "config": trusted}
+    if kind == "either side":
+        return {"config": Config(orientation="any")}
+    if kind == "blind":
+        return {"config": Config(search=SearchSettings(extremity_counts=(4,), flipped=0))}
+    return {}
 
 
 def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
