@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._compiled import compiled
 
 KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
 FILL_LIGHT = np.array([0.75, 0.05, 0.45])
@@ -78,7 +78,7 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     return raster
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _fill(
     points: FloatArray, faces: IntArray, face: IntArray, barycentric: FloatArray, depth: FloatArray
 ) -> None:  # pragma: no cover - compiled
