@@ -14,6 +14,7 @@ from platform import python_version
 from string import Template
 from typing import Any
 
+from isomatch._files import write_text
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
@@ -93,7 +94,7 @@ def write_report(
         **_lights(),
         script=(room / "report.js").read_text(encoding="utf-8"),
     )
-    Path(path).write_text(page, encoding="utf-8")
+    write_text(Path(path), page)
 
 
 def _lights() -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
+from isomatch._files import replaced
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 from isomatch.view.camera import camera_of, turn_to_target
@@ -101,7 +103,8 @@ def draw_map(
     figure = _arranged(panels, width, 0 if values is None else COLOUR_BAR)
     if values is not None:
         _add_colour_bar(figure, values)
-    figure.savefig(path, dpi=DPI)
+    with replaced(Path(path)) if isinstance(path, str | Path) else nullcontext(path) as file:
+        figure.savefig(file, format="png", dpi=DPI)
 
 
 @dataclass(frozen=True, eq=False)
