@@ -7,6 +7,7 @@ import os
 import stat
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -42,7 +43,7 @@ def test_a_file_appears_when_it_is_complete_and_otherwise_stays_as_it_was(tmp_pa
     with replaced(path) as file:
         file.write(b"one")
         assert not path.exists()
-    with pytest.raises(KeyboardInterrupt), replaced(path) as file:
+    with suppress(KeyboardInterrupt), replaced(path) as file:
         file.write(b"two")
         raise KeyboardInterrupt
     assert path.read_bytes() == b"one"
@@ -50,11 +51,13 @@ def test_a_file_appears_when_it_is_complete_and_otherwise_stays_as_it_was(tmp_pa
 
 
 def test_the_system_is_quoted(tmp_path):
-    with pytest.raises(
-        UnwritableFileError, match=r"file: cannot be written \(No space left on device\); give"
+    with (
+        pytest.raises(
+            UnwritableFileError, match=r"file: cannot be written \(No space left on device\); give"
+        ),
+        replaced(tmp_path / "file"),
     ):
-        with replaced(tmp_path / "file"):
-            raise OSError(errno.ENOSPC, "No space left on device")
+        raise OSError(errno.ENOSPC, "No space left on device")
     with pytest.raises(UnwritableFileError, match=r"absent.file: cannot be written \(No such file"):
         write_text(tmp_path / "absent" / "file", "")
     assert names(tmp_path) == []
@@ -102,9 +105,9 @@ def test_names_of_files_that_are_not_utf8_survive(tmp_path):
 
 
 def test_a_claim_excludes_others_until_it_ends(tmp_path, claimant):
-    with pytest.raises(UnwritableFileError, match="result: is being written by another run; wait"):
-        with claimed(tmp_path / "result"):
-            pass
+    message = "result: is being written by another run; wait"
+    with pytest.raises(UnwritableFileError, match=message), claimed(tmp_path / "result"):
+        pass
     with claimed(tmp_path / "another"):
         pass
     claimant.communicate()
@@ -124,9 +127,9 @@ def test_the_claim_of_a_killed_process_does_not_block(tmp_path, claimant):
 
 def test_a_claim_refuses_what_exists_even_a_dangling_link(tmp_path):
     (tmp_path / "map").symlink_to(tmp_path / "absent")
-    with pytest.raises(UnwritableFileError, match="map: already exists .* --force"):
-        with claimed(tmp_path / "result", [tmp_path / "map"]):
-            pass
+    message = r"map: already exists .* --force"
+    with pytest.raises(UnwritableFileError, match=message), claimed(tmp_path / "result", [tmp_path / "map"]):
+        pass
     assert names(tmp_path) == ["map"]
 
 
