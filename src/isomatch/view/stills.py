@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
@@ -132,7 +133,7 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         figure.text(
             middle,
             (TITLE + MARGIN) / 2 / figure.bbox.height,
-            panel.title,
+            _drawable(panel.title),
             ha="center",
             va="center",
             size=8,
@@ -140,6 +141,15 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         )
         left += int(panel_width) + MARGIN
     return figure
+
+
+def _drawable(title: str) -> str:
+    """Replace the characters that the font of a title lacks, such as line ends and bytes that are no text."""
+    font = get_font(findfont(FontProperties()))
+    return "".join(
+        character if font.get_char_index(ord(character)) else "\N{REPLACEMENT CHARACTER}"
+        for character in title
+    )
 
 
 def _as_is(colours: FloatArray) -> FloatArray:
