@@ -7,7 +7,7 @@ import pickle
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from multiprocessing import parent_process
+from multiprocessing import current_process
 from typing import Any, TypeVar
 
 import numba
@@ -59,7 +59,7 @@ class _Cache(FunctionCache):
 @cache  # so that it is told once
 def _tell_uncached() -> None:
     """Log it: Python shows that on standard error, and unlike a warning it never becomes an exception of an import."""
-    if parent_process() is None:  # the workers of a benchmark need not repeat it
+    if current_process().name == "MainProcess":  # the workers of a benchmark need not repeat it
         logger.warning(
             "isomatch: compiled loops cannot be cached here, so each run compiles them again (about 10 s); "
             "set NUMBA_CACHE_DIR to a folder of your own that can be written"

@@ -88,7 +88,7 @@ def _begin(run: BenchmarkRun) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone, which, if it was killed, could not end it."""
+    """End this process with the one that started it, which cannot see to it if it is killed."""
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -61,6 +61,11 @@ def write_report(
     facts : mapping of str to object, optional
         Additional rows for the table about the run.
 
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written.
+
     Notes
     -----
     A shape of more than 30 000 vertices is simplified in the 3D view, and the report says so; pictures and numbers are

@@ -84,6 +84,11 @@ def draw_map(
     width : int
         Width of the picture in pixels; the height follows from the shapes.
 
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written.
+
     Notes
     -----
     The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
