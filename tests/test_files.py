@@ -81,6 +81,8 @@ def test_what_is_no_file_is_left_as_it_is(tmp_path):
     for name in names(tmp_path):
         with pytest.raises(UnwritableFileError, match="is not a file and is left as it is"):
             write_text(tmp_path / name, "")
+        with pytest.raises(UnwritableFileError, match="is not a file"), claimed(tmp_path / name):
+            pass
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
 
 

@@ -66,9 +66,8 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
         If the file cannot be written, or if there is something else of that name, such as a device.
     """
     with writing(path):
+        _require_replaceable(path)
         final = path.resolve() if path.exists() else path
-        if final.exists() and not final.is_file():
-            raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
         unfinished = final.with_name(f".isomatch-{token_hex(8)}.unfinished")
         try:
             with unfinished.open("xb") as file:
@@ -116,10 +115,12 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     Raises
     ------
     UnwritableFileError
-        If another process has claimed the file, one of ``new`` exists, or the folder cannot be written.
+        If another process has claimed the file, it is something else, such as a device, one of ``new`` exists, or the
+        folder cannot be written.
     """
     lock = path.with_name(f".{path.name}.lock")
     with writing(path):
+        _require_replaceable(path)
         file = _locked(lock, path)
     try:
         for one in new:
@@ -136,6 +137,11 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
             with suppress(PermissionError):
                 lock.unlink(missing_ok=True)
         file.close()
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
 
 
 def _locked(lock: Path, path: Path) -> BinaryIO:

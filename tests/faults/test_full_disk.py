@@ -2,6 +2,7 @@
 
 import errno
 import io
+import json
 import subprocess
 from pathlib import Path
 
@@ -86,24 +87,23 @@ def test_a_file_is_whole_or_what_it_was_before(name, disk, tmp_path):
 
 
 def test_the_rows_of_a_benchmark_stay_readable(disk, tmp_path):
-    """A write that finds too little room stores a part of a row, which must not be continued by the next one."""
-    rows = [{"pair": f"{i}-{i + 1}", "error": i / 7} for i in range(9)]
-    line = 40
-    for room in range(0, 9 * line, 7):
+    """A write that finds too little room stores a part of a row without an error; no other row may continue it."""
+    rows = [{"pair": f"{i}-{i + 1}", "error": i / 7} for i in range(6)]
+    for room in range(len(json.dumps(rows[3]))):
         (tmp_path / "rows.jsonl").unlink(missing_ok=True)
-        disk.room = room
-        with pytest.raises(UnwritableFileError, match=r"rows\.jsonl: cannot be written"):
-            _append(tmp_path, rows * 2)
-        n_kept = len(read_rows(tmp_path))
         disk.room = 10**6
-        _append(tmp_path, rows[n_kept:])
+        with appending(tmp_path) as append:
+            for row in rows[:3]:
+                append(row)
+            disk.room = room
+            with pytest.raises(UnwritableFileError, match=r"rows\.jsonl: cannot be written \(No space"):
+                append(rows[3])
+        assert read_rows(tmp_path) == rows[:3]
+        disk.room = 10**6
+        with appending(tmp_path) as append:
+            for row in rows[3:]:
+                append(row)
         assert read_rows(tmp_path) == rows
-
-
-def _append(folder, rows):
-    with appending(folder) as append:
-        for row in rows:
-            append(row)
 
 
 @pytest.fixture
