@@ -9,7 +9,9 @@ import pytest
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-FOUNDATION = {"errors", "_array_file", "_arrays", "_files", "_memory", "_renamed", "_settings", "_threads"}
+FOUNDATION = {
+    "errors", "_array_file", "_arrays", "_compiled", "_files", "_limits", "_memory", "_renamed", "_settings", "_threads",
+}  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 GEODESICS = SURFACES | {"geodesics"}
 BASES = GEODESICS | {"bases"}

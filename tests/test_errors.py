@@ -14,6 +14,7 @@ TREE = {
     "SettingError": ("InputError", ValueError),
     "FormatError": ("IsomatchError", ValueError),
     "MissingFileError": ("FormatError", FileNotFoundError),
+    "UnwritableFileError": ("FormatError", OSError),
     "MemoryBudgetError": ("IsomatchError", MemoryError),
     "MissingDependencyError": ("IsomatchError", ImportError),
     "NotConvergedError": ("IsomatchError", Exception),

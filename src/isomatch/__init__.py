@@ -34,6 +34,7 @@ from isomatch.errors import (
     MissingFileError,
     NotConvergedError,
     SettingError,
+    UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
@@ -78,6 +79,7 @@ __all__ = [
     "PreparedShape",
     "Quality",
     "SettingError",
+    "UnwritableFileError",
     "canonical_form",
     "check",
     "distance_basis",

@@ -26,12 +26,13 @@ def save_arrays(
     path: str | Path, version: int, arrays: Mapping[str, object], *, compressed: bool = False
 ) -> None:
     """Write arrays and the version of their format; an earlier file is replaced only by a complete new one."""
-    contents = {_VERSION: np.array(version), **arrays}
-    with replaced(Path(path)) as file:
-        if compressed:
-            np.savez_compressed(file, **contents)  # type: ignore[arg-type]
-        else:
-            np.savez(file, **contents)  # type: ignore[arg-type]
+    write_arrays(Path(path), {_VERSION: np.array(version), **arrays}, compressed=compressed)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, object], *, compressed: bool = True) -> None:
+    """Write arrays to a file, see `replaced`."""
+    with replaced(path) as file:
+        (np.savez_compressed if compressed else np.savez)(file, **arrays)  # type: ignore[arg-type]
 
 
 def require_known_version(path: Path, found: int, known: int) -> None:

@@ -1,14 +1,39 @@
-"""Files are opened with a named error, and replaced only once the new contents are complete."""
+"""Files are opened with a named error, claimed while they are made, and replaced only by complete new contents."""
 
 from __future__ import annotations
 
+import csv
+import errno
+import logging
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from io import StringIO
 from pathlib import Path
+from secrets import token_hex
 from typing import BinaryIO
 
-from isomatch.errors import FormatError, MissingFileError
+from isomatch.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: BinaryIO) -> None:
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: BinaryIO) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+_LOCKED = (
+    errno.EACCES,
+    errno.EAGAIN,
+    errno.EDEADLK,
+)  # what the systems say of a lock that another process holds
+logger = logging.getLogger(__name__)
 
 
 def opened(path: Path) -> BinaryIO:
@@ -31,12 +56,122 @@ def opened(path: Path) -> BinaryIO:
 
 @contextmanager
 def replaced(path: Path) -> Iterator[BinaryIO]:
-    """Open a new file beside an earlier one, which it replaces when the block ends without an error."""
-    final = path.resolve()  # a link keeps pointing at the file it names
-    unfinished = final.with_name(f".{final.name}.{os.getpid()}.unfinished")
+    """Open a new file beside an earlier one, which it replaces when the block ends without an error.
+
+    A link keeps pointing at the file it names; one that names nothing is itself replaced.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written, or if there is something else of that name, such as a device.
+    """
+    with writing(path):
+        _require_replaceable(path)
+        final = path.resolve() if path.exists() else path
+        unfinished = final.with_name(f".isomatch-{token_hex(8)}.unfinished")
+        try:
+            with unfinished.open("xb") as file:
+                yield file
+                file.flush()
+                os.fsync(
+                    file.fileno()
+                )  # otherwise a power failure could leave an empty file of the final name
+            unfinished.replace(final)
+        finally:
+            unfinished.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    r"""Write a text file, see `replaced`.
+
+    It is UTF-8. Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
+    """
+    with replaced(path) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
+    """Write a table with a line of names, see `replaced`; values of other columns are left out."""
+    text = StringIO(newline="")
+    writer = csv.DictWriter(text, columns, extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+@contextmanager
+def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
+    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
+
+    The operating system releases the claim of a process that is killed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; of several that belong together, the one that stands for all. Its folder must exist.
+    new : iterable of Path
+        Files that must not exist yet. A link counts, whatever it names.
+
+    Raises
+    ------
+    UnwritableFileError
+        If another process has claimed the file, it is something else, such as a device, one of ``new`` exists, or the
+        folder cannot be written.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    with writing(path):
+        _require_replaceable(path)
+        file = _locked(lock, path)
     try:
-        with unfinished.open("wb") as file:
-            yield file
-        unfinished.replace(final)
+        for one in new:
+            if os.path.lexists(one):
+                raise UnwritableFileError(
+                    f"{one}: already exists and would be replaced; choose another name with -o, or pass --force"
+                )
+        yield
     finally:
-        unfinished.unlink(missing_ok=True)
+        try:
+            lock.unlink(missing_ok=True)  # before the lock is released, so that it is ours
+        except PermissionError:  # Windows does not remove open files
+            file.close()
+            with suppress(PermissionError):
+                lock.unlink(missing_ok=True)
+        file.close()
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
+
+
+def _locked(lock: Path, path: Path) -> BinaryIO:
+    """Open and lock a file that no other process holds and that has not been removed meanwhile."""
+    while True:
+        file = lock.open("ab")
+        try:
+            _lock(file)
+        except OSError as error:
+            if error.errno in _LOCKED:
+                file.close()
+                raise UnwritableFileError(
+                    f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
+                ) from None
+            logger.warning("%s: cannot be locked (%s); let no other run write there", path, error.strerror)
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                return file
+        file.close()
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name the file in the errors of the system."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, IsomatchError):
+            raise
+        reason = error.strerror or str(error) or type(error).__name__
+        raise UnwritableFileError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
+        ) from None

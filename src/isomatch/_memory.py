@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 
+from isomatch._limits import memory
 from isomatch.errors import MemoryBudgetError, SettingError
 
 GIB = 2**30
@@ -12,7 +14,8 @@ GIB = 2**30
 def memory_budget() -> int:
     """Return how many bytes one step may allocate.
 
-    This is ``ISOMATCH_MEMORY_BUDGET``, in GiB, if it is set, and otherwise half the memory of the machine.
+    This is ``ISOMATCH_MEMORY_BUDGET``, in GiB, if it is set, and otherwise half the memory that this process may
+    use, see `isomatch._limits`; 4 GiB where the system does not tell.
     """
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if wanted:
@@ -22,10 +25,8 @@ def memory_budget() -> int:
             raise SettingError(
                 f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a number; give GiB, such as 8 or 0.5"
             ) from None
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (AttributeError, ValueError, OSError):  # systems that do not report their memory
-        return 4 * GIB
+    available = memory()
+    return int(available / 2) if math.isfinite(available) else 4 * GIB
 
 
 def require_memory(n_bytes: float, purpose: str, instead: str) -> None:

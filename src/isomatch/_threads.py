@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from isomatch._limits import processors
 from isomatch.errors import SettingError
 
 T = TypeVar("T")
@@ -20,16 +21,15 @@ R = TypeVar("R")
 def n_threads() -> int:
     """Return the number of threads to use.
 
-    This is ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise the number of processors that this process may use.
+    This is ``ISOMATCH_NUM_THREADS`` if it is set, and otherwise the number of processors that this process may use,
+    see `isomatch._limits`.
     """
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
         if not wanted.isdigit() or int(wanted) < 1:
             raise SettingError(f"ISOMATCH_NUM_THREADS = {wanted!r} is not a positive number of threads")
         return int(wanted)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return processors()
 
 
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:

@@ -10,7 +10,8 @@
     │   ├── DescriptorError              values on the vertices
     │   └── SettingError                 a setting
     ├── FormatError (ValueError)         the contents of a file
-    │   └── MissingFileError (FileNotFoundError)
+    │   ├── MissingFileError (FileNotFoundError)
+    │   └── UnwritableFileError (OSError)
     ├── MemoryBudgetError (MemoryError)
     ├── MissingDependencyError (ImportError)
     └── NotConvergedError
@@ -53,6 +54,10 @@ class FormatError(IsomatchError, ValueError):
 
 class MissingFileError(FormatError, FileNotFoundError):
     """A file or a data set is not where it was looked for."""
+
+
+class UnwritableFileError(FormatError, OSError):
+    """A file cannot be written, exists already, or is being written by another process."""
 
 
 class MemoryBudgetError(IsomatchError, MemoryError):

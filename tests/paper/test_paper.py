@@ -256,5 +256,5 @@ def test_bad_requests_are_reported_in_one_line(made, tmp_path, capsys):
     assert "n_pairs = 0 is not an integer of at least 1" in one_line(capsys)
     earlier = (made[0] / "voronoi.json").read_text()
     assert main(["paper", "all", "--quick", "-o", str(made[0])]) == 1
-    assert "already exists and would be lost" in one_line(capsys)
+    assert "already exists and would be replaced" in one_line(capsys)
     assert (made[0] / "voronoi.json").read_text() == earlier

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch.correspondence import Embedding, PrecisePoints, faces_around_vertices, nearest_in_triangle
 from isomatch.matching import ShapePair
 
@@ -128,7 +128,7 @@ def descended(
     return found, tuple(stresses)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _sweep(
     cloud: FloatArray,
     signs: FloatArray,

@@ -146,7 +146,13 @@ class DistanceBasis:
         return relative
 
     def save(self, path: str | Path) -> None:
-        """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete."""
+        """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
+        """
         held_out = {} if self.held_out is None else vars(self.held_out)
         arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}

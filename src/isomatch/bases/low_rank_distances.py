@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._threads import n_threads, parallel_map
 
 FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
@@ -42,7 +42,7 @@ def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntA
     return out
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _sum_pairs(
     vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray, out: FloatArray
 ) -> None:  # pragma: no cover - compiled

@@ -18,6 +18,7 @@ from isomatch.cli.info import info
 from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
+from isomatch.cli.terminal import print_anything, printable
 from isomatch.errors import IsomatchError
 
 __all__ = ["main"]
@@ -50,6 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         Exit code: 0 if it succeeded, 1 for bad input or a bad result, 2 for wrong usage.
     """
+    print_anything()
     try:
         command, bound, _ = app.parse_args(
             sys.argv[1:] if argv is None else list(argv), exit_on_error=False, print_error=False
@@ -70,5 +72,5 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    sys.stderr.write(f"isomatch: {' '.join(message.split())}\n")
+    sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
     return code

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 import isomatch
 from isomatch.bases import BasisMethod, Weighting, canonical_form
 from isomatch.cli.distance import EngineOption
+from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say_json, say_table
 
 
@@ -63,11 +64,8 @@ def basis(
     force : bool
         Replace existing files.
     """
-    for path in (output, canonical):
-        if path is not None and path.exists() and not force:
-            raise isomatch.IsomatchError(f"{path}: already exists; choose another name, or pass --force")
-    mesh = isomatch.read_mesh(file)
-    with progress() as stage:
+    with claimed_files(output, canonical, force=force), progress() as stage:
+        mesh = isomatch.read_mesh(file)
         stage("distances")
         started = time.perf_counter()
         dtype = np.float32 if single else np.float64

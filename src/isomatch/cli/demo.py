@@ -30,16 +30,14 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
     started = time.perf_counter()
     source, target = example_pair()
     folder = ResultFolder(output, picture="demo.png")
-    folder.claim(force=True)
-    with progress() as stage:
+    with folder.claimed(force=True), progress() as stage:
         result = isomatch.match(source.mesh, target.mesh, progress=stage)
         stage("comparing")
         truth = ground_truth(source, target).vertices
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
-        folder.write(result, {"mean_error_over_sqrt_target_area": float(errors.mean())})
-        stage("drawing")
-        folder.draw(
+        stage("writing")
+        folder.write(
             source.mesh,
             target.mesh,
             result,
@@ -49,6 +47,7 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
                 f"target, {target.mesh.n_vertices} vertices",
             ),
             facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"},
+            more={"mean_error_over_sqrt_target_area": float(errors.mean())},
         )
     say(f"{result.outcome.value}: {result.outcome.advice}", "bold")
     say_table(

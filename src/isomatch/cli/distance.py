@@ -10,8 +10,11 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import LimitedChoice
 
 import isomatch
+from isomatch._array_file import write_arrays
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._files import write_text
 from isomatch.cli.inputs import read_pairs
+from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
 from isomatch.geodesics import engine_names, pair_distances
@@ -68,27 +71,22 @@ def distance(
     force : bool
         Replace an existing file.
     """
-    if output is not None:
-        if output.suffix not in (".csv", ".npz"):
-            raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
-        if output.exists() and not force:
-            raise isomatch.IsomatchError(
-                f"{output}: already exists; choose another name with -o, or pass --force"
-            )
+    if output is not None and output.suffix not in (".csv", ".npz"):
+        raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
     asked = (
         read_pairs(pairs, "a pair", "separated by a comma or blank")
         if pairs is not None
         else _vertices(sources or "")
     )
-    with progress() as stage:
+    kind = "pairs" if pairs is not None else "sources"
+    with claimed_files(output, force=force), progress() as stage:
         stage("reading")
         mesh = isomatch.read_mesh(file)
         surface = mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
         stage("distances")
         name, distances = _distances(surface, asked, engine, basis)
-    kind = "pairs" if pairs is not None else "sources"
-    if output is not None:
-        _write(output, kind, asked, distances)
+        if output is not None:
+            _write(output, kind, asked, distances)
     if json:
         record = {"file": str(file), "engine": name, "basis": basis and str(basis), kind: asked.tolist()}
         where = {"output": str(output)} if output is not None else {"distances": distances.tolist()}
@@ -140,9 +138,9 @@ def _lines(kind: str, asked: IntArray, distances: FloatArray) -> list[str]:
 def _write(path: Path, kind: str, asked: IntArray, distances: FloatArray) -> None:
     if path.suffix == ".npz":
         arrays: dict[str, Any] = {kind: asked, "distances": distances}
-        np.savez_compressed(path, **arrays)
+        write_arrays(path, arrays)
         return
     lines = _lines(kind, asked, distances)
     if kind == "pairs":
         lines = ["source,target,distance", *(f"{i},{j},{line}" for (i, j), line in zip(asked, lines))]
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    write_text(path, "\n".join([*lines, ""]))

@@ -38,7 +38,8 @@ def info(*, json: bool = False) -> None:
         "platform": platform.platform(),
         "threads": n_threads(),
         "blas": _blas(),
-        "numba_cache": os.environ.get("NUMBA_CACHE_DIR") or "__pycache__ next to each module",
+        "numba_cache": os.environ.get("NUMBA_CACHE_DIR")
+        or "__pycache__ next to each module, or the cache of the user",
         "memory_budget_gib": round(memory_budget() / GIB, 1),
     }
     if json:

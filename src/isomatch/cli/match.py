@@ -67,18 +67,20 @@ def match(
         stage("reading")
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         start = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
-        folder.claim(force)
-        result = isomatch.match(
-            *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
-        )
-        stage("writing")
-        given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
-        facts = {what: str(path) for what, path in given.items() if path is not None}
-        record = folder.write(result, {"source": str(source), "target": str(target)})
-        stage("drawing")
-        names = source.name, target.name
-        titles = f"source: {source.name}", f"target: {target.name}"
-        folder.draw(*shapes, result, names=names, titles=titles, facts=facts)
+        with folder.claimed(force):
+            result = isomatch.match(
+                *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
+            )
+            stage("writing")
+            given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
+            record = folder.write(
+                *shapes,
+                result,
+                names=(source.name, target.name),
+                titles=(f"source: {source.name}", f"target: {target.name}"),
+                facts={what: str(path) for what, path in given.items() if path is not None},
+                more={"source": str(source), "target": str(target)},
+            )
     if json:
         say_json(record)
         return

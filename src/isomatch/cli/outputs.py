@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from isomatch import IsomatchError, MatchResult, Mesh, Outcome, __version__
+from isomatch import MatchResult, Mesh, Outcome, __version__
+from isomatch._files import claimed, write_text
 from isomatch.cli.terminal import json_text, say, say_table
 
 
@@ -37,24 +40,16 @@ class ResultFolder:
         }
         return {what: str(self.folder / name) for what, name in names.items()}
 
-    def claim(self, force: bool) -> None:
-        """Create the folder; refuse to replace an existing result unless forced."""
-        existing = [path for path in self.files.values() if Path(path).exists()]
-        if existing and not force:
-            raise IsomatchError(
-                f"{existing[0]}: already exists and would be replaced; choose another folder with -o, or pass --force"
-            )
+    def claimed(self, force: bool) -> AbstractContextManager[None]:
+        """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        return claimed(self._result, [] if force else map(Path, self.files.values()))
 
-    def write(self, result: MatchResult, more: dict[str, Any]) -> dict[str, Any]:
-        """Write the map and ``result.json``; return the contents of the latter."""
-        record = {"isomatch": __version__, **more, **result.to_dict(), "files": self.files}
-        result.map.save(self.files["map"])
-        result.map.save(self.files["text"])
-        Path(self.files["result"]).write_text(json_text(record), encoding="utf-8")
-        return record
+    @property
+    def _result(self) -> Path:
+        return Path(self.files["result"])
 
-    def draw(
+    def write(
         self,
         source: Mesh,
         target: Mesh,
@@ -63,14 +58,34 @@ class ResultFolder:
         names: tuple[str, str],
         titles: tuple[str, str],
         facts: dict[str, Any],
-    ) -> None:
-        """Draw the picture, with ``titles`` below the shapes, and write the report, with ``facts`` about the run."""
+        more: dict[str, Any],
+    ) -> dict[str, Any]:
+        """Write all files, ``result.json`` last: where it exists, the others are complete and belong to it.
+
+        The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
+        ``result.json``, which begin with ``more``.
+        """
         from isomatch.view import draw_map, write_report  # imports matplotlib, which is slow
 
+        self._result.unlink(missing_ok=True)
+        result.map.save(self.files["map"])
+        result.map.save(self.files["text"])
         picture = self.files["picture"]
         draw_map(source, target, result.map, picture, titles=titles)
         facts = {"isomatch": __version__, **facts}
         write_report(self.files["report"], source, target, result, names=names, picture=picture, facts=facts)
+        record = {"isomatch": __version__, **more, **result.to_dict(), "files": self.files}
+        write_text(self._result, json_text(record))
+        return record
+
+
+@contextmanager
+def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
+    """Claim single files, see `isomatch._files.claimed`; those that exist have to be forced."""
+    with ExitStack() as claims:
+        for path in filter(None, paths):
+            claims.enter_context(claimed(path, [] if force else [path]))
+        yield
 
 
 _STYLES = {Outcome.CONVERGED: "bold green", Outcome.LOW_CONFIDENCE: "bold red"}

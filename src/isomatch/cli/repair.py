@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 import isomatch
+from isomatch._array_file import write_arrays
+from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import say
 
 
@@ -34,19 +35,11 @@ def repair(
         Replace existing files.
     """
     index = output.with_suffix(".index.npz")
-    for path in (output, index):
-        if path.exists() and not force:
-            raise isomatch.IsomatchError(
-                f"{path}: already exists; choose another name with -o, or pass --force"
-            )
-    repaired = isomatch.repair(isomatch.read_mesh(file))
-    isomatch.write_mesh(output, repaired.mesh)
-    np.savez_compressed(
-        index,
-        vertex_index=repaired.vertex_index,
-        new_index=repaired.new_index,
-        face_index=repaired.face_index,
-    )
+    with claimed_files(output, index, force=force):
+        repaired = isomatch.repair(isomatch.read_mesh(file))
+        indices = ("vertex_index", "new_index", "face_index")
+        write_arrays(index, {name: getattr(repaired, name) for name in indices})
+        isomatch.write_mesh(output, repaired.mesh)
     for change in repaired.changes or ("nothing to repair",):
         say(change)
     say(f"wrote {output}, {index}")

@@ -7,16 +7,31 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
+
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
+
+
+def print_anything() -> None:
+    """Make both streams escape what their encoding lacks, so that no text, such as a file name, is an error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def printable(text: str) -> str:
+    """Escape control characters other than tabs and line ends: those of a file name must not reach the terminal."""
+    return text.translate(_CONTROLS)
 
 
 def say(text: str, style: str = "") -> None:
     """Print a text without breaking its lines."""
-    Console(highlight=False).print(escape(text), style=style, soft_wrap=True)
+    Console(highlight=False).print(Text(printable(text)), style=style, soft_wrap=True)
 
 
 def say_table(rows: Iterable[tuple[str, str, str]]) -> None:
@@ -26,18 +41,18 @@ def say_table(rows: Iterable[tuple[str, str, str]]) -> None:
     table.add_column(overflow="fold")
     table.add_column(style="dim")
     for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     Console(highlight=False).print(table)
 
 
 def say_json(value: Any) -> None:
-    """Print a value as one JSON object."""
-    sys.stdout.write(json_text(value))
+    """Print a value as one JSON object, in ASCII, which every encoding has."""
+    sys.stdout.write(json_text(value, ascii_only=True))
 
 
-def json_text(value: Any) -> str:
+def json_text(value: Any, *, ascii_only: bool = False) -> str:
     """Format plain values as JSON. Numbers that are not finite become null, because JSON does not have them."""
-    return json.dumps(_finite(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(_finite(value), indent=2, ensure_ascii=ascii_only, allow_nan=False) + "\n"
 
 
 def _finite(value: Any) -> Any:

@@ -161,6 +161,11 @@ class Correspondence:
 
         Line i of the text, counted from 0 and without the header, is the target vertex of source vertex i. An
         earlier file is replaced only once the new one is complete.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
         """
         path = Path(path)
         if path.suffix == ".npz":

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from isomatch._arrays import Float32Array, FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
@@ -115,7 +115,7 @@ def _joined(parts: list[IntArray]) -> IntArray:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz", "reassoc", "contract"})
+@compiled(fastmath={"nnan", "nsz", "reassoc", "contract"})
 def _settle(
     scores: Float32Array, x: FloatArray, y: FloatArray, slack: float, best: IntArray
 ) -> None:  # pragma: no cover - compiled
@@ -135,7 +135,7 @@ def _settle(
         best[i] = winner
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"})
+@compiled(fastmath={"nsz", "reassoc", "contract"})
 def _radii(
     x: FloatArray, centres: FloatArray, start: IntArray, radius: FloatArray
 ) -> None:  # pragma: no cover - compiled
@@ -145,7 +145,7 @@ def _radii(
         radius[a] = np.sqrt(radius[a])
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"})
+@compiled(fastmath={"nsz", "reassoc", "contract"})
 def _open_cells(
     apart: FloatArray,
     radius: FloatArray,
@@ -171,7 +171,7 @@ def _open_cells(
         best[i] = winner
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nsz", "reassoc", "contract"}, inline="always")
+@compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")
 def _squared(x: FloatArray, j: int, y: FloatArray, i: int) -> float:  # pragma: no cover - compiled
     total = 0.0
     for d in range(x.shape[1]):

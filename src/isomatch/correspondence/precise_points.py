@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 
 CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
@@ -86,7 +86,7 @@ def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, I
     return start, np.argsort(faces.ravel(), kind="stable")
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _nearest(
     x: FloatArray,
     points: FloatArray,
@@ -118,7 +118,7 @@ def _nearest(
                 barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def nearest_in_triangle(
     uu: float, uv: float, vv: float, up: float, vp: float
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled

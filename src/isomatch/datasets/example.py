@@ -8,10 +8,12 @@ To make it again::
 from __future__ import annotations
 
 from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from isomatch._array_file import write_arrays
 from isomatch.datasets.creatures import Creature, creature
 from isomatch.surfaces import Mesh
 
@@ -77,4 +79,4 @@ def save_example_pair(path: str = str(FILE)) -> None:
         arrays[f"{name}_vertices"] = made.mesh.vertices.astype(np.float32)
         arrays[f"{name}_rest"] = made.rest.astype(np.float32)
         arrays[f"{name}_faces"] = made.mesh.faces.astype(np.uint16)
-    np.savez_compressed(path, **arrays)
+    write_arrays(Path(path), arrays)

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.datasets.anatomy import Limb
 
@@ -65,7 +65,7 @@ def _chunks(points: FloatArray) -> list[FloatArray]:
     return np.array_split(points, len(points) // CHUNK + 1)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, float, float, float]:
     """Signed distance to a round cone and its gradient.
 
@@ -85,7 +85,7 @@ def _to_cone(x: float, y: float, z: float, cone: FloatArray) -> tuple[float, flo
     return reach - cone[6] + slope * t * length, px / reach, py / reach, pz / reach
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _field(points: FloatArray, cones: FloatArray, blend: float) -> FloatArray:
     result = np.zeros((len(points), 4))
     for i in range(len(points)):
@@ -100,7 +100,7 @@ def _field(points: FloatArray, cones: FloatArray, blend: float) -> FloatArray:
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _membership(
     points: FloatArray, cones: FloatArray, owner: IntArray, n_limbs: int, reach: float
 ) -> FloatArray:

@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache, partial
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import TypeAlias
 
 from threadpoolctl import ThreadpoolController
@@ -78,11 +79,20 @@ _worker: _Worker  # of this process, see `_begin`
 def _begin(run: BenchmarkRun) -> None:
     """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
     global _worker
+    Thread(target=_end_with_parent, daemon=True).start()
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
     ThreadpoolController().limit(limits=1)
     source, target = example_pair()
     match(source.mesh, target.mesh)
     _worker = _Worker(run)
+
+
+def _end_with_parent() -> None:
+    """End this process with the one that started it, which cannot see to it if it is killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _work(names: PairNames, base: str, endings: list[str]) -> list[Row]:

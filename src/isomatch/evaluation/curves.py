@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._files import replaced
 from isomatch.evaluation.ledger import set_label
 from isomatch.evaluation.methods import METHODS
 from isomatch.evaluation.princeton import LIMIT, THRESHOLDS
@@ -55,7 +56,8 @@ def draw_curves(rows: list[dict[str, Any]], published: Sequence[PublishedCurve],
             at_landmarks = any(row["set"] == name and row.get("judged_at") == "landmarks" for row in good)
             axes.set_title(f"{name}{', at landmarks' * at_landmarks}: {kind}", fontsize="medium")
     for suffix in ("png", "svg"):
-        figure.savefig(out / f"curves.{suffix}", dpi=110)
+        with replaced(out / f"curves.{suffix}") as file:
+            figure.savefig(file, format=suffix, dpi=110)
 
 
 def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
@@ -111,4 +113,8 @@ def _draw(
         xlabel="geodesic error / √(target area)", xlim=(0, LIMIT), ylabel="correspondences, %", ylim=(0, 101)
     )
     axes.grid(alpha=0.3)
-    axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small", title="method (pairs)")
+    legend = axes.legend(
+        loc="center left", bbox_to_anchor=(1, 0.5), fontsize="x-small", title="method (pairs)"
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a dollar sign in the name of a published curve does not start a formula

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from isomatch._files import claimed, writing
 from isomatch.errors import FormatError
 
 Row: TypeAlias = dict[str, Any]
@@ -64,13 +67,22 @@ def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
     """Open the rows of a folder for writing; gives a function that adds a row in a single write.
 
     An incomplete last line is cut off first.
+
+    Raises
+    ------
+    UnwritableFileError
+        If another process has opened them for writing, or, by the function, if a row cannot be written wholly.
     """
-    with (Path(out) / FILE).open("ab+", buffering=0) as file:
+    path = Path(out) / FILE
+    with claimed(path), path.open("ab+", buffering=0) as file:
         file.seek(0)
         file.truncate(file.readall().rfind(b"\n") + 1)
 
         def append(row: Row) -> None:
-            file.write(json.dumps(row, allow_nan=False).encode() + b"\n")
+            line = json.dumps(row, allow_nan=False).encode() + b"\n"
+            with writing(path):
+                if file.write(line) < len(line):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         yield append
 

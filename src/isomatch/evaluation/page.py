@@ -10,6 +10,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from isomatch._files import write_text
+
 MOST_PAIRS = 20  # worst pairs shown
 WORDS = ("set", "damage", "pair", "method", "outcome", "problem", "judged_at", "version")  # columns of text
 MEANINGS = {
@@ -86,7 +88,7 @@ def write_page(
         worst=_table(WORST, worst),
         columns="".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in MEANINGS.items()),
     )
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def _table(columns: Iterable[str], rows: list[dict[str, Any]]) -> str:

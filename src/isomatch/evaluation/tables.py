@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from isomatch._files import write_csv
 from isomatch.evaluation.curves import draw_curves
 from isomatch.evaluation.ledger import Row, identity_of, read_rows
 from isomatch.evaluation.page import write_page
@@ -139,10 +139,8 @@ def _mean(values: list[float | None]) -> float | None:
 
 
 def _write_csv(path: Path, rows: list[dict[str, Any]], columns: tuple[str, ...]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {key: float(f"{value:.5g}") if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
+    rounded = (
+        {key: float(f"{value:.5g}") if isinstance(value, float) else value for key, value in row.items()}
+        for row in rows
+    )
+    write_csv(path, rounded, columns)

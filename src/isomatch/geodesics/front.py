@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._threads import n_threads, parallel_map
 from isomatch.geodesics.stencil import Stencil
 
@@ -69,7 +69,7 @@ def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
 _NO_BOUND = np.zeros(0)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _excess(before: float, radius: float, step: float, gauss: float) -> float:  # pragma: no cover - compiled
     """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier.
 
@@ -89,7 +89,7 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:  
     return min(max(bent, -MOST_FOCUS / step), 1.0 / step) - 1.0 / radius
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
+@compiled(fastmath={"contract", "arcp", "nsz"})
 def _march(
     start: IntArray,
     other: AnyArray,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch._memory import require_memory
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.engines import MetricSpace
@@ -131,7 +131,7 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
     return chosen
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _fill_with_farthest(points: FloatArray, chosen: IntArray) -> None:  # pragma: no cover - compiled
     """Fill ``chosen`` after its first entry."""
     nearest = np.full(len(points), np.inf)  # squared distance to the points chosen so far

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch.surfaces import Mesh
 
 UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
@@ -141,7 +141,7 @@ def _opposite_corners(faces: IntArray, n: int) -> IntArray:
     return opposite
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _split_obtuse(
     points: FloatArray, corner_vertex: IntArray, opposite: IntArray
 ) -> tuple[IntArray, FloatArray]:  # pragma: no cover - compiled

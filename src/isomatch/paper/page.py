@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from isomatch._files import write_text
+
 PAGE = "index.md"
 ELSEWHERE = (
     "item",
@@ -30,7 +32,7 @@ def write_page(out: Path, names: Iterable[str]) -> None:
     head = (
         "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\nWritten by `isomatch paper`.\n"
     )
-    (out / PAGE).write_text(head + "".join(map(_section, records)), encoding="utf-8")
+    write_text(out / PAGE, head + "".join(map(_section, records)))
 
 
 def _section(record: dict[str, Any]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import Any
 
 from matplotlib import rc_context
 
-from isomatch import IsomatchError, SettingError, __version__
+from isomatch import SettingError, __version__
+from isomatch._files import claimed, replaced, write_csv, write_text
 from isomatch.paper import (
     basis_error,
     basis_vectors,
@@ -22,7 +22,7 @@ from isomatch.paper import (
     voronoi,
 )
 from isomatch.paper.item import Item, Reproduction, Setting
-from isomatch.paper.page import write_page
+from isomatch.paper.page import PAGE, write_page
 
 ITEMS: dict[str, Item] = {
     "basis-error": basis_error.ITEM,
@@ -64,25 +64,23 @@ def reproduce(
     ------
     SettingError
         If there is no such item.
+    UnwritableFileError
+        If a file already exists, or another process writes to the folder; this is checked before anything is computed.
     IsomatchError
-        If a file already exists; this is checked before anything is computed. Also whatever the item raises.
+        Whatever the item raises.
     """
     unknown = sorted(set(names) - set(ITEMS))
     if unknown:
         raise SettingError(f"unknown item {', '.join(unknown)}; choose from {', '.join(ITEMS)}, all")
     out = Path(out)
-    existing = [path for name in names for path in _files(out, name) if path.exists()]
-    if existing and not force:
-        raise IsomatchError(
-            f"{existing[0]}: already exists and would be lost; choose another folder with -o, or pass --force"
-        )
     out.mkdir(parents=True, exist_ok=True)
-    for name in names:
-        with rc_context(STYLE):
-            setting.progress(name)
-            record = _write(name, ITEMS[name].make(setting), setting, out)
-        write_page(out, ITEMS)
-        yield record
+    with claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]):
+        for name in names:
+            with rc_context(STYLE):
+                setting.progress(name)
+                record = _write(name, ITEMS[name].make(setting), setting, out)
+            write_page(out, ITEMS)
+            yield record
 
 
 def _files(out: Path, name: str) -> list[Path]:
@@ -92,15 +90,15 @@ def _files(out: Path, name: str) -> list[Path]:
 def _write(name: str, made: Reproduction, setting: Setting, out: Path) -> dict[str, Any]:
     """Write picture, numbers and verdicts; return the record."""
     png, svg, table, verdict = _files(out, name)
-    made.figure.savefig(png, dpi=DPI)
-    made.figure.savefig(svg, dpi=DPI, metadata={"Date": None})
-    with table.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, made.rows[0])
-        writer.writeheader()
-        writer.writerows(
-            {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in row.items()}
-            for row in made.rows
-        )
+    with replaced(png) as file:
+        made.figure.savefig(file, format="png", dpi=DPI)
+    with replaced(svg) as file:
+        made.figure.savefig(file, format="svg", dpi=DPI, metadata={"Date": None})
+    rounded = (
+        {key: f"{value:.5g}" if isinstance(value, float) else value for key, value in row.items()}
+        for row in made.rows
+    )
+    write_csv(table, rounded, made.rows[0].keys())
     record = {
         "item": name,
         "origin": ITEMS[name].origin,
@@ -113,5 +111,5 @@ def _write(name: str, made: Reproduction, setting: Setting, out: Path) -> dict[s
         "isomatch": __version__,
         "files": [path.name for path in (png, svg, table, verdict)],
     }
-    verdict.write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_text(verdict, json.dumps(record, indent=2, ensure_ascii=False) + "\n")
     return record

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     return raster
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _fill(
     points: FloatArray, faces: IntArray, face: IntArray, barycentric: FloatArray, depth: FloatArray
 ) -> None:  # pragma: no cover - compiled

@@ -14,6 +14,7 @@ from platform import python_version
 from string import Template
 from typing import Any
 
+from isomatch._files import write_text
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
@@ -60,6 +61,11 @@ def write_report(
     facts : mapping of str to object, optional
         Additional rows for the table about the run.
 
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written.
+
     Notes
     -----
     A shape of more than 30 000 vertices is simplified in the 3D view, and the report says so; pictures and numbers are
@@ -93,7 +99,7 @@ def write_report(
         **_lights(),
         script=(room / "report.js").read_text(encoding="utf-8"),
     )
-    Path(path).write_text(page, encoding="utf-8")
+    write_text(Path(path), page)
 
 
 def _lights() -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -13,9 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
+from isomatch._files import replaced
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
 from isomatch.view.camera import camera_of, turn_to_target
@@ -81,6 +84,11 @@ def draw_map(
     width : int
         Width of the picture in pixels; the height follows from the shapes.
 
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written.
+
     Notes
     -----
     The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
@@ -101,7 +109,8 @@ def draw_map(
     figure = _arranged(panels, width, 0 if values is None else COLOUR_BAR)
     if values is not None:
         _add_colour_bar(figure, values)
-    figure.savefig(path, dpi=DPI)
+    with replaced(Path(path)) if isinstance(path, str | Path) else nullcontext(path) as file:
+        figure.savefig(file, format="png", dpi=DPI)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +138,7 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         figure.text(
             middle,
             (TITLE + MARGIN) / 2 / figure.bbox.height,
-            panel.title,
+            _drawable(panel.title),
             ha="center",
             va="center",
             size=8,
@@ -137,6 +146,15 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
         )
         left += int(panel_width) + MARGIN
     return figure
+
+
+def _drawable(title: str) -> str:
+    """Replace the characters that the font of a title lacks, such as line ends and bytes that are no text."""
+    font = get_font(findfont(FontProperties()))
+    return "".join(
+        character if font.get_char_index(ord(character)) else "\N{REPLACEMENT CHARACTER}"
+        for character in title
+    )
 
 
 def _as_is(colours: FloatArray) -> FloatArray:

@@ -148,7 +148,9 @@ def write_mesh(
     Raises
     ------
     FormatError
-        If the suffix is unknown, the format does not have a requested option, or the file cannot be written.
+        If the suffix is unknown, or the format does not have a requested option.
+    UnwritableFileError
+        If the file cannot be written.
     DescriptorError
         If the colours do not fit the mesh.
     MeshError
@@ -178,14 +180,8 @@ def write_mesh(
         able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
         raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
     data = mesh_format.write(mesh, **options)
-    try:
-        with replaced(path) as file:
-            file.write(data)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise FormatError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder"
-        ) from None
+    with replaced(path) as file:
+        file.write(data)
 
 
 def _format_of(path: Path) -> MeshFormat:
