@@ -330,6 +330,55 @@ class RefinementSettings(Settings):
 
 
 @dataclass(frozen=True)
+class PartSettings(Settings):
+    """Settings of the match of a part to a whole.
+
+    Parameters
+    ----------
+    n_anchors : int
+        Distance columns of the part, whose images a start consists of.
+    n_posts : int
+        Boundary vertices through which paths may leave the part.
+    n_candidates : int
+        Vertices of the whole among which the images of the first anchors are sought.
+    n_placed : int
+        Anchors that are assigned by the beam search; the others are trilaterated.
+    width, apart : int, float
+        Partial assignments that the beam search keeps, and the mean distance, in √area, by which they differ.
+    signature_cost : float
+        Weight of the signatures in the beam search.
+    radii : tuple of float
+        Radii of the balls, in √area, whose areas are compared in the beam search.
+    n_trilaterated, n_starts, n_mirrored : int
+        Best assignments that are completed; best of these; the same with mirror images.
+    n_contenders : int
+        Best starts that are refined to the end, after a short refinement of all.
+    function_ratio : float
+        The part gets as many functions as have eigenvalues up to this times the largest of the whole that is used:
+        a boundary needs more functions than the share of the area says.
+    sizes : tuple of int
+        Functions of the whole in the short refinement.
+    """
+
+    n_anchors: int = setting(50, "exploration of cuts and holes", least=8)
+    n_posts: int = setting(60, "exploration of cuts and holes", least=4)
+    n_candidates: int = setting(300, "exploration of cuts and holes", least=20)
+    n_placed: int = setting(16, "exploration of cuts and holes", least=4)
+    width: int = setting(1000, "exploration of cuts and holes", least=1)
+    apart: float = setting(0.12, "exploration: this diversity is essential", least=0)
+    signature_cost: float = setting(0.25, "exploration of cuts and holes", least=0)
+    radii: tuple[float, ...] = setting(
+        (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9), "by factors of about √2", least=0
+    )
+    n_trilaterated: int = setting(80, "exploration of cuts and holes", least=1)
+    n_starts: int = setting(16, "exploration of cuts and holes", least=1)
+    n_mirrored: int = setting(24, "exploration of cuts and holes", least=1)
+    n_contenders: int = setting(8, "exploration of cuts and holes", least=1)
+    function_ratio: float = setting(1.75, "exploration of cuts and holes", least=1)
+    sizes: tuple[int, ...] = setting((20, 40, 70), "exploration of cuts and holes", least=4)
+
+
+@dataclass(frozen=True)
 class OutcomeSettings(Settings):
     """Bounds of the measures that make an outcome.
 
@@ -451,6 +500,7 @@ class Config(Settings):
     search: SearchSettings = setting(SearchSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
+    part: PartSettings = setting(PartSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 
     def __post_init__(self) -> None:

@@ -1,0 +1,1 @@
+"""Matching of a part to a whole: intervals → starts → refinement → choice."""
