@@ -234,7 +234,7 @@ def test_levels_out_of_range_are_refused():
         assert first.default == damage.default in damage.levels, name
     with pytest.raises(SettingError, match=r"views = 2\.5 is not a whole number of cameras"):
         view(BALL, 2.5)
-    with pytest.raises(SettingError, match=r"count = 0 must lie in 1…2562"):
+    with pytest.raises(SettingError, match=r"count = 0 must lie in 1…2562, the"):
         holes(BALL, count=0)
     with pytest.raises(MeshError, match=r"no limbs of .* are as near as 0.02 √area"):
         weld(BALL)
@@ -253,11 +253,9 @@ def test_choices_are_read_from_text_and_written_back():
         SettingError, match="unknown damage 'fire'; choose from cut, holes, limb_removed, view"
     ):
         DamageChoice.parse("fire:3")
-    with pytest.raises(
-        SettingError, match=r"'cut:much' has no number as its level; give the share .* such as cut:0\.3"
-    ):
+    with pytest.raises(SettingError, match="'cut:much' has 'much' in the place of a number"):
         DamageChoice.parse("cut:much")
-    with pytest.raises(SettingError, match="'cut@left' is on no side of a pair"):
+    with pytest.raises(SettingError, match="side 'left' of damage 'cut' is not one of source, target, both"):
         DamageChoice.parse("cut@left")
     with pytest.raises(SettingError, match=r"level of cut = 30\.0 does not lie between 0 and 1"):
         DamageChoice.parse("cut:30")

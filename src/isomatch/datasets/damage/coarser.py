@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable
+from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable, with_faces
 from isomatch.geodesics import distance_engine, peripheral_vertex
 from isomatch.surfaces import Mesh
 
@@ -112,10 +112,7 @@ def _collapsed(mesh: Mesh, share: float, quadrics: FloatArray, weights: FloatArr
     n_used = len(np.unique(faces))
     n_removed = n_used - max(round(share * n_used), 4)
     alive = _collapse(mesh.vertices, faces, mesh.edges, quadrics, weights, _at_boundary(mesh), n_removed)
-    original = np.unique(faces[alive])
-    renumber = np.zeros(mesh.n_vertices, dtype=np.int64)
-    renumber[original] = np.arange(len(original))
-    return Damaged(mesh, Mesh(mesh.vertices[original], renumber[faces[alive]]), original)
+    return with_faces(mesh, faces[alive])
 
 
 def _at_boundary(mesh: Mesh) -> BoolArray:

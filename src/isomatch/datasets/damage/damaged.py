@@ -48,6 +48,14 @@ class Damaged:
         return self.original if self.twin is None else np.where(self.twin < 0, self.original, self.twin)
 
 
+def with_faces(whole: Mesh, faces: IntArray) -> Damaged:
+    """Make a mesh of (m, 3) faces between vertices of a whole one, without the vertices that they do not use."""
+    original = np.unique(faces)
+    renumber = np.zeros(whole.n_vertices, dtype=np.int64)
+    renumber[original] = np.arange(len(original))
+    return Damaged(whole, Mesh(whole.vertices[original], renumber[faces]), original)
+
+
 def undamaged(mesh: Mesh) -> Damaged:
     """Return a mesh as its own original."""
     return Damaged(mesh, mesh, np.arange(mesh.n_vertices))
