@@ -27,16 +27,22 @@ class Damaged:
         Vertex of the whole mesh that each damaged vertex was.
     twin : (n,) array of int, optional
         Where two vertices were merged into one, the second of them; −1 elsewhere.
+    stand_in : (n_whole,) array of int, optional
+        Where vertices were thinned out but the surface is still there, the damaged vertex that stands for each vertex of
+        the whole; −1 for those that are gone.
     """
 
     whole: Mesh
     mesh: Mesh
     original: IntArray
     twin: IntArray | None = None
+    stand_in: IntArray | None = None
 
     @property
     def damaged_vertex(self) -> IntArray:
         """(n_whole,) damaged vertex that each vertex of the whole became; −1 where it is gone or was merged."""
+        if self.stand_in is not None:
+            return self.stand_in
         became = np.full(self.whole.n_vertices, -1, dtype=np.int64)
         single = np.ones(len(self.original), dtype=bool) if self.twin is None else self.twin < 0
         became[self.original[single]] = np.flatnonzero(single)
