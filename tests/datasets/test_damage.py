@@ -26,6 +26,7 @@ from isomatch.datasets import (
     weld,
 )
 from shapes import flat_grid, icosphere, planar_delaunay, two_spheres
+from zoo import zoo
 
 BODY = example_pair()[0].mesh
 BALL = icosphere(4)
@@ -332,3 +333,16 @@ def test_a_pair_of_which_no_truth_remains_is_reported(whole):
     with pytest.raises(InputError, match="a-b: nothing of the truth remains after the damage"):
         damaged_pair(replace(whole, truth=rows), target=gone)
     assert isinstance(gone, Damaged)
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+@pytest.mark.parametrize("specimen", [each for each in zoo() if each.name != "repeated_index"], ids=repr)
+def test_every_kind_of_mesh_is_damaged_or_refused(specimen, name):
+    try:
+        damaged = DAMAGES[name].function(specimen.mesh, DAMAGES[name].default)
+    except (MeshError, SettingError):
+        return  # too few vertices, no surface, or no limbs
+    assert not specimen.tags & {"fatal", "extreme"}
+    assert not check(damaged.mesh).fatal
+    assert len(damaged.original) == damaged.mesh.n_vertices
+    assert damaged.damaged_vertex.max() < damaged.mesh.n_vertices

@@ -96,9 +96,12 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
 
 
 def _quadrics(mesh: Mesh) -> FloatArray:
-    """(n, 4, 4) Q: (p, 1) Q (p, 1)ᵀ sums a third of area × squared distance to p over the planes of a vertex's faces."""
+    """(n, 4, 4) Q: (p, 1) Q (p, 1)ᵀ sums a third of area × squared distance to p over the planes of a vertex's faces.
+
+    Positions are about the mean of the vertices.
+    """
     normals = mesh.face_cross / np.maximum(2 * mesh.face_areas, 1e-300)[:, None]
-    offsets = np.einsum("fx,fx->f", normals, mesh.vertices[mesh.faces[:, 0]])
+    offsets = np.einsum("fx,fx->f", normals, _centred(mesh)[mesh.faces[:, 0]])
     planes = np.column_stack([normals, -offsets])
     of_faces = mesh.face_areas[:, None, None] / 3 * planes[:, :, None] * planes[:, None, :]
     quadrics = np.zeros((mesh.n_vertices, 4, 4))
@@ -107,13 +110,19 @@ def _quadrics(mesh: Mesh) -> FloatArray:
     return quadrics
 
 
+def _centred(mesh: Mesh) -> FloatArray:
+    """Vertices about their mean, so that quadrics of a shape far from the origin lose no digits."""
+    centred: FloatArray = mesh.vertices - mesh.vertices.mean(axis=0)
+    return centred
+
+
 def _collapsed(mesh: Mesh, share: float, quadrics: FloatArray, weights: FloatArray) -> Damaged:
     """Collapse edges, the one of least error + weight × length² first, until a share of the vertices is left."""
     faces = mesh.sound_faces.copy()
     n_used = len(np.unique(faces))
     n_removed = n_used - max(round(share * n_used), 4)
     alive, onto = _collapse(
-        mesh.vertices, faces, mesh.edges, quadrics, weights, _at_boundary(mesh), n_removed
+        _centred(mesh), faces, mesh.edges, quadrics, weights, _at_boundary(mesh), n_removed
     )
     while (onto[onto] != onto).any():
         onto = onto[onto]

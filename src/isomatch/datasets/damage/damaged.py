@@ -11,6 +11,7 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.surfaces import Mesh, check
 
 SHARES = (0.0, 1.0)
+LENGTHS = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,11 @@ def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, flo
     fatal = check(mesh).fatal
     if fatal:
         raise MeshError("; ".join(fatal))
+    longest = float(mesh.edge_lengths.max())
+    if not LENGTHS[0] < longest < LENGTHS[1]:
+        raise MeshError(
+            f"the longest edge of {mesh!r} is {longest:g}, whose square is no number; scale the mesh"
+        )
     require_between(name, level, bounds)
 
 
