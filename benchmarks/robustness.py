@@ -26,7 +26,6 @@ PAIRS = (
     ("faust_r", "tr_reg_000", "tr_reg_011"),
     ("creatures", "biped_asymmetric_1_3_3000", "biped_asymmetric_1_4_3000"),
     ("tosca_iso_r", "horse0", "horse5"),
-    ("creatures", "quadruped_asymmetric_2_5_3000", "quadruped_asymmetric_2_6_3000"),
 )
 TOUCHING = (  # limbs of the target touch
     ("faust_r", "tr_reg_010", "tr_reg_016"),
