@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
+from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
@@ -100,11 +101,7 @@ def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis
             raise MeshError(
                 f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
             )
-    if surface.components.any():
-        raise MeshError(
-            f"the surface has {surface.components.max() + 1} components, whose eigenfunctions are unrelated; "
-            "pass one component, such as mesh.submesh(mesh.components == 0)[0]"
-        )
+    require_one_component(surface)
     stiffness, weights = laplacian(surface)
     area = weights.sum()
     scale = diags_array(np.sqrt(area / weights))

@@ -10,7 +10,8 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
-from isomatch.errors import MeshError, SettingError
+from isomatch.bases.domain import require_areas
+from isomatch.errors import SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
@@ -33,7 +34,7 @@ def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
     Raises
     ------
     MeshError
-        If a vertex has no area.
+        If a vertex has no area, or one that is not finite.
 
     Notes
     -----
@@ -47,13 +48,7 @@ def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
         stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
     else:
         stiffness, mass = robust_laplacian.point_cloud_laplacian(surface.vertices)
-    masses = np.asarray(mass.diagonal(), dtype=np.float64)
-    if not (masses > 0).all():
-        raise MeshError(
-            f"{int((masses <= 0).sum())} vertices have no area, so the Laplacian is undefined there; "
-            "call repair(mesh)"
-        )
-    return csc_array(stiffness), masses
+    return csc_array(stiffness), require_areas(np.asarray(mass.diagonal(), dtype=np.float64))
 
 
 def _graph_laplacian(graph: Graph) -> csc_array:

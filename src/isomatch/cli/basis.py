@@ -14,6 +14,8 @@ from isomatch.bases import BasisMethod, Weighting, canonical_form
 from isomatch.cli.distance import EngineOption
 from isomatch.cli.terminal import progress, say_json, say_table
 
+N_COLUMNS = 100
+
 
 def basis(
     file: Path,
@@ -21,7 +23,7 @@ def basis(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     k: Annotated[int, Parameter(name="--k")] = 50,
-    p: Annotated[int, Parameter(name="--p")] = 100,
+    p: Annotated[int, Parameter(name="--p")] = N_COLUMNS,
     method: BasisMethod | None = None,
     weights: Weighting = "area",
     engine: EngineOption = None,

@@ -11,7 +11,7 @@ from cyclopts.validators import LimitedChoice
 
 import isomatch
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.cli.inputs import read_pairs
+from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
 from isomatch.geodesics import engine_names, pair_distances
@@ -83,9 +83,8 @@ def distance(
     with progress() as stage:
         stage("reading")
         mesh = isomatch.read_mesh(file)
-        surface = mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
         stage("distances")
-        name, distances = _distances(surface, asked, engine, basis)
+        name, distances = _distances(surface_of(mesh), asked, engine, basis)
     kind = "pairs" if pairs is not None else "sources"
     if output is not None:
         _write(output, kind, asked, distances)

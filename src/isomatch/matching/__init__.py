@@ -1,5 +1,6 @@
 """From two surfaces to a map: prepare → starts → search → select → refine → result."""
 
+from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import (
     Config,
     MatchSettings,
@@ -22,6 +23,7 @@ from isomatch.matching.stage_timer import StageTimer
 
 __all__ = [
     "Alternative",
+    "Body",
     "Config",
     "Hints",
     "MatchResult",
@@ -38,6 +40,7 @@ __all__ = [
     "SelectionSettings",
     "ShapePair",
     "StageTimer",
+    "body_of",
     "first_map",
     "match",
     "measure_quality",

@@ -29,7 +29,8 @@ class Body:
     user_vertex : (n_body,) array of int
         Vertex of the shape of each body vertex.
     left_out : float
-        Share of the area in other components.
+        Share of the area in other components, or of the vertices in those of them that could be matched by themselves,
+        if that is larger: the vertices of debris do not count.
     notes : tuple of str
         What was left out or repaired.
     """
@@ -53,13 +54,16 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
     whole, unit, new_index, old_index, notes = _repaired(shape)
     labels = whole.components
     shares = np.bincount(labels, whole.vertex_areas) / whole.area
+    sizes = np.bincount(labels)
     largest = int(shares.argmax())
     kept = labels == largest
     vertices = np.flatnonzero(kept)
-    if len(shares) > 1:
+    others = np.arange(len(shares)) != largest
+    if others.any():
         notes.append(
-            f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
-            "no path leads to them, so they have no geodesic distance to the rest"
+            f"{others.sum()} smaller components with {shares[others].sum():.1%} of the area and "
+            f"{sizes[others].sum() / len(labels):.1%} of the vertices are left unmatched: no path leads to them, so they "
+            "have no geodesic distance to the rest"
         )
     if len(vertices) < FEWEST_VERTICES:
         raise MeshError(
@@ -74,7 +78,7 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
         length * unit,
         to_body[new_index],
         old_index[vertices],
-        float(1 - shares[largest]),
+        float(max(shares[others].sum(), sizes[others & (sizes >= FEWEST_VERTICES)].sum() / len(labels))),
         tuple(notes),
     )
 

@@ -283,7 +283,7 @@ class OutcomeSettings(Settings):
     poor_orientation : float
         Value below which a map is poor.
     large_component : float
-        Share of the area in components left out from which the match is partial.
+        Share of the area, or of the vertices in components of at least 50, left out from which the match is partial.
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.config import Config
 from isomatch.matching.hints import Hints
@@ -22,7 +22,7 @@ from isomatch.matching.paper_refinements import descriptor_embedding, laplace_ic
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import NO_HYPOTHESIS, Hypothesis, hypotheses_from_hints, search
+from isomatch.matching.search import Hypothesis, hypotheses_from_hints, no_first_map, search
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import Progress, StageTimer
 from isomatch.surfaces import Surface
@@ -99,7 +99,7 @@ def match(
         judge = Judge(pair, hints)
         eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
         if not eligible:
-            raise NotConvergedError(NO_HYPOTHESIS)
+            raise no_first_map(pair)
         timer.start("refinement")
         selection = _contest(pair, eligible, rivals)
         embedding = _embedding(pair, selection.winner)
