@@ -203,7 +203,7 @@ def test_two_components(method):
 
 
 def test_fewer_vertices_than_samples():
-    with pytest.raises(MeshError, match="12 vertices are too few for 20 distance columns; .*ask for fewer"):
+    with pytest.raises(MeshError, match=r"12 vertices are too few for 20 distance columns; .*ask for fewer"):
         distance_basis(icosphere(0), 10, 20)
 
 

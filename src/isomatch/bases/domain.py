@@ -61,8 +61,8 @@ def require_one_component(surface: MetricSpace) -> None:
     components = getattr(surface, "components", None)
     if components is not None and components.any():
         raise MeshError(
-            f"the surface has {components.max() + 1} components, and no path leads from one to another; pass one component, "
-            "such as mesh.submesh(mesh.components == 0)[0], or call repair(mesh) if a seam divides them"
+            f"the surface has {components.max() + 1} components, and no path leads from one to another; pass one "
+            "component, such as mesh.submesh(mesh.components == 0)[0], or call repair(mesh) if a seam divides them"
         )
 
 

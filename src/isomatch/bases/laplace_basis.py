@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.sparse import csc_array, diags_array, eye_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_array, diags_array
 
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
 from isomatch.bases.domain import require_one_component
-from isomatch.bases.laplacian import laplacian
+from isomatch.bases.laplacian import factorised, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
 from isomatch.surfaces import Mesh, Surface
@@ -152,12 +151,7 @@ def smallest_eigenpairs(
     if n <= max(DENSE, k + 20 * BLOCK):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
-    factor = splu(
-        csc_array(operator + SHIFT * eye_array(n)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    solve = factorised(operator, np.full(n, SHIFT))
     limit = (min(n - BLOCK, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
     require_memory(
         8.0 * n * limit, f"the Krylov space of {k} functions on {n} vertices", "ask for fewer functions"
@@ -169,7 +163,7 @@ def smallest_eigenpairs(
     size = BLOCK
     while True:
         last = slice(size - BLOCK, size)
-        image = factor.solve(space[:, last])
+        image = solve(space[:, last])
         for first in (max(0, size - 2 * BLOCK), 0):  # the last two blocks, then all
             part = space[:, first:size]
             overlap = part.T @ image

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
 from isomatch.bases.domain import require_areas
-from isomatch.errors import SettingError
+from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
@@ -62,13 +62,22 @@ def _graph_laplacian(graph: Graph) -> csc_array:
 
 
 def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it."""
-    solve: Callable[[FloatArray], FloatArray] = splu(
-        csc_array(stiffness + diags_array(diagonal)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    ).solve
+    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it.
+
+    `MeshError` if H is so badly scaled that it is singular to rounding.
+    """
+    try:
+        solve: Callable[[FloatArray], FloatArray] = splu(
+            csc_array(stiffness + diags_array(diagonal)),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        ).solve
+    except RuntimeError as error:
+        raise MeshError(
+            f"the Laplacian cannot be factorised ({error}): some vertices nearly coincide, or triangles are nearly "
+            "flat; merge such vertices"
+        ) from error
     return solve
 
 

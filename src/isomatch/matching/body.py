@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError, SettingError
-from isomatch.geodesics import distance_engine
+from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
@@ -52,6 +52,8 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
         If the shape cannot be used.
     """
     whole, unit, new_index, old_index, notes = _repaired(shape)
+    if not whole.n_vertices:
+        raise MeshError("no vertices, so there is nothing to match; give a shape with vertices")
     labels = whole.components
     shares = np.bincount(labels, whole.vertex_areas) / whole.area
     sizes = np.bincount(labels)
@@ -84,8 +86,14 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
 
 
 def _repaired(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
-    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways."""
-    if isinstance(shape, PointCloud | Graph):
+    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
+
+    Nothing is mended of points and graphs.
+    """
+    if isinstance(shape, PointCloud):
+        unit, everything = ordinary_unit(shape), np.arange(shape.n_vertices)
+        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, everything, everything, []
+    if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
     if not isinstance(shape, Mesh):
@@ -111,6 +119,11 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
         part = Graph(len(weights), edges, lengths, weights)
         some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
         length = float((distance_engine(part).distances_from(some) @ weights).mean()) / graph_average_distance
+        if not 0 < length < np.inf:
+            raise MeshError(
+                "the lengths of the edges are all 0, or too large to add, so distances tell no vertices apart; "
+                "give lengths of ordinary size"
+            )
         return Graph(len(weights), edges, lengths / length, weights), length
     part_of = (
         whole.submesh(kept)[0]

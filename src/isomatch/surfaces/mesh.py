@@ -163,7 +163,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
         [np.bincount(faces.ravel(), np.repeat(cross[:, x], 3), len(vertices)) for x in range(3)]
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: FloatArray = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    unit: FloatArray = np.divide(normals, length, out=np.zeros((len(vertices), 3)), where=length > 0)
     return unit
 
 
