@@ -158,6 +158,32 @@ def test_commands(case, written, tmp_path, capsys, monkeypatch):
     assert "Traceback" not in capsys.readouterr().err
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("case", [case for case in CASES if not case.match], ids=repr)
+def test_pictures_and_report(case, written, tmp_path):
+    (file,) = written(mesh=case.make())
+    main(["match", file, file, "-o", str(tmp_path)])
+    assert (tmp_path / "result.json").exists() == (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("case", CASES, ids=repr)
+def test_points_and_graphs(case):
+    """The vertices as a point cloud, and the edges as a graph: any result will do, or a named error."""
+    mesh = case.make()
+    for shape in (
+        lambda: isomatch.PointCloud(mesh.vertices),
+        lambda: isomatch.Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths),
+    ):
+        with contextlib.suppress(IsomatchError):
+            distances = isomatch.geodesic_distances(shape(), [0])
+            assert not np.isnan(distances).any()
+        with contextlib.suppress(IsomatchError):
+            assert np.isfinite(isomatch.distance_basis(shape(), 10, 20).vectors).all()
+        with contextlib.suppress(IsomatchError):
+            prepared = isomatch.prepare(shape())
+            assert np.isfinite(prepared.signatures).all()
+
+
 INSIDE_OUT = [case for case in CASES if case.name.startswith("inside_out")]
 
 

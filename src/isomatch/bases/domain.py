@@ -67,8 +67,9 @@ def require_one_component(surface: MetricSpace) -> None:
 
 
 def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
-    """Return the areas of vertices if they are positive and finite; `MeshError`, with a further remedy, if not."""
-    bad = int((~((areas > 0) & np.isfinite(areas))).sum())
+    """Return the areas of vertices if they are positive and can be multiplied, else raise `MeshError`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        bad = int((~((areas > 0) & np.isfinite(areas * areas.sum()))).sum())
     if bad:
         raise MeshError(
             f"{bad} vertices have no area, or one out of the range of floats; call repair(mesh), scale huge or tiny "
