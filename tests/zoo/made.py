@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from isomatch import Mesh
 
 
-def blob(n: int = 300) -> Mesh:
+def blob(n: int) -> Mesh:
     """A closed body without symmetry, wound outward: evenly spread directions, and a radius with four bumps."""
     i = np.arange(n) + 0.5
     height, turn = 1 - 2 * i / n, np.pi * (1 + 5**0.5) * i

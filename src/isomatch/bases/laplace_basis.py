@@ -107,6 +107,11 @@ def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis
     operator = csc_array(scale @ stiffness @ scale)  # at unit area; eigenvectors are orthonormal
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed)
+    if not (np.isfinite(values).all() and np.isfinite(vectors).all()):
+        raise NotConvergedError(
+            "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
+            "vertices, or remesh"
+        )
     vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
     return LaplaceBasis(vectors, np.maximum(values, 0.0) / area, weights)
 
