@@ -10,7 +10,8 @@ from numpy.typing import DTypeLike
 
 from isomatch._arrays import FloatArray
 from isomatch._threads import serial_blas
-from isomatch.bases.distance_basis import DistanceBasis, Weighting, measure_of
+from isomatch.bases.distance_basis import DistanceBasis, Weighting
+from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
@@ -20,7 +21,6 @@ from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
     Sampling,
-    distance_engine,
     farthest_point_sampling,
     peripheral_vertex,
 )
@@ -122,8 +122,8 @@ def distance_basis(
     if np.dtype(dtype) not in (np.float32, np.float64):
         raise SettingError(f"dtype = {np.dtype(dtype)} is not float32 or float64")
     with serial_blas():
-        distances = distance_engine(surface, engine)
-        measure = measure_of(surface, weights, distances.n_points)
+        fixed = tolerance is None and method != "exact"
+        distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
         start = peripheral_vertex(surface, distances, seed)
         if tolerance is not None:
             basis = _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -15,7 +15,7 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics import MetricSpace, Sampling
+from isomatch.geodesics import Sampling
 
 Weighting = Literal["area", "uniform"]
 
@@ -230,18 +230,3 @@ def orthonormalised(
     order = order[np.abs(values[order]) > NULL_VALUE * np.abs(values).max()]
     basis = fix_signs(q @ vectors[:, order] / root, weights)
     return DistanceBasis(basis, values[order], weights, method, engine, samples)
-
-
-def measure_of(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
-    """Weights of n points, (n,): vertex areas, or ones if ``weights`` is "uniform" or the space has no areas."""
-    if weights not in get_args(Weighting):
-        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
-    area: FloatArray | None = getattr(surface, "vertex_areas", None)
-    if weights == "uniform" or area is None:
-        return np.ones(n)
-    if not (area > 0).all():
-        raise MeshError(
-            f"{int((area <= 0).sum())} vertices have no area, so an area-weighted basis is undefined there; "
-            "call repair(mesh), or use weights='uniform'"
-        )
-    return area

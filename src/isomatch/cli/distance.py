@@ -13,7 +13,7 @@ import isomatch
 from isomatch._array_file import write_arrays
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._files import write_text
-from isomatch.cli.inputs import read_pairs
+from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
@@ -82,9 +82,8 @@ def distance(
     with claimed_files(output, force=force), progress() as stage:
         stage("reading")
         mesh = isomatch.read_mesh(file)
-        surface = mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
         stage("distances")
-        name, distances = _distances(surface, asked, engine, basis)
+        name, distances = _distances(surface_of(mesh), asked, engine, basis)
         if output is not None:
             _write(output, kind, asked, distances)
     if json:

@@ -1,15 +1,35 @@
-"""Read the inputs other than shapes: landmarks, an initial map, settings."""
+"""The inputs of commands: what a file of points means; landmarks, an initial map, settings."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from isomatch import Config, Correspondence, LandmarkError
+from isomatch import Config, Correspondence, IsomatchError, LandmarkError, Mesh, PointCloud
 from isomatch._arrays import IntArray
 from isomatch._files import opened
 from isomatch.errors import FormatError, MissingFileError
+
+
+def surface_of(mesh: Mesh) -> Mesh | PointCloud:
+    """Take the vertices of a mesh without faces as a point cloud."""
+    return mesh if mesh.n_faces else PointCloud(mesh.vertices)
+
+
+@contextmanager
+def naming_files(**files: Path) -> Iterator[None]:
+    """Name the file of each role, such as ``source``, in errors whose message speaks of ``source:``."""
+    try:
+        yield
+    except IsomatchError as error:
+        message = re.sub(
+            rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
+        )
+        raise type(error)(message) from error
 
 
 def read_landmarks(path: Path) -> IntArray:

@@ -172,7 +172,8 @@ def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 
     """
     vertex = int(np.random.default_rng(seed).integers(engine.n_points))
     if isinstance(surface, Mesh | PointCloud):
-        centre = np.average(surface.vertices, axis=0, weights=surface.vertex_areas)
+        shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None
+        centre = np.average(surface.vertices, axis=0, weights=shares)
         vertex = int(np.argsort(np.linalg.norm(surface.vertices - centre, axis=1), kind="stable")[vertex])
     for _ in range(2):
         distance = engine.distances_from(np.array([vertex]))[0]

@@ -84,7 +84,8 @@ class PreparedShape:
     seed : int
         The seed used.
     left_out : float
-        Share of the area in components other than the body.
+        Share of the area in components other than the body, or of the vertices in those of at least 50 vertices, if that
+        is larger.
     notes : tuple of str
         What was repaired or left out.
     seconds : float

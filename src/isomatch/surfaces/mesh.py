@@ -77,12 +77,14 @@ class Mesh:
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
         a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
-        return np.cross(b - a, c - a)
+        with np.errstate(over="ignore", invalid="ignore"):  # beyond the largest float: infinite or nan
+            return np.cross(b - a, c - a)
 
     @cached_property
     def face_areas(self) -> FloatArray:
         """(m,) area of each face, in squared mesh units."""
-        areas: FloatArray = 0.5 * np.linalg.norm(self.face_cross, axis=1)
+        with np.errstate(over="ignore"):
+            areas: FloatArray = 0.5 * np.linalg.norm(self.face_cross, axis=1)
         return areas
 
     @cached_property
@@ -161,7 +163,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
         [np.bincount(faces.ravel(), np.repeat(cross[:, x], 3), len(vertices)) for x in range(3)]
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: FloatArray = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    unit: FloatArray = np.divide(normals, length, out=np.zeros((len(vertices), 3)), where=length > 0)
     return unit
 
 

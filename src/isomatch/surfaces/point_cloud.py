@@ -116,7 +116,8 @@ class PointCloud:
                 "the points cannot be triangulated locally, so they have no areas: they lie on a line or at few "
                 "places, or have too few neighbours; remove coincident points, or raise n_neighbours"
             ) from None
-        areas = mass.diagonal() * self._unit**2
+        with np.errstate(over="ignore"):  # beyond the largest float: infinite
+            areas = mass.diagonal() * np.square(self._unit)
         bad = np.flatnonzero(~(areas > 0))
         if len(bad):
             raise MeshError(f"points {some(bad)} have no area; remove coincident and isolated points")
