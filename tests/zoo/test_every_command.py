@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import isomatch
+import isomatch.view
 from isomatch import IsomatchError, Mesh, Outcome
 from isomatch.cli import main
-from isomatch.cli.outputs import ResultFolder
 from isomatch.matching import prepare_pair
 from zoo.cases import BODY, CASES
 
@@ -103,7 +103,7 @@ def mean_error(found, target, new):
 
 
 @pytest.mark.parametrize("case", SOUND_INDICES, ids=repr)
-def test_match(case, request):
+def test_match(case):
     mesh = case.make()
     target, new = relabelled(mesh)
     if case.symmetric and not case.match:
@@ -127,7 +127,8 @@ def test_match_says_which_shape_it_refuses(case, side):
 @pytest.mark.parametrize("case", CASES, ids=repr)
 def test_commands(case, written, tmp_path, capsys, monkeypatch):
     """Exit code 0 or 1, and a line that says why; `check --for` knows beforehand what the command will do."""
-    monkeypatch.setattr(ResultFolder, "draw", lambda *_, **__: None)
+    for drawing in ("draw_map", "write_report"):
+        monkeypatch.setattr(isomatch.view, drawing, lambda *_, **__: None)
     out = str(tmp_path / "out.npz")
     try:
         (file,) = written(mesh=case.make())
