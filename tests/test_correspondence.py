@@ -170,7 +170,7 @@ def test_files_of_a_newer_version_are_refused(tmp_path, precise):
         ({"faces": np.zeros((4, 3))}, "faces has .* type float64"),
         ({"barycentric": np.full((4, 3), np.nan)}, "barycentric has entries that are not finite"),
         ({"barycentric": np.ones((4, 3))}, "sum to 1"),
-        ({"direction": "target -> source"}, "its direction is 'target -> source'"),
+        ({"direction": "target -> source"}, "does not map source -> target"),
         ({"format_version": "new"}, "format_version has .* not integers"),
     ],
 )

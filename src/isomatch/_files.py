@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from stat import S_ISREG
 from typing import BinaryIO
 
 from isomatch.errors import FormatError, MissingFileError
@@ -19,9 +20,13 @@ def opened(path: Path) -> BinaryIO:
     MissingFileError
         If there is none.
     FormatError
-        If it cannot be opened, such as a folder or a file of another user.
+        If it cannot be opened, such as a folder, a pipe, a device or a file of another user.
     """
     try:
+        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
+            raise FormatError(
+                f"{path}: cannot be opened (not a regular file); write its contents to a file first"
+            )
         return path.open("rb")
     except FileNotFoundError:
         raise MissingFileError(f"{path}: no such file; check the name and the folder") from None

@@ -150,7 +150,7 @@ def test_an_archive_without_landmarks_is_reported(tmp_path):
 def test_a_missing_file_of_triangles_is_reported(tmp_path):
     save(tmp_path / "cat0.vert", BALL)
     (tmp_path / "cat0.tri").unlink()
-    with pytest.raises(MissingFileError, match=r"cat0\.tri: this file is missing"):
+    with pytest.raises(MissingFileError, match=r"cat0\.tri: no such file"):
         tosca(tmp_path)["cat0"]
 
 

@@ -9,15 +9,26 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._array_file import FIRST_VERSION, ArrayFile, require_known_version, save_arrays
+from isomatch._array_file import FIRST_VERSION, ArrayFormat, Stored, require_known_version, save_arrays
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._files import opened, replaced
 from isomatch.errors import DescriptorError, FormatError, MapError, some
 
 UNMATCHED = -1
-FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
+DIRECTION = "source -> target"
+FORMAT = ArrayFormat(
+    what="a map",
+    writer="Correspondence.save",
+    version=1,  # raise it when earlier versions of isomatch could not read the files
+    arrays={
+        "direction": Stored("text", group="direction"),
+        "n_target": Stored("integer", group="n_target"),
+        "vertices": Stored("integer", ("n",)),
+        "faces": Stored("integer", ("n", 3), group="precise"),
+        "barycentric": Stored("float", ("n", 3), group="precise"),
+    },
+)
 
-_DIRECTION = "source -> target"
 _HEADER = re.compile(
     r"# isomatch map(?:, format version (?P<version>\d+))?,.*\n"
     r"# (?P<n_source>\d+) source vertices, (?P<n_target>\d+) target vertices"
@@ -164,11 +175,11 @@ class Correspondence:
         """
         path = Path(path)
         if path.suffix == ".npz":
-            arrays = {"direction": np.array(_DIRECTION), **vars(self)}
-            save_arrays(path, FORMAT_VERSION, arrays, compressed=True)
+            arrays = {"direction": np.array(DIRECTION), **vars(self)}
+            save_arrays(path, FORMAT.version, arrays, compressed=True)
             return
         header = (
-            f"isomatch map, format version {FORMAT_VERSION}, {_DIRECTION}\n"
+            f"isomatch map, format version {FORMAT.version}, {DIRECTION}\n"
             f"{len(self.vertices)} source vertices, {self.n_target} target vertices\n"
             "line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched"
         )
@@ -214,14 +225,11 @@ class Correspondence:
 
 def _read_arrays(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
     """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
-    file = ArrayFile.read(path, "a map", "Correspondence.save", FORMAT_VERSION)
-    if "direction" in file and file.text("direction") != _DIRECTION:
-        file.refuse(f"its direction is {file.text('direction')!r}, not {_DIRECTION!r}")
-    arrays: dict[str, AnyArray] = {"vertices": file.integers("vertices", None)}
-    if "faces" in file or "barycentric" in file:
-        arrays["faces"] = file.integers("faces", len(arrays["vertices"]), 3)
-        arrays["barycentric"] = file.floats("barycentric", len(arrays["vertices"]), 3)
-    return int(file.integers("n_target")) if "n_target" in file else None, arrays
+    arrays = FORMAT.read(path)
+    if arrays.pop("direction", DIRECTION) != DIRECTION:
+        raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
+    n_target = arrays.pop("n_target", None)
+    return None if n_target is None else int(n_target), arrays
 
 
 def _read_text(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
@@ -230,7 +238,7 @@ def _read_text(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
         text = file.read().decode("utf-8-sig", errors="replace")
     header = _HEADER.match(text)
     if header:
-        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT_VERSION)
+        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
     image = []
     for number, line in enumerate(text.splitlines(), start=1):
         word = line.partition("#")[0].strip()

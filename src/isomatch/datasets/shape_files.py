@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import NoReturn
 
 import numpy as np
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
+from isomatch._array_file import Archive
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch.errors import FormatError, MissingFileError, some
+from isomatch._files import opened
+from isomatch.errors import FormatError, some
 from isomatch.surfaces import Mesh, read_mesh
 
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
@@ -21,11 +23,8 @@ def shapes_in(path: Path) -> list[str]:
     """Names of the shapes in a file: that of the file, or those of the poses in an archive with common faces."""
     if path.suffix != ".npz":
         return [path.stem]
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            keys = list(data.files)
-    except (OSError, ValueError, BadZipFile) as error:
-        raise _unreadable(path, error) from error
+    with Archive.opened(path, partial(_refuse, path)) as stored:
+        keys = stored.names
     if "faces" not in keys:
         return []
     return [path.stem] if "vertices" in keys else [key for key in keys if key != "faces"]
@@ -100,12 +99,9 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
 
 @lru_cache(maxsize=64)
 def arrays(path: Path) -> dict[str, AnyArray]:
-    """Read all arrays of an ``.npz`` archive without pickles."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return dict(data)
-    except (OSError, ValueError, BadZipFile) as error:
-        raise _unreadable(path, error) from error
+    """Read all arrays of an ``.npz`` archive."""
+    with Archive.opened(path, partial(_refuse, path)) as stored:
+        return stored.read_all(stored.names)
 
 
 def _read_mat(path: Path) -> Mesh:
@@ -134,17 +130,14 @@ def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
 
 def _read_table(path: Path, columns: int = 1) -> FloatArray:
     """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
+    with opened(path) as file:
+        text = file.read().decode("utf-8", errors="replace")
     try:
-        lines = (
-            path.read_text(encoding="utf-8", errors="replace")
-            .replace(",", " ")
-            .replace("%", "#")
-            .splitlines()
-        )
+        lines = text.replace(",", " ").replace("%", "#").splitlines()
         rows = [line for line in lines if line.split("#")[0].strip()]
         table = np.loadtxt(rows, dtype=np.float64, ndmin=2) if rows else np.zeros((0, columns))
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from error
+    except ValueError as error:
+        _refuse(path, str(error))
     if table.shape[1] < columns or not len(table):
         raise FormatError(
             f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected rows of {columns}; copy or export it again"
@@ -152,11 +145,7 @@ def _read_table(path: Path, columns: int = 1) -> FloatArray:
     return table
 
 
-def _unreadable(path: Path, error: Exception) -> FormatError:
-    if isinstance(error, FileNotFoundError):
-        return MissingFileError(
-            f"{path}: this file is missing; docs/benchmarks.md lists the files of each set"
-        )
-    return FormatError(
-        f"{path}: cannot be read ({error}); docs/benchmarks.md describes the contents of such a file"
+def _refuse(path: Path, problem: str) -> NoReturn:
+    raise FormatError(
+        f"{path}: cannot be read ({problem}); docs/benchmarks.md describes the contents of such a file"
     )
