@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases.laplacian import laplacian
 from isomatch.bases.signs import fix_signs
@@ -167,7 +168,7 @@ def smallest_eigenpairs(
     )
     space = np.zeros((n, limit), order="F")
     projected = np.zeros((limit, limit))  # spaceᵀ (H + σ)⁻¹ space
-    start = np.random.default_rng(seed).standard_normal((n, BLOCK))
+    start = generator(seed).standard_normal((n, BLOCK))
     space[:, :BLOCK] = _orthonormal_columns(start)[0]
     size = BLOCK
     while True:

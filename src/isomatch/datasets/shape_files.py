@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from functools import lru_cache, partial
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,7 +14,7 @@ from scipy.io.matlab import MatReadError
 
 from isomatch._array_file import Archive
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._files import opened
+from isomatch._files import opened, text_lines
 from isomatch.errors import FormatError, some
 from isomatch.surfaces import Mesh, read_mesh
 
@@ -65,6 +67,14 @@ def read_indices(path: Path) -> IntArray:
     return _from(1, path, _read_table(path)[:, 0])
 
 
+def stored_indices(path: Path, key: str) -> IntArray:
+    """Read vertices from an array of an archive, counted from 0."""
+    found = _from(0, path, arrays(path)[key])
+    if found.ndim != 1:
+        _refuse(path, f"{key} has shape {found.shape}, not one index for each known vertex")
+    return found
+
+
 def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
     """Read landmarks and, if they are in the file, their mirror images.
 
@@ -84,8 +94,12 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
         archive = arrays(path)
         if "landmark_vertices" not in archive:
             raise FormatError(f"{path}: no landmarks in this archive; expected an array 'landmark_vertices'")
-        columns = [archive[key] for key in ("landmark_vertices", "symmetry_perm") if key in archive]
-        table = _from(0, path, np.column_stack(columns))
+        columns = [
+            stored_indices(path, key) for key in ("landmark_vertices", "symmetry_perm") if key in archive
+        ]
+        if len({len(column) for column in columns}) > 1:
+            _refuse(path, "symmetry_perm and landmark_vertices differ in length")
+        table = np.column_stack(columns)
     else:
         table = _from(0, path, _read_table(path))
     vertices, number = table[:, 0], table[:, 1:2].ravel()
@@ -105,8 +119,10 @@ def arrays(path: Path) -> dict[str, AnyArray]:
 
 
 def _read_mat(path: Path) -> Mesh:
+    with opened(path) as file:
+        data = BytesIO(file.read())
     try:
-        surface = loadmat(path, squeeze_me=True, struct_as_record=False)["surface"]
+        surface = loadmat(data, squeeze_me=True, struct_as_record=False)["surface"]
         vertices = np.column_stack([surface.X, surface.Y, surface.Z])
         faces = np.asarray(surface.TRIV)
     except (OSError, ValueError, KeyError, AttributeError, NotImplementedError, MatReadError) as error:
@@ -119,7 +135,9 @@ def _read_mat(path: Path) -> Mesh:
 
 def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
     """Turn indices that count from ``first`` into integers from 0."""
-    bad = np.flatnonzero(~(indices >= first) | (indices != np.rint(indices)))
+    if indices.dtype.kind not in "fiu":
+        _refuse(path, f"indices of type {indices.dtype}")
+    bad = np.flatnonzero(~((indices >= first) & (indices < 2**53) & (indices == np.rint(indices))))
     if len(bad):
         raise FormatError(
             f"{path}: entries {some(bad)} are not whole numbers from {first}, where indices start in such a file; export "
@@ -130,12 +148,13 @@ def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
 
 def _read_table(path: Path, columns: int = 1) -> FloatArray:
     """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
-    with opened(path) as file:
-        text = file.read().decode("utf-8", errors="replace")
+    rows = (line.replace(",", " ").partition("%")[0] for _, line in text_lines(path))
+    rows = (row for row in rows if row.strip())
+    first = next(rows, "")
     try:
-        lines = text.replace(",", " ").replace("%", "#").splitlines()
-        rows = [line for line in lines if line.split("#")[0].strip()]
-        table = np.loadtxt(rows, dtype=np.float64, ndmin=2) if rows else np.zeros((0, columns))
+        table = (
+            np.loadtxt(chain([first], rows), dtype=np.float64, ndmin=2) if first else np.zeros((0, columns))
+        )
     except ValueError as error:
         _refuse(path, str(error))
     if table.shape[1] < columns or not len(table):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from isomatch._arrays import IntArray
-from isomatch.datasets.shape_files import arrays, read_indices, read_landmarks, read_shape
+from isomatch.datasets.shape_files import arrays, read_indices, read_landmarks, read_shape, stored_indices
 from isomatch.errors import FormatError, MissingFileError
 from isomatch.surfaces import Mesh
 
@@ -197,8 +197,9 @@ class ShapeSet:
         sides: list[IntArray | None] = []
         for key, suffix in (("vts", ""), ("vts_sym", ".sym")):
             file = self.truths.get(name + suffix) or self.truths.get(_group(name) + suffix)
-            found = read_indices(file) if file else archive.get(key)
-            sides.append(None if found is None else found.astype(np.int64))
+            sides.append(
+                read_indices(file) if file else stored_indices(path, key) if key in archive else None
+            )
         marks, mirrored = sides
         if marks is None and self.shared:
             marks = np.arange(mesh.n_vertices)

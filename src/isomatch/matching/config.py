@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
+from isomatch._files import opened
 from isomatch._settings import Settings, setting
 from isomatch.bases import Weighting
-from isomatch.errors import SettingError
+from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
 
 Orientation = Literal["preserve", "reverse", "any"]
@@ -403,9 +404,25 @@ class Config(Settings):
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:
-        """Read settings from a TOML file, stages as tables; an unknown key is a `SettingError` that lists the known."""
-        with Path(path).open("rb") as file:
-            values = tomllib.load(file)
+        """Read settings from a TOML file, stages as tables.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`) or is not TOML.
+        SettingError
+            If a setting is unknown, or its value is not allowed.
+        """
+        with opened(Path(path)) as file:
+            try:
+                values = tomllib.load(file)
+            except (
+                ValueError,
+                RecursionError,
+            ) as error:  # bytes that are no text, no TOML, or nested too deeply
+                raise FormatError(
+                    f"{path}: not a TOML file ({error}); correct it or write it again"
+                ) from None
         try:
             return cls.from_dict(values)
         except SettingError as error:
