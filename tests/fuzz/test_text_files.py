@@ -1,4 +1,4 @@
-"""Small files of unknown origin: landmarks, maps, lists of published sets, settings, rows of a benchmark, MATLAB files."""
+"""Small files of unknown origin: landmarks, maps, lists of published sets, settings, rows, MATLAB files."""
 
 import io
 import json

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from functools import lru_cache, partial
 from io import BytesIO
 from itertools import chain
@@ -18,6 +20,19 @@ from isomatch._files import opened, text_lines
 from isomatch.errors import FormatError, some
 from isomatch.surfaces import Mesh, read_mesh
 
+_NOT_MATLAB = (
+    *(
+        OSError,
+        ValueError,
+        TypeError,
+        LookupError,
+        ArithmeticError,
+        AttributeError,
+        MemoryError,
+        RuntimeError,
+    ),
+    *(MatReadError, zlib.error, struct.error),
+)  # what `loadmat` raises for damaged files
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 
 
@@ -125,7 +140,7 @@ def _read_mat(path: Path) -> Mesh:
         surface = loadmat(data, squeeze_me=True, struct_as_record=False)["surface"]
         vertices = np.column_stack([surface.X, surface.Y, surface.Z])
         faces = np.asarray(surface.TRIV)
-    except (OSError, ValueError, KeyError, AttributeError, NotImplementedError, MatReadError) as error:
+    except _NOT_MATLAB as error:
         raise FormatError(
             f"{path}: not a shape ({error}); expected a MATLAB file before version 7.3 with a struct 'surface' of "
             "X, Y, Z and TRIV"

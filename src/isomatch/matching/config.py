@@ -33,6 +33,9 @@ class MatchSettings(Protocol):
         """Return the settings that differ from their defaults."""
 
 
+LARGEST_FILE = 2**14  # bytes; all settings together take a fifth of it
+
+
 @dataclass(frozen=True)
 class PreparationSettings(Settings):
     """Fine settings of `prepare`: extremities, signatures and curvature of one shape.
@@ -414,15 +417,15 @@ class Config(Settings):
             If a setting is unknown, or its value is not allowed.
         """
         with opened(Path(path)) as file:
-            try:
-                values = tomllib.load(file)
-            except (
-                ValueError,
-                RecursionError,
-            ) as error:  # bytes that are no text, no TOML, or nested too deeply
-                raise FormatError(
-                    f"{path}: not a TOML file ({error}); correct it or write it again"
-                ) from None
+            text = file.read(LARGEST_FILE + 1)
+        if len(text) > LARGEST_FILE:
+            raise FormatError(
+                f"{path}: more than {LARGEST_FILE} bytes are not settings; give a TOML file of settings"
+            )
+        try:
+            values = tomllib.loads(text.decode("utf-8"))
+        except (ValueError, RecursionError) as error:  # no text, no TOML, or nested too deeply
+            raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
         try:
             return cls.from_dict(values)
         except SettingError as error:
