@@ -118,7 +118,7 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
     else:
         table = _from(0, path, _read_table(path))
     vertices, number = table[:, 0], table[:, 1:2].ravel()
-    if number.max(initial=0) >= len(table):
+    if number.max(initial=-1) >= len(table):
         raise FormatError(
             f"{path}: a landmark is mirrored to number {number.max()}, but the last is {len(table) - 1}; correct the "
             "second column, which counts landmarks from 0"
@@ -152,6 +152,8 @@ def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
     """Turn indices that count from ``first`` into integers from 0."""
     if indices.dtype.kind not in "fiu":
         _refuse(path, f"indices of type {indices.dtype}")
+    if indices.dtype.kind == "f":
+        indices = indices.astype(np.float64)
     bad = np.flatnonzero(~((indices >= first) & (indices < 2**53) & (indices == np.rint(indices))))
     if len(bad):
         raise FormatError(

@@ -116,7 +116,7 @@ class ShapeSet:
         mesh = self.mesh(name)
         marks, mirrored = self._marks(name, mesh) if self.landmarks is None else self._landmarks(name)
         for vertices in (marks, mirrored):
-            if vertices is not None and vertices.max(initial=0) >= mesh.n_vertices:
+            if vertices is not None and vertices.max(initial=-1) >= mesh.n_vertices:
                 raise FormatError(
                     f"{self.shapes[name]}: known vertices reach {vertices.max()}, but its vertices are "
                     f"0…{mesh.n_vertices - 1}; truth and shape are of different versions, so obtain both from one source"
