@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch._arrays import FloatArray
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases.distance_basis import DistanceBasis, Weighting
 from isomatch.bases.domain import basis_domain
@@ -163,7 +164,7 @@ def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, coun
         share[basis.samples] = 0.0
     if count < 1:
         return basis
-    rng = np.random.default_rng([seed, 1])
+    rng = generator(seed, 1)
     drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
     columns = engine.distances_from(drawn)
     return replace(basis, held_out=Sampling(drawn, columns))

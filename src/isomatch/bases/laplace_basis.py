@@ -10,6 +10,7 @@ from scipy.sparse import csc_array, diags_array
 
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import factorised, laplacian
@@ -163,7 +164,7 @@ def smallest_eigenpairs(
     )
     space = np.zeros((n, limit), order="F")
     projected = np.zeros((limit, limit))  # spaceᵀ (H + σ)⁻¹ space
-    start = np.random.default_rng(seed).standard_normal((n, BLOCK))
+    start = generator(seed).standard_normal((n, BLOCK))
     space[:, :BLOCK] = _orthonormal_columns(start)[0]
     size = BLOCK
     while True:

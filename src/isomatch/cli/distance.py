@@ -12,7 +12,7 @@ from cyclopts.validators import LimitedChoice
 import isomatch
 from isomatch._array_file import write_arrays
 from isomatch._arrays import FloatArray, IntArray
-from isomatch._files import write_text
+from isomatch._files import is_whole_number, write_text
 from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say, say_json
@@ -97,12 +97,12 @@ def distance(
 
 
 def _vertices(words: str) -> IntArray:
-    try:
-        return np.array([int(word) for word in words.split(",")], dtype=np.int64)
-    except ValueError:
+    listed = [word.strip() for word in words.split(",")]
+    if not all(map(is_whole_number, listed)):
         raise isomatch.SettingError(
             f"--from {words!r} is not a list of vertices; write 0-based indices separated by commas, such as 0,12"
-        ) from None
+        )
+    return np.array([int(word) for word in listed], dtype=np.int64)
 
 
 def _distances(

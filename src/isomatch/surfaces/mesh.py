@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MeshError, some
 
 
@@ -168,7 +168,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _frozen_vertices(values: ArrayLike) -> FloatArray:
-    array = np.array(values, dtype=np.float64, order="C")
+    array = numbers_of(values, "vertices", MeshError)
     if array.ndim != 2 or array.shape[1] != 3:
         raise MeshError(f"vertices have shape {array.shape}, expected (n, 3): one row x, y, z per vertex")
     array.flags.writeable = False
@@ -176,7 +176,7 @@ def _frozen_vertices(values: ArrayLike) -> FloatArray:
 
 
 def _frozen_faces(values: ArrayLike) -> IntArray:
-    array = np.asarray(values)
+    array = array_of(values, "faces", MeshError)
     if array.size == 0:
         array = np.zeros((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3:

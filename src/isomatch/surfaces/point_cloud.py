@@ -10,7 +10,7 @@ import robust_laplacian
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._edges import linked
 
@@ -58,7 +58,7 @@ class PointCloud:
     n_neighbours: int
 
     def __init__(self, vertices: ArrayLike, n_neighbours: int = 30) -> None:
-        points = np.array(vertices, dtype=np.float64, order="C")
+        points = numbers_of(vertices, "points", MeshError)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < FEWEST_POINTS:
             raise MeshError(
                 f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: "
