@@ -97,7 +97,7 @@ def contenders(order: Sequence[C], orientation: Orientation, settings: Selection
         if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
     ]
     leaning.sort(key=lambda candidate: candidate.energy)
-    limit = settings.energy_limit * leaning[0].energy
+    limit = settings.energy_limit * max(leaning[0].energy, settings.energy_noise)
     return [c for c in leaning if c.energy <= limit][: settings.most_contenders]
 
 
