@@ -239,6 +239,8 @@ class SelectionSettings(Settings):
         one of the symmetric maps between two copies of a mesh would seem better than the others.
     rival_distance : float
         Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
+    clearly_better : float
+        Score of the winner, over that of another map, from which that map counts as a rival whatever the hints say.
     most_alternatives : int
         Most alternatives in the result.
     """
@@ -277,6 +279,7 @@ class SelectionSettings(Settings):
         0.04, "docs/benchmarks.md, symmetry: 0.04 to 0.09 between triangulations", least=0
     )
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    clearly_better: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
@@ -366,7 +369,7 @@ class OutcomeSettings(Settings):
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
-    tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
+    tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "docs/benchmarks.md, confidence", least=1)
     poor_misfit: float = setting(
