@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-long lint types benchmark clean
+.PHONY: demo test test-long fuzz lint types benchmark clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -23,6 +23,9 @@ test: $(VENV)/dev lint types
 
 test-long: $(VENV)/dev
 	$(BIN)/python -m pytest -m long
+
+fuzz: $(VENV)/dev
+	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics
 
 lint: $(VENV)/dev
 	$(BIN)/ruff check .

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.config import Config
 from isomatch.matching.hints import Hints
@@ -23,9 +23,9 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
-    NO_HYPOTHESIS,
     Hypothesis,
     hypotheses_from_hints,
+    no_first_map,
     search,
     symmetric_variants,
 )
@@ -104,14 +104,15 @@ def match(
         may_win, only_rivals = _hypotheses(pair, hints)
         timer.start("selection")
         judge = Judge(pair, hints)
-        eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
+        eligible = _ranked(pair, judge(may_win), hints)
         if not eligible:
-            raise NotConvergedError(NO_HYPOTHESIS)
-        variants = _symmetric_variants(pair, eligible[0])
+            raise no_first_map(pair)
+        variants = judge(_symmetric_variants(pair, eligible[0]))
         if pair.config.hypotheses == "all":
-            eligible = _ranked(pair, hints, [*eligible, *judge(variants)])
+            eligible = _ranked(pair, [*eligible, *variants], hints)
+            rivals = []
         else:
-            rivals = _ranked(pair, hints, [*rivals, *judge(variants)])
+            rivals = _ranked(pair, [*judge(only_rivals), *variants])
         timer.start("refinement")
         selection = _contest(pair, eligible, rivals)
         embedding = _embedding(pair, selection.winner)
@@ -168,8 +169,9 @@ def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]
     return notes
 
 
-def _ranked(pair: ShapePair, hints: Hints, candidates: list[Candidate]) -> list[Candidate]:
-    landmarks = bool(len(hints.landmarks))
+def _ranked(pair: ShapePair, candidates: list[Candidate], hints: Hints | None = None) -> list[Candidate]:
+    """Rank candidates; those that may win must not contradict landmarks."""
+    landmarks = hints is not None and len(hints.landmarks) > 0
     return ranked(candidates, pair.config.orientation, pair.config.selection, landmarks)
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import heapq
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable, with_faces
 from isomatch.geodesics import distance_engine, peripheral_vertex
 from isomatch.surfaces import Mesh
@@ -139,7 +139,7 @@ def _at_boundary(mesh: Mesh) -> BoolArray:
     return at_boundary
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _collapse(
     points: FloatArray,
     faces: IntArray,
@@ -211,7 +211,7 @@ def _collapse(
     return alive, onto
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _cost(
     points: FloatArray, quadrics: FloatArray, weights: FloatArray, u: int, v: int
 ) -> float:  # pragma: no cover - compiled
@@ -228,7 +228,7 @@ def _cost(
     return float(cost)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _may_collapse(
     points: FloatArray,
     faces: IntArray,
@@ -270,7 +270,7 @@ def _may_collapse(
     return n_common == n_common_faces
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:  # pragma: no cover - compiled
     """Whether a face turns too far, or loses its area, when its corner k moves to v."""
     before_after, before, after = 0.0, 0.0, 0.0  # products of the normals
@@ -285,7 +285,7 @@ def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:  # 
     return bool(before_after <= LARGEST_TURN * np.sqrt(before * after))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _normal(
     points: FloatArray, u: int, a: int, b: int, y: int, z: int
 ) -> float:  # pragma: no cover - compiled
