@@ -51,7 +51,8 @@ class MissingRegion:
     @property
     def to_boundary(self) -> FloatArray:
         """(n,) distance of each vertex to the boundary; inf on a closed surface."""
-        return self.columns.min(axis=0, initial=np.inf)
+        nearest: FloatArray = self.columns.min(axis=0, initial=np.inf)
+        return nearest
 
     def lower_bound(self, sources: IntArray, others: IntArray, along: FloatArray) -> FloatArray:
         """Bound the distances on the whole surface from below.

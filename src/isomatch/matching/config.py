@@ -17,6 +17,7 @@ Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
+PartRole = Literal["auto", "source", "target", "none"]
 
 
 class MatchSettings(Protocol):
@@ -369,6 +370,17 @@ class PartSettings(Settings):
         a boundary needs more functions than the share of the area says.
     sizes : tuple of int
         Functions of the whole in the short refinement.
+    long_boundary : float
+        Length of the boundary, in √area, from which a shape may be a part.
+    largest_share : float
+        Area, over that of the other shape, up to which it may be one.
+    poor_misfit, poor_stress : float
+        Values above which a map is poor.
+    poor_orientation, least_trusted : float
+        Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
+        known.
+    tie : float
+        Score of a rival, against the map returned, below which nothing decides between them.
     """
 
     n_anchors: int = setting(50, "exploration of cuts and holes", least=8)
@@ -387,6 +399,13 @@ class PartSettings(Settings):
     n_contenders: int = setting(8, "exploration of cuts and holes", least=1)
     function_ratio: float = setting(1.75, "exploration of cuts and holes", least=1)
     sizes: tuple[int, ...] = setting((20, 40, 70), "exploration of cuts and holes", least=4)
+    long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
+    largest_share: float = setting(0.95, "exploration of cuts and holes", least=0, most=1)
+    poor_misfit: float = setting(0.37, "exploration of cuts and holes", least=0)
+    poor_stress: float = setting(0.03, "exploration of cuts and holes", least=0)
+    poor_orientation: float = setting(0.6, "exploration of cuts and holes", least=-1, most=1)
+    least_trusted: float = setting(0.07, "exploration of cuts and holes", least=0, most=1)
+    tie: float = setting(1.1, "exploration of cuts and holes", least=1)
 
 
 @dataclass(frozen=True)
@@ -467,11 +486,16 @@ class Config(Settings):
     orientation : {"preserve", "reverse", "any"}
         Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
         better.
+    part : {"auto", "source", "target", "none"}
+        Which shape is a part of the other. "auto" takes a shape with a long boundary and less area, in the units of the
+        files, for a part of one without. Parts are matched where automatic hypotheses, a joint refinement and the
+        orientation "preserve" are asked for, without hints or with landmarks.
     preparation : PreparationSettings
     symmetry : SymmetrySettings
     search : SearchSettings
     selection : SelectionSettings
     refining : RefinementSettings
+    parts : PartSettings
     outcome : OutcomeSettings
         Fine settings of each stage.
 
@@ -506,12 +530,13 @@ class Config(Settings):
         "preserve",
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
+    part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     preparation: PreparationSettings = setting(PreparationSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
-    part: PartSettings = setting(PartSettings())
+    parts: PartSettings = setting(PartSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 
     def __post_init__(self) -> None:

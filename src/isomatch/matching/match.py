@@ -19,6 +19,7 @@ from isomatch.matching.joint_refinement import (
 )
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
+from isomatch.matching.parts import part_of, part_result
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
@@ -100,6 +101,9 @@ def match(
         both = pair.source, pair.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
+        part = part_of(pair, hints)
+        if part:
+            return part_result(pair, hints, part, timer, seed)
         timer.start("search")
         may_win, only_rivals = _hypotheses(pair, hints)
         timer.start("selection")

@@ -123,7 +123,8 @@ class Mesh:
     def boundary_edges(self) -> IntArray:
         """(b, 2) edges at which only one sound face meets, the smaller index first."""
         table = edge_table(self.sound_faces, self.n_vertices)
-        return table.ends[table.n_faces == 1]
+        edges: IntArray = table.ends[table.n_faces == 1]
+        return edges
 
     @cached_property
     def edge_lengths(self) -> FloatArray:

@@ -9,8 +9,9 @@ import numpy as np
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
+from isomatch.errors import NotConvergedError
 from isomatch.matching.config import Config
-from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement
 from isomatch.matching.parts.part_signatures import part_signatures
 from isomatch.matching.parts.part_starts import PartStarts
@@ -61,15 +62,44 @@ class PartMatch:
     fits: tuple[PartFit, ...]
     scores: tuple[float, ...]
 
+    @property
+    def rival(self) -> float:
+        """Score of the best map that differs, over that of the best; inf if none does."""
+        best, whole = self.fits[0], self.pair.whole
+        for fit, score in zip(self.fits[1:], self.scores[1:]):
+            if whole.mean_distance(fit.image, best.image) > self.pair.config.parts.apart:
+                return score / self.scores[0]
+        return np.inf
+
     def embedding(self) -> Embedding:
         """Coordinates of all vertices of part and whole under the best map."""
         everywhere = np.arange(self.pair.part.body.n_vertices)
         return self.refinement.embedding(self.fits[0].image, 10**6, everywhere)
 
 
-def match_part(part: PreparedShape, whole: PreparedShape, config: Config) -> PartMatch:
-    """Match a part to a whole."""
-    pair = PartPair.of(part, whole, config)
+def match_part(
+    part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
+) -> PartMatch:
+    """Match a part to a whole.
+
+    Parameters
+    ----------
+    part, whole : PreparedShape
+        Meshes, in the same units.
+    config : Config
+    landmarks : (l, 2) array of int
+        Vertices of the bodies of part and whole that correspond.
+
+    Returns
+    -------
+    PartMatch
+
+    Raises
+    ------
+    NotConvergedError
+        If no map that keeps the orientation was found.
+    """
+    pair = PartPair.of(part, whole, config, landmarks)
     signatures = part_signatures(pair)
     search = PartStarts(pair, signatures)
     starts = search()
@@ -79,9 +109,11 @@ def match_part(part: PreparedShape, whole: PreparedShape, config: Config) -> Par
         signatures = part_signatures(pair)
         search = PartStarts(pair, signatures)
         starts = search()
-    settings = config.part
+    settings = config.parts
     rough = PartRefinement(pair, signatures, N_ROUGH)
     fits = [fit for fit in parallel_map(lambda images: _rough(pair, search, rough, images), starts) if fit]
+    if not fits:
+        raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
     fits.sort(key=lambda fit: fit.misfit * fit.stress**0.25 / max(fit.orientation, 0.1) ** 0.5)
     fine = PartRefinement(pair, signatures, config.n_refine)
     fits = parallel_map(
@@ -104,7 +136,7 @@ def _rough(
     image = refinement.extended(vertices, search.dense(images, vertices), 40)
     if refinement.orientation(image, 40) < 0:
         return None
-    image, misfit = refinement.refined(image, pair.config.part.sizes)
+    image, misfit = refinement.refined(image, pair.config.parts.sizes)
     stress = pair.stress(refinement.at(image, 70, pair.anchors))
     return PartFit(image, misfit, stress, refinement.orientation(image, 40))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import Mesh
 
 COST = IntervalCost()
+NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,12 @@ class PartPair:
         The settings of the match.
     missing : MissingRegion
         What lies beyond the part's boundary, in units of the part.
+    anchors : (m,) array of int
+        Vertices of the part whose images a start consists of: landmarks, then farthest points.
+    along : (m, n_part) array of float
+        Distances from them along the part, in its units.
+    landmarks : (l,) array of int
+        Vertices of the whole that the first anchors go to.
     """
 
     part: PreparedShape
@@ -38,18 +45,29 @@ class PartPair:
     unit: float
     config: Config
     missing: MissingRegion
+    anchors: IntArray
+    along: FloatArray
+    landmarks: IntArray
 
     @classmethod
-    def of(cls, part: PreparedShape, whole: PreparedShape, config: Config) -> PartPair:
-        """Assume that both shapes came in the same units."""
+    def of(
+        cls, part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
+    ) -> PartPair:
+        """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
         mesh = part.triangles
         assert mesh is not None
-        missing = MissingRegion.of(mesh, distance_engine(mesh), config.part.n_posts)
-        return cls(part, whole, part.scale / whole.scale, config, missing)
+        engine = distance_engine(mesh)
+        missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
+        n = config.parts.n_anchors
+        anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
+        along = part.columns[:n].astype(np.float64)
+        if len(landmarks):
+            along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
+        return cls(part, whole, part.scale / whole.scale, config, missing, anchors, along, landmarks[:, 1])
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
-        return PartPair(self.part, self.whole, unit, self.config, self.missing)
+        return replace(self, unit=unit)
 
     @property
     def meshes(self) -> tuple[Mesh, Mesh]:
@@ -64,14 +82,9 @@ class PartPair:
         """Area of the part over that of the whole."""
         return self.unit**2
 
-    @cached_property
-    def anchors(self) -> IntArray:
-        """(m,) anchors of the part, farthest points."""
-        return self.part.column_vertices[: self.config.part.n_anchors]
-
     def intervals(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds (m, r) of distances on the whole between the anchors and r vertices of the part."""
-        along = self.part.columns[: len(self.anchors), vertices].astype(np.float64)
+        along = self.along[:, vertices]
         lower = self.missing.lower_bound(self.anchors, vertices, along)
         return lower * self.unit, along * self.unit
 
@@ -99,7 +112,7 @@ class PartPair:
         return float(COST(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
 
     def unit_of(self, images: IntArray) -> float:
-        """Unit that the images (m,) of the anchors ask for, by distances that are known on the whole."""
+        """Measure the unit by images (m,) of the anchors whose distances on the whole are known."""
         lower, upper = self.anchor_intervals
         known = (lower >= TRUSTED * upper) & (upper > LONG)
         if known.sum() < FEWEST_KNOWN:
@@ -118,4 +131,5 @@ def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
     owner = distance_along_edges_to_nearest(shape.body, samples)[1]
     number = np.zeros(shape.body.n_vertices, dtype=np.int64)
     number[samples] = np.arange(len(samples))
-    return np.bincount(number[owner], shape.body.vertex_areas, len(samples))
+    areas = np.bincount(number[owner], shape.body.vertex_areas, len(samples))
+    return np.asarray(areas, dtype=np.float64)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import assign_points, trilaterate
+from isomatch.correspondence import Alignment, assign_points, trilaterate
+from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.part_pair import COST, PartPair, areas_of_samples
 from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.matching.search import Hypothesis, flips
 
 BALL_TOLERANCE = 0.15
 MOST_BALL = 0.7
+FORBIDDEN = 50.0  # cost of another image of a landmark
 
 
 class PartStarts:
@@ -19,7 +24,7 @@ class PartStarts:
 
     def __init__(self, pair: PartPair, signatures: PartSignatures) -> None:
         self._pair, self._signatures = pair, signatures
-        self._settings = pair.config.part
+        self._settings = pair.config.parts
         self._fine = pair.whole.sample_vertices
         whole = pair.whole
         self._candidates = np.unique(
@@ -28,6 +33,7 @@ class PartStarts:
                     whole.sample_vertices[: self._settings.n_candidates],
                     whole.extremities,
                     whole.column_vertices,
+                    pair.landmarks,
                 ]
             )
         )
@@ -63,6 +69,7 @@ class PartStarts:
             m = len(images)
             there = np.maximum(pair.whole.distances.between(images, self._fine), 0.0)
             images = self._fine[trilaterate(lower[:, :m], upper[:, :m], there, COST)]
+            images[: len(pair.landmarks)] = pair.landmarks
         return images
 
     def dense(self, images: IntArray, vertices: IntArray) -> IntArray:
@@ -82,11 +89,28 @@ class PartStarts:
         return kept
 
     def _mirrored(self, images: IntArray) -> list[IntArray]:
-        """Compose with the mirror images of the whole."""
+        """Compose with maps of the whole nearly onto itself, which exchange its sides, or its front and back."""
+        rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
+        near = self._pair.whole.distances.between(images, rows).argmin(axis=1)
+        if len(self._pair.landmarks):
+            return []
+        composed: list[IntArray] = [rows[image_row[near]] for image_row in self._self_maps]
+        return composed
+
+    @cached_property
+    def _self_maps(self) -> list[IntArray]:
+        """Symmetries of the whole and flips of its identity: rows (r,) that its search vertices go to."""
         whole = self._pair.whole
-        rows = whole.sample_vertices[: whole.config.n_search]
-        near = whole.distances.between(images, rows).argmin(axis=1)
-        return [rows[each.image_row[near]] for each in whole.symmetries if each.orientation < 0]
+        pair = ShapePair(whole, whole, self._pair.config)
+        rows = np.arange(len(pair.source_vertices))
+        identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
+        found = [each.image_row for each in whole.symmetries]
+        found += [flip.target_row for flip in flips(pair, identity, [identity])]
+        distinct: list[IntArray] = []
+        for image_row in found:
+            if pair.differs(image_row, distinct, self._pair.config.symmetry.same_map):
+                distinct.append(image_row)
+        return distinct
 
     def _unary(self) -> FloatArray:
         """Cost (m, c) of each image of each anchor: areas of balls, and signatures."""
@@ -106,8 +130,12 @@ class PartStarts:
             balls - most[:, None] * (1 + BALL_TOLERANCE),
         )
         violation = np.maximum(np.maximum(below, above), 0.0) / balls.mean(axis=0)
-        cost: FloatArray = np.minimum(violation, MOST_BALL).mean(axis=2)
+        cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=2))
         of_part, of_whole, weights = self._signatures
         apart = np.abs(of_part[pair.anchors, None] - of_whole[self._candidates]) * weights[pair.anchors, None]
         apart /= 2 * np.abs(of_whole).mean(axis=0)
-        return cost + self._settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
+        cost += self._settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
+        led = np.arange(len(pair.landmarks))
+        cost[led] = FORBIDDEN
+        cost[led, np.searchsorted(self._candidates, pair.landmarks)] = 0.0
+        return cost
