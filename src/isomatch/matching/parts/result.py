@@ -56,13 +56,19 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
 
 
 def _covered(found: PartMatch, embedding: Embedding) -> tuple[BoolArray, float]:
-    """Tell which vertices of the whole the part covers, and their share of the area."""
+    """Tell which vertices of the whole the part covers: those nearest to images, as many as its area asks for.
+
+    Returns also the share of the area that lies as near to images as vertices are to each other.
+    """
     pair = found.pair
     part, whole = pair.meshes
     images = np.unique(pair.whole.index.vertices(embedding.target, embedding.source))
-    reach = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
-    covered: BoolArray = distance_along_edges_to_nearest(whole, images)[0] <= reach
-    return covered, float(whole.vertex_areas[covered].sum() / whole.area)
+    gap, _ = distance_along_edges_to_nearest(whole, images)
+    spacing = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
+    order = np.argsort(gap, kind="stable")
+    filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * pair.share * whole.area
+    reach = max(spacing, gap[order[filled]].max(initial=0.0))
+    return gap <= reach, float(whole.vertex_areas[gap <= spacing].sum() / whole.area)
 
 
 def _quality(
