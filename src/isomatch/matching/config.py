@@ -403,7 +403,9 @@ class PartSettings(Settings):
     sizes: tuple[int, ...] = setting((20, 40, 70), "exploration of cuts and holes", least=4)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     largest_share: float = setting(0.95, "exploration of cuts and holes", least=0, most=1)
-    cover: float = setting(1.1, "a vertex left unmatched by mistake costs more than one matched by mistake", least=0)
+    cover: float = setting(
+        1.1, "a vertex left unmatched by mistake costs more than one matched by mistake", least=0
+    )
     poor_misfit: float = setting(0.37, "exploration of cuts and holes", least=0)
     poor_stress: float = setting(0.03, "exploration of cuts and holes", least=0)
     poor_orientation: float = setting(0.6, "exploration of cuts and holes", least=-1, most=1)
