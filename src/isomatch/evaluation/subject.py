@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -66,9 +66,7 @@ class Subject:
         self._dense, self._judged = run.load(names)
         self.pair = self._dense.given
         limit = memory_budget() / (8 * (run.jobs or n_threads()))
-        engine = lru_cache(
-            lambda mesh: CachingEngine(distance_engine(mesh), limit)
-        )  # shared where nothing is damaged
+        engine = cache(lambda mesh: CachingEngine(distance_engine(mesh), limit))  # one for an undamaged mesh
         self._engines, self._whole_engines = (
             (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
         )

@@ -343,6 +343,8 @@ class OutcomeSettings(Settings):
         Score of a rival, against the map returned, below which nothing decides between them.
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
+    torn : float
+        Squared length of the image of an edge, over its own, above which it counts no more: the edge is torn.
     poor_misfit, poor_residual, poor_stretch : float
         Values above which a map is poor.
     poor_orientation : float
@@ -358,15 +360,14 @@ class OutcomeSettings(Settings):
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
     tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
+    torn: float = setting(4.0, "docs/benchmarks.md, confidence", least=1)
     poor_misfit: float = setting(
         0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_residual: float = setting(
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
-    poor_stretch: float = setting(
-        1.3, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=1
-    )
+    poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

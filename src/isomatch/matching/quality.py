@@ -56,7 +56,9 @@ def measure_quality(
         rival=selection.rival if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
-        stretch=_stretch(source.body, target.body, points.interpolation(target.body.n_vertices)),
+        stretch=_stretch(
+            source.body, target.body, points.interpolation(target.body.n_vertices), settings.torn
+        ),
         orientation=orientation_of(source, basis, target, image[vertices], settings.normal_functions)
         if pair.oriented
         else np.nan,
@@ -73,14 +75,17 @@ def measure_quality(
     )
 
 
-def _stretch(source: Surface, target: Surface, pull_back: csr_array) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates."""
+def _stretch(source: Surface, target: Surface, pull_back: csr_array, torn: float) -> float:
+    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates.
+
+    An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others.
+    """
     if isinstance(source, Graph) or isinstance(target, Graph):
         return np.nan
     i, j = source.edges.T
     points = pull_back @ target.vertices
-    images, lengths = (((x[i] - x[j]) ** 2).sum() for x in (points, source.vertices))
-    return float(images / lengths)
+    images, lengths = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (points, source.vertices))
+    return float(np.minimum(images, torn * lengths).sum() / lengths.sum())
 
 
 def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:

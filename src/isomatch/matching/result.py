@@ -67,8 +67,8 @@ class Quality:
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float
-        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears; nan
-        for a graph.
+        Squared lengths of the images of edges over those of the edges, summed: 1 for an isometry, more for tears, of
+        which each edge counts at most four times (``Config.outcome.torn``); nan for a graph.
     orientation : float
         Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
         outside, near −1 it mirrors, between it is twisted; nan without triangles on both.

@@ -124,7 +124,7 @@ MEASURES = {
         "{:.2f}",
         "mean square; 1 for an isometry",
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
-        "map stretches or tears the surface.",
+        "map stretches or tears the surface. A torn edge counts at most four times.",
         most=BOUNDS.poor_stretch,
     ),
     "landmark_error": Measure(

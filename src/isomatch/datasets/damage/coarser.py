@@ -6,12 +6,13 @@ Edges are collapsed onto one of their ends, so that every vertex that remains is
 from __future__ import annotations
 
 import heapq
+from dataclasses import replace
 
 import numba
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable
+from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable, with_faces
 from isomatch.geodesics import distance_engine, peripheral_vertex
 from isomatch.surfaces import Mesh
 
@@ -38,7 +39,7 @@ def decimate(mesh: Mesh, share: float = 0.25, *, seed: int = 0) -> Damaged:
     -------
     Damaged
         The topology and all vertices of boundaries are preserved, and no vertex moves. More vertices remain if no further
-        edge can be collapsed.
+        edge can be collapsed. With a ``stand_in`` for each removed vertex: the one it was collapsed onto.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
     -------
     Damaged
         The density decreases exponentially with the geodesic distance from the dense end. The topology and all
-        vertices of boundaries are preserved, and no vertex moves.
+        vertices of boundaries are preserved, and no vertex moves. With a ``stand_in`` for each removed vertex.
 
     Raises
     ------
@@ -95,9 +96,12 @@ def resample(mesh: Mesh, ratio: float = 16.0, *, seed: int = 0) -> Damaged:
 
 
 def _quadrics(mesh: Mesh) -> FloatArray:
-    """(n, 4, 4) Q: (p, 1) Q (p, 1)ᵀ sums a third of area × squared distance to p over the planes of a vertex's faces."""
+    """(n, 4, 4) Q: (p, 1) Q (p, 1)ᵀ sums a third of area × squared distance to p over the planes of a vertex's faces.
+
+    Positions are about the mean of the vertices.
+    """
     normals = mesh.face_cross / np.maximum(2 * mesh.face_areas, 1e-300)[:, None]
-    offsets = np.einsum("fx,fx->f", normals, mesh.vertices[mesh.faces[:, 0]])
+    offsets = np.einsum("fx,fx->f", normals, _centred(mesh)[mesh.faces[:, 0]])
     planes = np.column_stack([normals, -offsets])
     of_faces = mesh.face_areas[:, None, None] / 3 * planes[:, :, None] * planes[:, None, :]
     quadrics = np.zeros((mesh.n_vertices, 4, 4))
@@ -106,16 +110,24 @@ def _quadrics(mesh: Mesh) -> FloatArray:
     return quadrics
 
 
+def _centred(mesh: Mesh) -> FloatArray:
+    """Vertices about their mean, so that quadrics of a shape far from the origin lose no digits."""
+    centred: FloatArray = mesh.vertices - mesh.vertices.mean(axis=0)
+    return centred
+
+
 def _collapsed(mesh: Mesh, share: float, quadrics: FloatArray, weights: FloatArray) -> Damaged:
     """Collapse edges, the one of least error + weight × length² first, until a share of the vertices is left."""
     faces = mesh.sound_faces.copy()
     n_used = len(np.unique(faces))
     n_removed = n_used - max(round(share * n_used), 4)
-    alive = _collapse(mesh.vertices, faces, mesh.edges, quadrics, weights, _at_boundary(mesh), n_removed)
-    original = np.unique(faces[alive])
-    renumber = np.zeros(mesh.n_vertices, dtype=np.int64)
-    renumber[original] = np.arange(len(original))
-    return Damaged(mesh, Mesh(mesh.vertices[original], renumber[faces[alive]]), original)
+    alive, onto = _collapse(
+        _centred(mesh), faces, mesh.edges, quadrics, weights, _at_boundary(mesh), n_removed
+    )
+    while (onto[onto] != onto).any():
+        onto = onto[onto]
+    damaged = with_faces(mesh, faces[alive])
+    return replace(damaged, stand_in=damaged.damaged_vertex[onto])
 
 
 def _at_boundary(mesh: Mesh) -> BoolArray:
@@ -136,8 +148,8 @@ def _collapse(
     weights: FloatArray,
     at_boundary: BoolArray,
     n_removed: int,
-) -> BoolArray:  # pragma: no cover - compiled
-    """Collapse edges u → v in place, in ``faces`` and ``quadrics``; return which faces are left.
+) -> tuple[BoolArray, IntArray]:  # pragma: no cover - compiled
+    """Collapse edges u → v in place, in ``faces`` and ``quadrics``; return which faces are left, and v for each u.
 
     The corners of the faces at a vertex form a linked list, so that v takes over those of u at once. An edge in the heap
     is out of date if either end has taken over another vertex since.
@@ -155,6 +167,7 @@ def _collapse(
         last[vertex] = corner
     age = np.zeros(n, dtype=np.int64)  # -1: removed
     mark = np.full(n, -1)
+    onto = np.arange(n)
     heap = [(0.0, 0, 0, 0, 0) for _ in range(0)]
     for i in range(len(edges)):
         for side in range(2):
@@ -182,6 +195,7 @@ def _collapse(
             for j in range(4):
                 quadrics[v, i, j] += quadrics[u, i, j]
         age[u], age[v] = -1, age[v] + 1
+        onto[u] = v
         n_removed -= 1
         mark[v] = turn + 1
         corner = first[v]
@@ -194,7 +208,7 @@ def _collapse(
                     heapq.heappush(heap, (_cost(points, quadrics, weights, v, w), v, w, age[v], age[w]))
                     heapq.heappush(heap, (_cost(points, quadrics, weights, w, v), w, v, age[w], age[v]))
             corner = following[corner]
-    return alive
+    return alive, onto
 
 
 @numba.njit(cache=True, nogil=True)

@@ -11,6 +11,7 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.surfaces import Mesh, check
 
 SHARES = (0.0, 1.0)
+LENGTHS = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +28,22 @@ class Damaged:
         Vertex of the whole mesh that each damaged vertex was.
     twin : (n,) array of int, optional
         Where two vertices were merged into one, the second of them; −1 elsewhere.
+    stand_in : (n_whole,) array of int, optional
+        Where vertices were thinned out but the surface is still there, the damaged vertex that stands for each vertex of
+        the whole; −1 for those that are gone.
     """
 
     whole: Mesh
     mesh: Mesh
     original: IntArray
     twin: IntArray | None = None
+    stand_in: IntArray | None = None
 
     @property
     def damaged_vertex(self) -> IntArray:
         """(n_whole,) damaged vertex that each vertex of the whole became; −1 where it is gone or was merged."""
+        if self.stand_in is not None:
+            return self.stand_in
         became = np.full(self.whole.n_vertices, -1, dtype=np.int64)
         single = np.ones(len(self.original), dtype=bool) if self.twin is None else self.twin < 0
         became[self.original[single]] = np.flatnonzero(single)
@@ -46,6 +53,14 @@ class Damaged:
     def with_twins(self) -> IntArray:
         """(n,) ``original``, with the twin in place of the first of two merged vertices."""
         return self.original if self.twin is None else np.where(self.twin < 0, self.original, self.twin)
+
+
+def with_faces(whole: Mesh, faces: IntArray) -> Damaged:
+    """Make a mesh of (m, 3) faces between vertices of a whole one, without the vertices that they do not use."""
+    original = np.unique(faces)
+    renumber = np.zeros(whole.n_vertices, dtype=np.int64)
+    renumber[original] = np.arange(len(original))
+    return Damaged(whole, Mesh(whole.vertices[original], renumber[faces]), original)
 
 
 def undamaged(mesh: Mesh) -> Damaged:
@@ -58,6 +73,11 @@ def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, flo
     fatal = check(mesh).fatal
     if fatal:
         raise MeshError("; ".join(fatal))
+    longest = float(mesh.edge_lengths.max())
+    if not LENGTHS[0] < longest < LENGTHS[1]:
+        raise MeshError(
+            f"the longest edge of {mesh!r} is {longest:g}, whose square is no number; scale the mesh"
+        )
     require_between(name, level, bounds)
 
 

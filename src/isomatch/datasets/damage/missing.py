@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable
+from isomatch._arrays import BoolArray, FloatArray
+from isomatch.datasets.damage.damaged import SHARES, Damaged, require_usable, with_faces
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
 from isomatch.surfaces import Mesh, rasterise
@@ -80,11 +80,11 @@ def holes(mesh: Mesh, share: float = 0.25, *, count: int = 8, seed: int = 0) -> 
         If nothing would be left, or the mesh is no surface.
     """
     require_usable(mesh, "share", share, SHARES)
-    if not 1 <= count <= mesh.n_vertices:
-        raise SettingError(f"count = {count} must lie in 1…{mesh.n_vertices}, the number of vertices")
     weights = mesh.vertex_areas / mesh.area
-    if count > np.count_nonzero(weights):
-        raise MeshError(f"{mesh!r} has fewer than {count} vertices of positive area; ask for fewer holes")
+    if not 1 <= count <= np.count_nonzero(weights):
+        raise SettingError(
+            f"count = {count} must lie in 1…{np.count_nonzero(weights)}, the number of vertices with an area"
+        )
     centres = np.random.default_rng(seed).choice(mesh.n_vertices, count, replace=False, p=weights)
     return _removed(mesh, distance_engine(mesh).distances_from(centres).min(axis=0), share)
 
@@ -95,7 +95,7 @@ def limb_removed(mesh: Mesh, share: float = 0.09, *, seed: int = 0) -> Damaged:
     Parameters
     ----------
     mesh : Mesh
-        The whole; its largest component is damaged.
+        The whole. Its largest component is damaged; the others are removed first.
     share : float
         Share of the area to remove, between 0 and 1, as in `cut`. Of a human, 0.09 is an arm or the head, and 0.18 a leg
         (the rule of nines of burn surgery: Wallace, *The exposure treatment of burns*, The Lancet 1951).
@@ -210,7 +210,4 @@ def _kept(mesh: Mesh, faces: BoolArray) -> Damaged:
     """Keep some faces of a mesh, and the vertices that they use."""
     if not faces.any():
         raise MeshError(f"nothing would be left of {mesh!r}; remove less of it, or give a finer mesh")
-    original: IntArray = np.unique(mesh.faces[faces])
-    renumber = np.zeros(mesh.n_vertices, dtype=np.int64)
-    renumber[original] = np.arange(len(original))
-    return Damaged(mesh, Mesh(mesh.vertices[original], renumber[mesh.faces[faces]]), original)
+    return with_faces(mesh, mesh.faces[faces])

@@ -24,8 +24,8 @@ class DamagedPair:
     given : BenchmarkPair
         The damaged shapes, as a method is given them, with the truth in their vertices.
     whole : BenchmarkPair
-        The shapes before the damage, with those rows of the truth of which both vertices remain, in the same order.
-        Vertices that were merged with others have no truth.
+        The shapes before the damage, with those rows of the truth of which both vertices remain or have a stand-in, in
+        the same order. Vertices that were merged with others have no truth.
     source, target : Damaged
         What was done to each shape.
     """

@@ -66,10 +66,15 @@ class DamageChoice:
     ----------
     name : str
         Key of ``DAMAGES``.
-    level : float
-        See `Damage`.
+    level : float, optional
+        See `Damage`; by default the default of the damage.
     side : {"source", "target", "both"}
         Which shape suffers it.
+
+    Raises
+    ------
+    SettingError
+        If the name or side is unknown, or the level is out of bounds.
 
     Examples
     --------
@@ -78,12 +83,22 @@ class DamageChoice:
     """
 
     name: str
-    level: float
+    level: float | None = None
     side: str = "target"
+
+    def __post_init__(self) -> None:
+        if self.name not in DAMAGES:
+            raise SettingError(f"unknown damage {self.name!r}; choose from {', '.join(DAMAGES)}")
+        if self.side not in SIDES:
+            raise SettingError(f"side {self.side!r} of damage {self.name!r} is not one of {', '.join(SIDES)}")
+        damage = DAMAGES[self.name]
+        level = damage.default if self.level is None else self.level
+        require_between(f"level of {self.name}", level, damage.bounds)
+        object.__setattr__(self, "level", level)
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read ``NAME``, ``NAME:LEVEL``, ``NAME@SIDE`` or ``NAME:LEVEL@SIDE``; by default, the target suffers it.
+        """Read ``NAME``, ``NAME:LEVEL``, ``NAME@SIDE`` or ``NAME:LEVEL@SIDE``.
 
         Raises
         ------
@@ -92,21 +107,13 @@ class DamageChoice:
         """
         kind, _, side = text.partition("@")
         name, _, level = kind.partition(":")
-        if name not in DAMAGES:
-            raise SettingError(f"unknown damage {name!r}; choose from {', '.join(DAMAGES)}")
-        damage, side = DAMAGES[name], side or "target"
-        if side not in SIDES:
-            raise SettingError(
-                f"damage {text!r} is on no side of a pair; end it in @source, @target or @both"
-            )
         try:
-            number = float(level) if level else damage.default
+            number = float(level) if level else None
         except ValueError:
             raise SettingError(
-                f"damage {text!r} has no number as its level; give the {damage.level}, such as {name}:{damage.default:g}"
+                f"damage {text!r} has {level!r} in the place of a number; write NAME:LEVEL"
             ) from None
-        require_between(f"level of {name}", number, damage.bounds)
-        return cls(name, number, side)
+        return cls(name, number, side or "target")
 
     def __call__(self, pair: BenchmarkPair, seed: int = 0) -> DamagedPair:
         """Damage a pair; the seed and the names of the shapes determine what is drawn."""
