@@ -6,7 +6,7 @@ LOWEST := $(VENV)/lowest
 LOCK := requirements-dev.txt
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long lint types benchmark lock lowest clean
+.PHONY: demo test test-long fuzz coverage lint types benchmark lock lowest clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -31,6 +31,9 @@ test: $(VENV)/dev lint types
 
 test-long: $(VENV)/dev
 	$(BIN)/python -m pytest -m long
+
+fuzz: $(VENV)/dev
+	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics
 
 lint: $(VENV)/dev
 	$(BIN)/ruff check .

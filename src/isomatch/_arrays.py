@@ -1,12 +1,29 @@
-"""Names of the array types in signatures. The docstrings give the shapes."""
+"""Names of the array types in signatures, whose shapes the docstrings give; arrays of what a user gave."""
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 AnyArray = NDArray[Any]
+
+
+def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
+    """Make an array of what a user gave; the given kind of error if its rows have different lengths."""
+    try:
+        array: AnyArray = np.asarray(values)
+        return array
+    except ValueError:
+        raise error(f"{name} have rows of different lengths; give as many numbers in each row") from None
+
+
+def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArray:
+    """Make a new float64 array of what a user gave; the given kind of error if it does not hold real numbers."""
+    array = array_of(values, name, error)
+    if array.size and array.dtype.kind not in "fiub":
+        raise error(f"{name} have type {array.dtype}, expected real numbers")
+    return np.array(array, dtype=np.float64, order="C")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 
 from isomatch._limits import memory
 from isomatch.errors import MemoryBudgetError, SettingError
@@ -19,12 +20,11 @@ def memory_budget() -> int:
     """
     wanted = os.environ.get("ISOMATCH_MEMORY_BUDGET", "")
     if wanted:
-        try:
+        if re.fullmatch(r"[0-9]{1,9}(\.[0-9]*)?|\.[0-9]+", wanted) and float(wanted) > 0:
             return int(float(wanted) * GIB)
-        except ValueError:
-            raise SettingError(
-                f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a number; give GiB, such as 8 or 0.5"
-            ) from None
+        raise SettingError(
+            f"ISOMATCH_MEMORY_BUDGET = {wanted!r} is not a positive number; give GiB, such as 8 or 0.5"
+        )
     available = memory()
     return int(available / 2) if math.isfinite(available) else 4 * GIB
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
@@ -117,7 +116,9 @@ def _require_allowed(name: str, value: Any, hint: Any, bounds: Mapping[str, Any]
     least, most = bounds.get("least"), bounds.get("most")
     if hint in (int, float):
         kinds: Any = int if hint is int else (int, float)
-        fits = isinstance(value, kinds) and not isinstance(value, bool) and not math.isnan(value)
+        fits = (
+            isinstance(value, kinds) and not isinstance(value, bool) and value == value
+        )  # nan is not itself
         if not fits or (least is not None and value < least) or (most is not None and value > most):
             limits = [f"at least {least}"] if least is not None else []
             limits += [f"at most {most}"] if most is not None else []
@@ -133,3 +134,9 @@ def require_least(settings: object, **least: float) -> None:
         value = getattr(settings, name)
         if value is not None and value < bound:
             raise SettingError(f"{name} = {value} is not at least {bound}")
+
+
+def generator(seed: int, *more: int) -> np.random.Generator:
+    """Make a random generator; `SettingError` unless the seed is an integer of at least 0."""
+    _require_allowed("seed", seed.item() if isinstance(seed, np.generic) else seed, int, {"least": 0})
+    return np.random.default_rng([seed, *more] if more else seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -26,7 +27,7 @@ def n_threads() -> int:
     """
     wanted = os.environ.get("ISOMATCH_NUM_THREADS", "")
     if wanted:
-        if not wanted.isdigit() or int(wanted) < 1:
+        if not re.fullmatch("0*[1-9][0-9]{0,5}", wanted):
             raise SettingError(f"ISOMATCH_NUM_THREADS = {wanted!r} is not a positive number of threads")
         return int(wanted)
     return processors()

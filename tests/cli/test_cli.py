@@ -16,6 +16,7 @@ from isomatch.cli import main
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.terminal import json_text
 from isomatch.datasets import example_pair, ground_truth
+from shapes import flat_grid, icosphere
 
 QUICK = """
 n_columns = 40
@@ -221,6 +222,41 @@ def test_check_lives_with_warnings_but_not_with_fatal_defects(tmp_path, capsys):
     assert json.loads(said.out)["fatal"]
     assert said.err.count("\n") == 1
     assert "no faces" in said.err
+
+
+def test_check_says_what_a_mesh_is_fit_for(tmp_path, capsys):
+    file = str(tmp_path / "small.off")
+    isomatch.write_mesh(file, icosphere(1))
+    assert main(["check", file]) == 0
+    said = capsys.readouterr().out
+    assert "\nfit for distance\nnot fit for basis: 42 vertices are too few for 100" in said
+    assert "\nnot fit for match: the largest component has 42 vertices, at least 50 are needed" in said
+    assert main(["check", file, "--json"]) == 0
+    reasons = json.loads(capsys.readouterr().out)["refused_by"]
+    assert reasons["distance"] is None
+    assert reasons["match"].startswith("the largest component has 42 vertices")
+    assert main(["check", file, "--for", "distance"]) == 0
+    capsys.readouterr()
+    assert main(["check", file, "--for", "match"]) == 1
+    assert "small.off: the largest component has 42 vertices" in one_line(capsys)
+    assert main(["check", file, "--for", "marriage"]) == 2
+
+
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_match_names_the_file_that_it_refuses(shapes, tmp_path, capsys, side):
+    isomatch.write_mesh(tmp_path / "small.off", icosphere(1))
+    files = {name: str(shapes / f"{name}.ply") for name in ("source", "target")}
+    files[side] = str(tmp_path / "small.off")
+    assert main(["match", *files.values(), "-o", str(tmp_path / "out")]) == 1
+    assert f"isomatch: {side} {files[side]}: the largest component has 42 vertices" in one_line(capsys)
+
+
+def test_match_names_the_files_without_a_first_map(tmp_path, capsys):
+    isomatch.write_mesh(tmp_path / "strip.off", flat_grid(2, 60))
+    file = str(tmp_path / "strip.off")
+    assert main(["match", file, file, "-o", str(tmp_path / "out")]) == 1
+    words = f"source {file}: 2 extremities, fewer than 4; target {file}: 2 extremities, fewer than 4; no first map"
+    assert words in one_line(capsys)
 
 
 def test_repair_writes_mesh_and_index(tmp_path, capsys):

@@ -18,19 +18,19 @@ import pytest
 from isomatch.cli import main
 from isomatch.errors import FormatError
 from isomatch.surfaces import FORMATS, Mesh, MeshFormat, read_mesh, read_point_cloud, write_mesh
-from isomatch.surfaces.io._text import format_rows, read_lines
+from isomatch.surfaces.io._text import format_rows, is_count, read_lines
 from zoo import torus, zoo
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read a toy file."""
     lines = read_lines(name, data)
-    words = lines.rows[0].split() if lines.rows else []
-    if len(words) != 3 or words[0] != "toy" or not all(word.isdecimal() for word in words[1:]):
+    words = lines.row(0).split() if len(lines) else []
+    if len(words) != 3 or words[0] != "toy" or not all(map(is_count, words[1:])):
         lines.fail(0, "'toy' and the numbers of vertices and of faces")
     n_vertices, n_faces = map(int, words[1:])
     last = 1 + n_vertices + n_faces
-    if len(lines) <= last or lines.rows[last].strip() != "end":
+    if len(lines) <= last or lines.row(last).strip() != "end":
         lines.fail(last, f"'end' after {n_vertices} vertices and {n_faces} faces")
     if len(lines) > last + 1:
         lines.fail(last + 1, "nothing after 'end'")

@@ -6,6 +6,7 @@ from scipy.io import savemat
 
 from isomatch import FormatError, Mesh, MissingFileError, write_mesh
 from isomatch.datasets import benchmark_set, faust, remeshed, scape, tosca
+from isomatch.datasets.shape_files import read_landmarks
 from shapes import icosphere
 
 BALL = icosphere(1)
@@ -150,7 +151,7 @@ def test_an_archive_without_landmarks_is_reported(tmp_path):
 def test_a_missing_file_of_triangles_is_reported(tmp_path):
     save(tmp_path / "cat0.vert", BALL)
     (tmp_path / "cat0.tri").unlink()
-    with pytest.raises(MissingFileError, match=r"cat0\.tri: this file is missing"):
+    with pytest.raises(MissingFileError, match=r"cat0\.tri: no such file"):
         tosca(tmp_path)["cat0"]
 
 
@@ -240,3 +241,11 @@ def test_the_shipped_pair_is_a_set():
     assert (pair.truth[:, 0] == np.arange(pair.source.n_vertices)).all()
     assert pair.truth[:, 1].max() < pair.target.n_vertices
     assert pair.mirrored is None
+
+
+@pytest.mark.parametrize("change", [{"cat0": np.zeros((0, 3))}, {"landmark_vertices": np.zeros(3, "f2")}])
+def test_archives_of_few_points_and_of_short_floats(tmp_path, change):
+    stored = {"faces": BALL.faces, "cat0": BALL.vertices, "landmark_vertices": np.arange(3)} | change
+    np.savez(tmp_path / "cat.npz", **stored)
+    assert len(tosca(tmp_path)["cat0"].marks) == len(stored["cat0"])
+    assert len(read_landmarks(tmp_path / "cat.npz")[0]) == 3

@@ -140,3 +140,16 @@ def test_sources_are_independent_fronts(example):
     together = geodesic_distances(mesh, [4, 4, 1200])
     assert np.array_equal(together[0], together[1])
     assert np.array_equal(together[2:], geodesic_distances(mesh, [1200]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_coincident_corners_and_repeated_vertices_shorten_no_path(seed):
+    """Through arbitrary faces, where fronts meet in space only, the error stays within a fifth."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1, 1, (60, 3))
+    points[rng.integers(0, 60, 10)] = points[0]
+    mesh = Mesh(points, rng.integers(0, 60, (200, 3)))
+    straight = np.linalg.norm(points[:, None] - points, axis=2)
+    distances = geodesic_distances(mesh, np.arange(60))
+    assert (distances >= 0.8 * straight - 1e-6).all()
+    assert (distances <= geodesic_distances(mesh, np.arange(60), "dijkstra") + 1e-6).all()

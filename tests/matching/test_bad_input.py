@@ -103,10 +103,14 @@ def test_unused_vertex_is_never_an_image(animal, shape):
     assert any(note.startswith("target: ") for note in found.notes)
 
 
-@pytest.mark.parametrize(("radius", "outcome"), [(0.05, Outcome.CONVERGED), (0.5, Outcome.PARTIAL)])
-def test_two_components_give_a_partial_map(animal, shape, radius, outcome):
+@pytest.mark.parametrize(
+    ("radius", "level", "outcome"),
+    [(0.05, 1, Outcome.CONVERGED), (0.05, 2, Outcome.PARTIAL), (0.5, 1, Outcome.PARTIAL)],
+    ids=["small and coarse", "small but a tenth of the vertices", "large"],
+)
+def test_two_components_give_a_partial_map(animal, shape, radius, level, outcome):
     n = animal.mesh.n_vertices
-    ball = icosphere(2)
+    ball = icosphere(level)
     size = np.sqrt(animal.mesh.area / (4 * np.pi))  # of a sphere of equal area
     mesh = with_more(animal.mesh, radius * size * ball.vertices + [50, 0, 0], ball.faces)
     pairs = np.column_stack([shape.column_vertices[:5]] * 2)

@@ -115,10 +115,19 @@ def test_smaller_component_is_left_out_and_noted():
     shape = prepare(mesh, Config(n_functions=50))
     assert (shape.body_vertex[:n] >= 0).all()
     assert (shape.body_vertex[n:] == -1).all()
-    assert shape.left_out == pytest.approx(0.2, abs=0.01)
-    assert any(
-        "1 smaller components with 20.0% of the area are left unmatched" in note for note in shape.notes
-    )
+    assert shape.left_out == pytest.approx(0.5), "of the vertices, if only 0.2 of the area"
+    (note,) = shape.notes
+    assert note.startswith("1 smaller components with 20.0% of the area and 50.0% of the vertices are left")
+
+
+def test_vertices_of_debris_and_without_faces_are_not_counted_as_left_out():
+    body, speck = icosphere(3), Mesh(np.eye(3), [[0, 1, 2]])
+    specks = np.vstack([0.01 * speck.vertices + [2 + i, 0, 0] for i in range(100)])
+    faces = np.vstack([body.faces, body.n_vertices + np.arange(300).reshape(-1, 3)])
+    alone = np.random.default_rng(0).normal(size=(200, 3)) * 9
+    shape = prepare(Mesh(np.vstack([body.vertices, specks, alone]), faces), Config(n_functions=50))
+    assert (shape.body_vertex >= 0).sum() == body.n_vertices
+    assert shape.left_out < 0.001
 
 
 def test_small_mesh_gets_reduced_settings_that_are_recorded():

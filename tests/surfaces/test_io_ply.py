@@ -96,7 +96,7 @@ NO_PLACE = "a.ply:1: "
         (["property float x"], "a.ply:3: expected a line 'element"),
         ([*XYZ, "property quaternion q"], "a.ply:7: expected a line"),
         ([*XYZ, "property list float int v"], "a.ply:7: expected a line"),
-        (XYZ[:3], NO_PLACE + "expected an element 'vertex' with properties x, y, z, found no z"),
+        (XYZ[:3], NO_PLACE + "expected an element 'vertex' with numbers x, y, z, found no z"),
         (["comment none"], NO_PLACE + "expected an element 'vertex'.*found no x, y, z"),
         (
             [*XYZ, "element face 0", "property int material"],

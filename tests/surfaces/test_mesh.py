@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch.errors import MeshError
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, vertex_normals
 from zoo import grid, specimen, torus
 
 TETRAHEDRON = specimen("tetrahedron").mesh
@@ -83,3 +83,7 @@ def test_arrays_of_the_wrong_kind(vertices, faces, message):
 def test_what_needs_sound_faces_names_the_bad_ones():
     with pytest.raises(MeshError, match=r"faces 12, 13 refer to vertices outside 0…11.*repair"):
         _ = specimen("wild").mesh.area
+
+
+def test_vertices_without_faces_have_no_normal():
+    assert not vertex_normals(np.eye(3), np.zeros((0, 3), dtype=np.int64)).any()

@@ -67,6 +67,27 @@ def test_any_winding_of_a_closed_surface_becomes_outward(seed):
     assert mended.volume == pytest.approx(torus().volume)
 
 
+@given(st.integers(0, 2**32))
+@settings(max_examples=25, deadline=None)
+def test_coincident_vertices_and_holes_do_not_change_which_side_is_outer(seed):
+    """Welding joins sheets there, so that more than two faces meet at an edge, or faces vanish."""
+    rng = np.random.default_rng(seed)
+    whole = torus(24, 12)
+    vertices, faces = whole.vertices.copy(), whole.faces[:, ::-1]
+    one, other = rng.permutation(whole.n_vertices)[:12].reshape(2, 6)
+    vertices[other] = vertices[one]
+    faces = np.delete(faces, rng.permutation(len(faces))[:6], axis=0)
+    mended = assert_laws(Mesh(vertices, faces)).mesh
+    assert mended.volume > 0
+    assert not len(check(mended).inconsistent_edges)
+
+
+def test_a_nearly_closed_surface_that_faces_inward_is_reported():
+    faces = torus().faces[1:, ::-1]
+    assert check(Mesh(torus().vertices, faces)).inward_components.tolist() == [0]
+    assert not len(check(Mesh(grid(4, 4).vertices, grid(4, 4).faces[:, ::-1])).inward_components)
+
+
 def test_an_open_surface_keeps_the_side_of_most_of_its_faces():
     faces = grid(4, 4).faces.copy()
     faces[[3, 8]] = faces[[3, 8]][:, ::-1]

@@ -3,6 +3,7 @@
 from isomatch.bases.build import BasisMethod, distance_basis
 from isomatch.bases.canonical_form import CanonicalForm, canonical_form
 from isomatch.bases.distance_basis import DistanceBasis, Weighting
+from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
@@ -15,6 +16,7 @@ __all__ = [
     "DistanceBasis",
     "LaplaceBasis",
     "Weighting",
+    "basis_domain",
     "canonical_form",
     "distance_basis",
     "exact_basis",

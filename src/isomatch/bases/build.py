@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch._arrays import FloatArray
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
-from isomatch.bases.distance_basis import DistanceBasis, Weighting, measure_of
+from isomatch.bases.distance_basis import DistanceBasis, Weighting
+from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
@@ -20,7 +22,6 @@ from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
     Sampling,
-    distance_engine,
     farthest_point_sampling,
     peripheral_vertex,
 )
@@ -122,8 +123,8 @@ def distance_basis(
     if np.dtype(dtype) not in (np.float32, np.float64):
         raise SettingError(f"dtype = {np.dtype(dtype)} is not float32 or float64")
     with serial_blas():
-        distances = distance_engine(surface, engine)
-        measure = measure_of(surface, weights, distances.n_points)
+        fixed = tolerance is None and method != "exact"
+        distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
         start = peripheral_vertex(surface, distances, seed)
         if tolerance is not None:
             basis = _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))
@@ -163,7 +164,7 @@ def _with_held_out(basis: DistanceBasis, engine: DistanceEngine, seed: int, coun
         share[basis.samples] = 0.0
     if count < 1:
         return basis
-    rng = np.random.default_rng([seed, 1])
+    rng = generator(seed, 1)
     drawn = rng.choice(len(share), min(count, len(share)), replace=False, p=share / share.sum())
     columns = engine.distances_from(drawn)
     return replace(basis, held_out=Sampling(drawn, columns))

@@ -11,7 +11,8 @@ from scipy.linalg import eigh
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
-from isomatch.bases.distance_basis import Weighting, measure_of, orthonormalised
+from isomatch.bases.distance_basis import Weighting, orthonormalised
+from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import biharmonic_interpolant, swapped
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import leading_eigenpairs
@@ -19,7 +20,6 @@ from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import (
     MetricSpace,
     Sampling,
-    distance_engine,
     farthest_point_sampling,
     peripheral_vertex,
 )
@@ -106,9 +106,8 @@ def canonical_form(
         raise SettingError(
             f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
         )
-    distances = distance_engine(surface, engine)
+    distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points
-    measure = measure_of(surface, weights, n)
     with serial_blas():
         if method == "exact":
             require_memory(24.0 * n * n, f"the exact canonical form of {n} points", "use method='nystrom'")

@@ -4,22 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
-from isomatch._array_file import ArrayFile, save_arrays
+from isomatch._array_file import ArrayFormat, Stored, save_arrays
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics import MetricSpace, Sampling
+from isomatch.geodesics import Sampling
 
 Weighting = Literal["area", "uniform"]
 
-FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
+FORMAT = ArrayFormat(
+    what="a distance basis",
+    writer="DistanceBasis.save",
+    version=1,  # raise it when earlier versions of isomatch could not read the files
+    arrays={
+        "vectors": Stored("float", ("n", "k")),
+        "values": Stored("float", ("k",)),
+        "weights": Stored("float", ("n",), positive=True),
+        "method": Stored("text"),
+        "engine": Stored("text"),
+        "samples": Stored("integer", ("p",), index_of="n"),
+        "held_out_vertices": Stored("integer", ("q",), index_of="n", group="held out"),
+        "held_out_columns": Stored("float", ("q", "n"), group="held out"),
+    },
+    filled=("n", "k"),
+)
 NULL_VALUE = 1e-12  # of the largest eigenvalue; smaller ones are rounding errors
 
 
@@ -51,6 +66,14 @@ class DistanceBasis:
     samples: IntArray
     held_out: Sampling | None = None
 
+    def __post_init__(self) -> None:
+        n, k = self.vectors.shape
+        if not (n and k) or self.values.shape != (k,) or self.weights.shape != (n,):
+            raise MeshError(
+                f"vectors of shape {self.vectors.shape}, values of shape {self.values.shape} and weights of shape "
+                f"{self.weights.shape} do not make a basis; expected (n, k), (k,) and (n,), neither of them 0"
+            )
+
     def __repr__(self) -> str:
         n, k = self.vectors.shape
         return (
@@ -74,14 +97,13 @@ class DistanceBasis:
 
     def between(self, rows: ArrayLike, columns: ArrayLike) -> FloatArray:
         """Approximate distances from r vertices to c vertices, (r, c), in mesh units. O(r c k)."""
-        block: FloatArray = (self.vectors[np.asarray(rows)] * self.values) @ self.vectors[
-            np.asarray(columns)
-        ].T
+        chosen = self.vectors[self._indices(columns)]
+        block: FloatArray = (self.vectors[self._indices(rows)] * self.values) @ chosen.T
         return block
 
     def row(self, i: ArrayLike) -> FloatArray:
         """Approximate distances from one or more vertices to all, (..., n), in mesh units. O(n k) each."""
-        distances: FloatArray = (self.vectors[np.asarray(i)] * self.values) @ self.vectors.T
+        distances: FloatArray = (self.vectors[self._indices(i)] * self.values) @ self.vectors.T
         return distances
 
     def nearest(self, i: int, r: float) -> tuple[IntArray, FloatArray]:
@@ -99,7 +121,7 @@ class DistanceBasis:
         return product
 
     def truncated(self, k: int) -> DistanceBasis:
-        """Keep the first k vectors: the best approximation of rank k of this one."""
+        """Keep the first k vectors, at least one: the best approximation of rank k of this one."""
         return replace(self, vectors=self.vectors[:, :k], values=self.values[:k])
 
     def astype(self, dtype: DTypeLike) -> DistanceBasis:
@@ -156,7 +178,7 @@ class DistanceBasis:
         held_out = {} if self.held_out is None else vars(self.held_out)
         arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
-        save_arrays(path, FORMAT_VERSION, arrays)
+        save_arrays(path, FORMAT.version, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> DistanceBasis:
@@ -168,25 +190,9 @@ class DistanceBasis:
             If the file is missing (`MissingFileError`), holds something else, or was written by an isomatch that is
             too new.
         """
-        file = ArrayFile.read(path, "a distance basis", "DistanceBasis.save", FORMAT_VERSION)
-        vectors = file.floats("vectors", None, None)
-        n, k = vectors.shape
-        weights = file.floats("weights", n)
-        if (weights <= 0).any():
-            file.refuse("weights has entries that are not positive")
-        held_out = None
-        if "held_out_vertices" in file:
-            vertices = file.integers("held_out_vertices", None, n=n)
-            held_out = Sampling(vertices, file.floats("held_out_columns", len(vertices), n))
-        return cls(
-            vectors=vectors,
-            values=file.floats("values", k),
-            weights=weights,
-            method=file.text("method"),
-            engine=file.text("engine"),
-            samples=file.integers("samples", None, n=n),
-            held_out=held_out,
-        )
+        arrays = FORMAT.read(path)
+        held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
+        return cls(**arrays, held_out=None if held_out["vertices"] is None else Sampling(**held_out))
 
     def _indices(self, i: ArrayLike) -> IntArray:
         """Vertex indices as integers within bounds, which compiled loops do not check."""
@@ -230,18 +236,3 @@ def orthonormalised(
     order = order[np.abs(values[order]) > NULL_VALUE * np.abs(values).max()]
     basis = fix_signs(q @ vectors[:, order] / root, weights)
     return DistanceBasis(basis, values[order], weights, method, engine, samples)
-
-
-def measure_of(surface: MetricSpace, weights: Weighting, n: int) -> FloatArray:
-    """Weights of n points, (n,): vertex areas, or ones if ``weights`` is "uniform" or the space has no areas."""
-    if weights not in get_args(Weighting):
-        raise SettingError(f"weights = {weights!r} is not one of {', '.join(map(repr, get_args(Weighting)))}")
-    area: FloatArray | None = getattr(surface, "vertex_areas", None)
-    if weights == "uniform" or area is None:
-        return np.ones(n)
-    if not (area > 0).all():
-        raise MeshError(
-            f"{int((area <= 0).sum())} vertices have no area, so an area-weighted basis is undefined there; "
-            "call repair(mesh), or use weights='uniform'"
-        )
-    return area

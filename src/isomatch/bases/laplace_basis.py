@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.sparse import csc_array, diags_array, eye_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_array, diags_array
 
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
-from isomatch.bases.laplacian import laplacian
+from isomatch.bases.domain import require_one_component
+from isomatch.bases.laplacian import factorised, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
 from isomatch.surfaces import Mesh, Surface
@@ -100,17 +101,18 @@ def laplace_basis(surface: Surface, k: int = 200, seed: int = 0) -> LaplaceBasis
             raise MeshError(
                 f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
             )
-    if surface.components.any():
-        raise MeshError(
-            f"the surface has {surface.components.max() + 1} components, whose eigenfunctions are unrelated; "
-            "pass one component, such as mesh.submesh(mesh.components == 0)[0]"
-        )
+    require_one_component(surface)
     stiffness, weights = laplacian(surface)
     area = weights.sum()
     scale = diags_array(np.sqrt(area / weights))
     operator = csc_array(scale @ stiffness @ scale)  # at unit area; eigenvectors are orthonormal
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed)
+    if not (np.isfinite(values).all() and np.isfinite(vectors).all()):
+        raise NotConvergedError(
+            "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
+            "vertices, or remesh"
+        )
     vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
     return LaplaceBasis(vectors, np.maximum(values, 0.0) / area, weights)
 
@@ -155,24 +157,19 @@ def smallest_eigenpairs(
     if n <= max(DENSE, k + 20 * BLOCK):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
-    factor = splu(
-        csc_array(operator + SHIFT * eye_array(n)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    solve = factorised(operator, np.full(n, SHIFT))
     limit = (min(n - BLOCK, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
     require_memory(
         8.0 * n * limit, f"the Krylov space of {k} functions on {n} vertices", "ask for fewer functions"
     )
     space = np.zeros((n, limit), order="F")
     projected = np.zeros((limit, limit))  # spaceᵀ (H + σ)⁻¹ space
-    start = np.random.default_rng(seed).standard_normal((n, BLOCK))
+    start = generator(seed).standard_normal((n, BLOCK))
     space[:, :BLOCK] = _orthonormal_columns(start)[0]
     size = BLOCK
     while True:
         last = slice(size - BLOCK, size)
-        image = factor.solve(space[:, last])
+        image = solve(space[:, last])
         for first in (max(0, size - 2 * BLOCK), 0):  # the last two blocks, then all
             part = space[:, first:size]
             overlap = part.T @ image

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from isomatch._arrays import FloatArray
+from isomatch.bases.domain import require_areas
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
@@ -33,7 +34,7 @@ def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
     Raises
     ------
     MeshError
-        If a vertex has no area.
+        If a vertex has no area, or one that is not finite.
 
     Notes
     -----
@@ -47,13 +48,7 @@ def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
         stiffness, mass = robust_laplacian.mesh_laplacian(surface.vertices, surface.faces)
     else:
         stiffness, mass = robust_laplacian.point_cloud_laplacian(surface.vertices)
-    masses = np.asarray(mass.diagonal(), dtype=np.float64)
-    if not (masses > 0).all():
-        raise MeshError(
-            f"{int((masses <= 0).sum())} vertices have no area, so the Laplacian is undefined there; "
-            "call repair(mesh)"
-        )
-    return csc_array(stiffness), masses
+    return csc_array(stiffness), require_areas(np.asarray(mass.diagonal(), dtype=np.float64))
 
 
 def _graph_laplacian(graph: Graph) -> csc_array:
@@ -67,13 +62,22 @@ def _graph_laplacian(graph: Graph) -> csc_array:
 
 
 def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it."""
-    solve: Callable[[FloatArray], FloatArray] = splu(
-        csc_array(stiffness + diags_array(diagonal)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    ).solve
+    """Factorise H + diag(d), which must be symmetric and definite, and return the function that solves with it.
+
+    `MeshError` if H is so badly scaled that it is singular to rounding.
+    """
+    try:
+        solve: Callable[[FloatArray], FloatArray] = splu(
+            csc_array(stiffness + diags_array(diagonal)),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        ).solve
+    except RuntimeError as error:
+        raise MeshError(
+            f"the Laplacian cannot be factorised ({error}): some vertices nearly coincide, or triangles are nearly "
+            "flat; merge such vertices"
+        ) from error
     return solve
 
 

@@ -15,6 +15,8 @@ from isomatch.cli.distance import EngineOption
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say_json, say_table
 
+N_COLUMNS = 100
+
 
 def basis(
     file: Path,
@@ -22,7 +24,7 @@ def basis(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     k: Annotated[int, Parameter(name="--k")] = 50,
-    p: Annotated[int, Parameter(name="--p")] = 100,
+    p: Annotated[int, Parameter(name="--p")] = N_COLUMNS,
     method: BasisMethod | None = None,
     weights: Weighting = "area",
     engine: EngineOption = None,

@@ -12,8 +12,8 @@ from cyclopts.validators import LimitedChoice
 import isomatch
 from isomatch._array_file import write_arrays
 from isomatch._arrays import FloatArray, IntArray
-from isomatch._files import write_text
-from isomatch.cli.inputs import read_pairs
+from isomatch._files import is_whole_number, write_text
+from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
@@ -82,9 +82,8 @@ def distance(
     with claimed_files(output, force=force), progress() as stage:
         stage("reading")
         mesh = isomatch.read_mesh(file)
-        surface = mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
         stage("distances")
-        name, distances = _distances(surface, asked, engine, basis)
+        name, distances = _distances(surface_of(mesh), asked, engine, basis)
         if output is not None:
             _write(output, kind, asked, distances)
     if json:
@@ -98,12 +97,12 @@ def distance(
 
 
 def _vertices(words: str) -> IntArray:
-    try:
-        return np.array([int(word) for word in words.split(",")], dtype=np.int64)
-    except ValueError:
+    listed = [word.strip() for word in words.split(",")]
+    if not all(map(is_whole_number, listed)):
         raise isomatch.SettingError(
             f"--from {words!r} is not a list of vertices; write 0-based indices separated by commas, such as 0,12"
-        ) from None
+        )
+    return np.array([int(word) for word in listed], dtype=np.int64)
 
 
 def _distances(

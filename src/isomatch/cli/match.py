@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import read_config, read_initial_map, read_landmarks
+from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
 from isomatch.matching import Orientation, Refinement
@@ -68,9 +68,10 @@ def match(
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         start = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
-            result = isomatch.match(
-                *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
-            )
+            with naming_files(source=source, target=target):
+                result = isomatch.match(
+                    *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
+                )
             stage("writing")
             given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
             record = folder.write(

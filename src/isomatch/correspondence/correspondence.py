@@ -5,23 +5,36 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._array_file import FIRST_VERSION, ArrayFile, require_known_version, save_arrays
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._files import opened, replaced
+from isomatch._array_file import FIRST_VERSION, ArrayFormat, Stored, require_known_version, save_arrays
+from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._files import opened, read_integers, replaced
 from isomatch.errors import DescriptorError, FormatError, MapError, some
 
 UNMATCHED = -1
-FORMAT_VERSION = 1  # of the files; raise it when earlier versions of isomatch could not read them
-
-_DIRECTION = "source -> target"
-_HEADER = re.compile(
-    r"# isomatch map(?:, format version (?P<version>\d+))?,.*\n"
-    r"# (?P<n_source>\d+) source vertices, (?P<n_target>\d+) target vertices"
+DIRECTION = "source -> target"
+FORMAT = ArrayFormat(
+    what="a map",
+    writer="Correspondence.save",
+    version=1,  # raise it when earlier versions of isomatch could not read the files
+    arrays={
+        "direction": Stored("text", group="direction"),
+        "n_target": Stored("integer", group="n_target"),
+        "vertices": Stored("integer", ("n",)),
+        "faces": Stored("integer", ("n", 3), group="precise"),
+        "barycentric": Stored("float", ("n", 3), group="precise"),
+    },
 )
+
+_HEADER = re.compile(
+    r"# isomatch map(?:, format version (?P<version>[0-9]{1,9}))?,.*\n"
+    r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
+)
+LONGEST_HEADER = 1000  # bytes of a text
 _LINES = "write one 0-based target vertex on each line, -1 where unmatched"
 
 
@@ -64,7 +77,7 @@ class Correspondence:
         faces: ArrayLike | None = None,
         barycentric: ArrayLike | None = None,
     ) -> None:
-        given = np.asarray(vertices)
+        given = array_of(vertices, "the vertices of a map", MapError)
         if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
             raise MapError(
                 f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape "
@@ -72,20 +85,21 @@ class Correspondence:
             )
         if n_target < 0:
             raise MapError(f"n_target = {n_target} is not a number of target vertices")
-        image = np.array(given, dtype=np.int64)
-        bad = np.flatnonzero((image < UNMATCHED) | (image >= n_target))
+        bad = np.flatnonzero((given < UNMATCHED) | (given >= n_target))
         if len(bad):
             raise MapError(
                 f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
                 "indices count from 0, and −1 means unmatched"
             )
+        image = np.array(given, dtype=np.int64)
         if (faces is None) != (barycentric is None):
             raise MapError("faces and barycentric describe the precise image together; give both or neither")
         if faces is None or barycentric is None:
             corners = np.repeat(image[:, None], 3, axis=1)
             weights = np.tile([1.0, 0.0, 0.0], (len(image), 1))
         else:
-            corners, weights = _precise(np.asarray(faces), np.array(barycentric, np.float64), image, n_target)
+            given_weights = numbers_of(barycentric, "barycentric weights", MapError)
+            corners, weights = _precise(array_of(faces, "faces", MapError), given_weights, image, n_target)
         for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
@@ -169,11 +183,11 @@ class Correspondence:
         """
         path = Path(path)
         if path.suffix == ".npz":
-            arrays = {"direction": np.array(_DIRECTION), **vars(self)}
-            save_arrays(path, FORMAT_VERSION, arrays, compressed=True)
+            arrays = {"direction": np.array(DIRECTION), **vars(self)}
+            save_arrays(path, FORMAT.version, arrays, compressed=True)
             return
         header = (
-            f"isomatch map, format version {FORMAT_VERSION}, {_DIRECTION}\n"
+            f"isomatch map, format version {FORMAT.version}, {DIRECTION}\n"
             f"{len(self.vertices)} source vertices, {self.n_target} target vertices\n"
             "line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched"
         )
@@ -219,41 +233,32 @@ class Correspondence:
 
 def _read_arrays(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
     """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
-    file = ArrayFile.read(path, "a map", "Correspondence.save", FORMAT_VERSION)
-    if "direction" in file and file.text("direction") != _DIRECTION:
-        file.refuse(f"its direction is {file.text('direction')!r}, not {_DIRECTION!r}")
-    arrays: dict[str, AnyArray] = {"vertices": file.integers("vertices", None)}
-    if "faces" in file or "barycentric" in file:
-        arrays["faces"] = file.integers("faces", len(arrays["vertices"]), 3)
-        arrays["barycentric"] = file.floats("barycentric", len(arrays["vertices"]), 3)
-    return int(file.integers("n_target")) if "n_target" in file else None, arrays
+    arrays = FORMAT.read(path)
+    if arrays.pop("direction", DIRECTION) != DIRECTION:
+        raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
+    n_target = arrays.pop("n_target", None)
+    return None if n_target is None else int(n_target), arrays
 
 
 def _read_text(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
     """Read the number of target vertices, if the header has it, and the vertices of a map from a text file."""
     with opened(path) as file:
-        text = file.read().decode("utf-8-sig", errors="replace")
-    header = _HEADER.match(text)
+        header = _HEADER.match(file.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace"))
     if header:
-        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT_VERSION)
-    image = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        word = line.partition("#")[0].strip()
-        if not word:
-            continue
-        try:
-            image.append(int(word))
-        except ValueError:
-            raise FormatError(f"{path}:{number}: {word[:40]!r} is not a target vertex; {_LINES}") from None
+        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
+
+    def refuse(number: int, line: str) -> NoReturn:
+        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a target vertex; {_LINES}")
+
+    image = read_integers(path, 1, refuse)[:, 0]
     if header and len(image) != int(header["n_source"]):
         raise FormatError(
             f"{path}: {len(image)} lines for the {header['n_source']} source vertices of its header; "
             "it is cut short or was edited, copy it again or remove the header"
         )
-    if not (header or image):
+    if not (header or len(image)):
         raise FormatError(f"{path}: no target vertices; {_LINES}")
-    vertices: AnyArray = np.array(image) if image else np.zeros(0, dtype=np.int64)
-    return int(header["n_target"]) if header else None, {"vertices": vertices}
+    return int(header["n_target"]) if header else None, {"vertices": image}
 
 
 def _precise(
@@ -264,11 +269,15 @@ def _precise(
         raise MapError("faces and barycentric must both have one row of three for each source vertex")
     if faces.size and faces.dtype.kind not in "iu":
         raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
-    corners, held = faces.astype(np.int64), image >= 0
-    if ((corners[held] < 0) | (corners[held] >= n_target)).any():
+    held = image >= 0
+    if ((faces[held] < 0) | (faces[held] >= n_target)).any():
         raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
-    sums = weights[held].sum(axis=1)
-    if not ((weights[held] >= -1e-9).all() and (np.abs(sums - 1) <= 1e-6).all()):  # true of nan as well
+    smallest, sums = (
+        weights[held].min(initial=0.0),
+        np.where(np.isfinite(weights), weights, np.inf)[held].sum(axis=1),
+    )
+    if smallest < -1e-9 or not (np.abs(sums - 1) <= 1e-6).all():
         raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
+    corners = faces.astype(np.int64)
     corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
     return corners, weights

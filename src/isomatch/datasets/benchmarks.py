@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from isomatch._arrays import IntArray
+from isomatch._settings import generator
 from isomatch.datasets.creatures import Creature, creature, ground_truth
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
@@ -45,7 +46,7 @@ class BenchmarkSet:
         """Draw ``count`` pairs without replacement and keep their order; all if None."""
         if count is None or count >= len(self.pairs):
             return self
-        keep = np.sort(np.random.default_rng(seed).choice(len(self.pairs), count, replace=False))
+        keep = np.sort(generator(seed).choice(len(self.pairs), count, replace=False))
         return BenchmarkSet(self.name, tuple(self.pairs[i] for i in keep), self.load)
 
     def __iter__(self) -> Iterator[BenchmarkPair]:
@@ -121,7 +122,7 @@ def _relabelled_pair(shapes: ShapeSet, source: str, target: str) -> BenchmarkPai
 
 def relabelled(mesh: Mesh, seed: int) -> tuple[Mesh, IntArray]:
     """Shuffle vertices and faces and rotate at random; also return the new index of each old vertex."""
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     new = rng.permutation(mesh.n_vertices)
     vertices = np.empty_like(mesh.vertices)
     vertices[new] = mesh.vertices @ Rotation.random(rng=rng).as_matrix().T

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
+from isomatch._settings import generator
 from isomatch.datasets.anatomy import Joint, Limb
 from isomatch.datasets.implicit import Skin
 from isomatch.errors import SettingError
@@ -23,7 +24,7 @@ def natural_pose(limbs: tuple[Limb, ...], seed: int) -> dict[str, FloatArray]:
     """Draw the angles of every joint within its natural limits; seed 0 is the rest pose, which has no angles."""
     if seed == 0:
         return {}
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     return {joint.name: rng.uniform(*np.transpose(joint.limits)) for limb in limbs for joint in limb.joints}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from isomatch._files import text_lines
 from isomatch.datasets.shape_files import SUFFIXES, shapes_in
 from isomatch.datasets.shape_set import ShapeSet
 from isomatch.errors import FormatError, MissingFileError
@@ -121,8 +122,7 @@ def _open(name: str, root: str | Path, pattern: str, shared: bool) -> ShapeSet:
 
 def _listed(path: Path) -> tuple[tuple[str, str], ...]:
     """Pairs of names in a text file, if there is one."""
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    rows = [line.split("#")[0].replace(",", " ").split() for line in lines]
+    rows = [line.replace(",", " ").split() for _, line in text_lines(path)] if path.exists() else []
     return tuple((row[0], row[1]) for row in rows if len(row) > 1)
 
 

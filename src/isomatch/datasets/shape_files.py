@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+import struct
+import zlib
+from functools import lru_cache, partial
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import NoReturn
 
 import numpy as np
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
+from isomatch._array_file import Archive
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch.errors import FormatError, MissingFileError, some
+from isomatch._files import opened, text_lines
+from isomatch.errors import FormatError, some
 from isomatch.surfaces import Mesh, read_mesh
 
+_NOT_MATLAB = (
+    *(
+        OSError,
+        ValueError,
+        TypeError,
+        LookupError,
+        ArithmeticError,
+        AttributeError,
+        MemoryError,
+        RuntimeError,
+    ),
+    *(MatReadError, zlib.error, struct.error),
+)  # what `loadmat` raises for damaged files
 SUFFIXES = (".mat", ".npz", ".obj", ".off", ".ply", ".vert")
 
 
@@ -21,11 +40,8 @@ def shapes_in(path: Path) -> list[str]:
     """Names of the shapes in a file: that of the file, or those of the poses in an archive with common faces."""
     if path.suffix != ".npz":
         return [path.stem]
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            keys = list(data.files)
-    except (OSError, ValueError, BadZipFile) as error:
-        raise _unreadable(path, error) from error
+    with Archive.opened(path, partial(_refuse, path)) as stored:
+        keys = stored.names
     if "faces" not in keys:
         return []
     return [path.stem] if "vertices" in keys else [key for key in keys if key != "faces"]
@@ -66,6 +82,14 @@ def read_indices(path: Path) -> IntArray:
     return _from(1, path, _read_table(path)[:, 0])
 
 
+def stored_indices(path: Path, key: str) -> IntArray:
+    """Read vertices from an array of an archive, counted from 0."""
+    found = _from(0, path, arrays(path)[key])
+    if found.ndim != 1:
+        _refuse(path, f"{key} has shape {found.shape}, not one index for each known vertex")
+    return found
+
+
 def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
     """Read landmarks and, if they are in the file, their mirror images.
 
@@ -85,12 +109,16 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
         archive = arrays(path)
         if "landmark_vertices" not in archive:
             raise FormatError(f"{path}: no landmarks in this archive; expected an array 'landmark_vertices'")
-        columns = [archive[key] for key in ("landmark_vertices", "symmetry_perm") if key in archive]
-        table = _from(0, path, np.column_stack(columns))
+        columns = [
+            stored_indices(path, key) for key in ("landmark_vertices", "symmetry_perm") if key in archive
+        ]
+        if len({len(column) for column in columns}) > 1:
+            _refuse(path, "symmetry_perm and landmark_vertices differ in length")
+        table = np.column_stack(columns)
     else:
         table = _from(0, path, _read_table(path))
     vertices, number = table[:, 0], table[:, 1:2].ravel()
-    if number.max(initial=0) >= len(table):
+    if number.max(initial=-1) >= len(table):
         raise FormatError(
             f"{path}: a landmark is mirrored to number {number.max()}, but the last is {len(table) - 1}; correct the "
             "second column, which counts landmarks from 0"
@@ -100,20 +128,19 @@ def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:
 
 @lru_cache(maxsize=64)
 def arrays(path: Path) -> dict[str, AnyArray]:
-    """Read all arrays of an ``.npz`` archive without pickles."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return dict(data)
-    except (OSError, ValueError, BadZipFile) as error:
-        raise _unreadable(path, error) from error
+    """Read all arrays of an ``.npz`` archive."""
+    with Archive.opened(path, partial(_refuse, path)) as stored:
+        return stored.read_all(stored.names)
 
 
 def _read_mat(path: Path) -> Mesh:
+    with opened(path) as file:
+        data = BytesIO(file.read())
     try:
-        surface = loadmat(path, squeeze_me=True, struct_as_record=False)["surface"]
+        surface = loadmat(data, squeeze_me=True, struct_as_record=False)["surface"]
         vertices = np.column_stack([surface.X, surface.Y, surface.Z])
         faces = np.asarray(surface.TRIV)
-    except (OSError, ValueError, KeyError, AttributeError, NotImplementedError, MatReadError) as error:
+    except _NOT_MATLAB as error:
         raise FormatError(
             f"{path}: not a shape ({error}); expected a MATLAB file before version 7.3 with a struct 'surface' of "
             "X, Y, Z and TRIV"
@@ -123,7 +150,11 @@ def _read_mat(path: Path) -> Mesh:
 
 def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
     """Turn indices that count from ``first`` into integers from 0."""
-    bad = np.flatnonzero(~(indices >= first) | (indices != np.rint(indices)))
+    if indices.dtype.kind not in "fiu":
+        _refuse(path, f"indices of type {indices.dtype}")
+    if indices.dtype.kind == "f":
+        indices = indices.astype(np.float64)
+    bad = np.flatnonzero(~((indices >= first) & (indices < 2**53) & (indices == np.rint(indices))))
     if len(bad):
         raise FormatError(
             f"{path}: entries {some(bad)} are not whole numbers from {first}, where indices start in such a file; export "
@@ -134,17 +165,15 @@ def _from(first: int, path: Path, indices: AnyArray) -> IntArray:
 
 def _read_table(path: Path, columns: int = 1) -> FloatArray:
     """Numbers of a text file, (rows, at least ``columns``); ``#`` and ``%`` start comments, commas count as blanks."""
+    rows = (line.replace(",", " ").partition("%")[0] for _, line in text_lines(path))
+    rows = (row for row in rows if row.strip())
+    first = next(rows, "")
     try:
-        lines = (
-            path.read_text(encoding="utf-8", errors="replace")
-            .replace(",", " ")
-            .replace("%", "#")
-            .splitlines()
+        table = (
+            np.loadtxt(chain([first], rows), dtype=np.float64, ndmin=2) if first else np.zeros((0, columns))
         )
-        rows = [line for line in lines if line.split("#")[0].strip()]
-        table = np.loadtxt(rows, dtype=np.float64, ndmin=2) if rows else np.zeros((0, columns))
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error) from error
+    except ValueError as error:
+        _refuse(path, str(error))
     if table.shape[1] < columns or not len(table):
         raise FormatError(
             f"{path}: {len(table)} rows of {table.shape[1]} numbers, expected rows of {columns}; copy or export it again"
@@ -152,11 +181,7 @@ def _read_table(path: Path, columns: int = 1) -> FloatArray:
     return table
 
 
-def _unreadable(path: Path, error: Exception) -> FormatError:
-    if isinstance(error, FileNotFoundError):
-        return MissingFileError(
-            f"{path}: this file is missing; docs/benchmarks.md lists the files of each set"
-        )
-    return FormatError(
-        f"{path}: cannot be read ({error}); docs/benchmarks.md describes the contents of such a file"
+def _refuse(path: Path, problem: str) -> NoReturn:
+    raise FormatError(
+        f"{path}: cannot be read ({problem}); docs/benchmarks.md describes the contents of such a file"
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from isomatch._arrays import IntArray
-from isomatch.datasets.shape_files import arrays, read_indices, read_landmarks, read_shape
+from isomatch.datasets.shape_files import arrays, read_indices, read_landmarks, read_shape, stored_indices
 from isomatch.errors import FormatError, MissingFileError
 from isomatch.surfaces import Mesh
 
@@ -116,7 +116,7 @@ class ShapeSet:
         mesh = self.mesh(name)
         marks, mirrored = self._marks(name, mesh) if self.landmarks is None else self._landmarks(name)
         for vertices in (marks, mirrored):
-            if vertices is not None and vertices.max(initial=0) >= mesh.n_vertices:
+            if vertices is not None and vertices.max(initial=-1) >= mesh.n_vertices:
                 raise FormatError(
                     f"{self.shapes[name]}: known vertices reach {vertices.max()}, but its vertices are "
                     f"0…{mesh.n_vertices - 1}; truth and shape are of different versions, so obtain both from one source"
@@ -197,8 +197,9 @@ class ShapeSet:
         sides: list[IntArray | None] = []
         for key, suffix in (("vts", ""), ("vts_sym", ".sym")):
             file = self.truths.get(name + suffix) or self.truths.get(_group(name) + suffix)
-            found = read_indices(file) if file else archive.get(key)
-            sides.append(None if found is None else found.astype(np.int64))
+            sides.append(
+                read_indices(file) if file else stored_indices(path, key) if key in archive else None
+            )
         marks, mirrored = sides
         if marks is None and self.shared:
             marks = np.arange(mesh.n_vertices)

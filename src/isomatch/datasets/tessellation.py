@@ -10,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import generator
 from isomatch.datasets.implicit import Skin
 from isomatch.errors import MissingDependencyError, SettingError
 from isomatch.surfaces import Mesh
@@ -47,7 +48,7 @@ def tessellate(skin: Skin, n_vertices: int, seed: int) -> Mesh:
     SettingError
         If the mesh is too coarse to have the surface's topology.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     levels = max(0, int(np.ceil(np.log(n_vertices / LARGEST_GRID_MESH) / np.log(4))))
     n_grid_vertices = n_vertices * rng.uniform(0.98, 1.02) / 4**levels
     for _ in range(8):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import generator
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine
@@ -108,7 +109,7 @@ def metric_distortion(
         raise MapError(
             f"{correspondence!r} maps none of the points to be judged, so that no distances can be compared"
         )
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     if same_points:
         columns = pairs[rng.choice(len(pairs), min(n_columns, len(pairs)), replace=False)]
         rows = columns[:n_rows]

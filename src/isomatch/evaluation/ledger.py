@@ -53,7 +53,8 @@ def read_rows(out: str | Path) -> list[Row]:
         try:
             row = json.loads(line)
             identity = identity_of(row)
-        except (ValueError, AttributeError) as error:
+            hash(identity)
+        except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise FormatError(
                 f"{path}:{number}: not a row of a benchmark run ({error}); remove this line, and its pair is run again"
             ) from error

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._settings import generator
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine, distance_engine, pair_distances
@@ -80,7 +81,7 @@ def geodesic_errors(
     computed in batches; no n × n matrix.
     """
     if n_points is not None and n_points < len(truth):
-        truth = truth[np.sort(np.random.default_rng(seed).choice(len(truth), n_points, replace=False))]
+        truth = truth[np.sort(generator(seed).choice(len(truth), n_points, replace=False))]
     image = correspondence.vertices[truth[:, 0]]
     matched = image >= 0
     errors = np.full(len(truth), np.inf)

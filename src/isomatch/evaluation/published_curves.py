@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import NoReturn
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
+from isomatch._array_file import Archive
+from isomatch._arrays import AnyArray, FloatArray
 from isomatch.errors import FormatError, MissingFileError
 
 
@@ -54,18 +56,28 @@ def read_published_curves(folder: str | Path) -> list[PublishedCurve]:
     """
     curves: dict[tuple[str, str], PublishedCurve] = {}
     for path in sorted(Path(folder).glob("*.npz")):
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                for key in data.files:
-                    if key.count("|") == 2 and key.endswith("|x"):
-                        name, method, _ = key.split("|")
-                        curve = PublishedCurve(name, method, data[key], data[f"{name}|{method}|y"] / 100)
-                        curves.setdefault((name, method), curve)
-        except (OSError, ValueError, KeyError, BadZipFile) as error:
-            raise FormatError(f"{path}: cannot be read as curves ({error}); repair or remove it") from error
+        with Archive.opened(path, partial(_refuse, path)) as stored:
+            arrays = stored.read_all(stored.names)
+        for key, errors in arrays.items():
+            if key.count("|") == 2 and key.endswith("|x"):
+                name, method, _ = key.split("|")
+                shares = arrays.get(f"{name}|{method}|y")
+                if shares is None or not _is_curve(errors, shares):
+                    _refuse(path, f"{key} has no array of percent, of the same length, that goes with it")
+                curves.setdefault((name, method), PublishedCurve(name, method, errors, shares / 100))
     if not curves:
         raise MissingFileError(
             f"{folder}: no published curves; expected .npz files with arrays 'set|method|x' (errors) and "
             "'set|method|y' (percent)"
         )
     return list(curves.values())
+
+
+def _is_curve(errors: AnyArray, shares: AnyArray) -> bool:
+    return errors.shape == shares.shape and all(
+        each.ndim == 1 and each.dtype.kind in "fiu" and np.isfinite(each).all() for each in (errors, shares)
+    )
+
+
+def _refuse(path: Path, problem: str) -> NoReturn:
+    raise FormatError(f"{path}: cannot be read as curves ({problem}); repair or remove it")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._settings import generator
 from isomatch.datasets import BenchmarkPair
 from isomatch.errors import LandmarkError
 from isomatch.geodesics import DistanceEngine, distance_engine
@@ -48,7 +49,7 @@ def true_landmarks(
     Published truth has a few wrong rows where limbs touch, such as one hand in place of the other. So distances to the
     references are compared on both shapes, and the 5 % of the rows with the largest differences are excluded.
     """
-    references = pair.truth[np.random.default_rng(seed).integers(len(pair.truth), size=REFERENCES)]
+    references = pair.truth[generator(seed).integers(len(pair.truth), size=REFERENCES)]
     source, target = engines or (distance_engine(pair.source), distance_engine(pair.target))
     here = source.distances_from(references[:, 0])[:, pair.truth[:, 0]] / np.sqrt(pair.source.area)
     there = target.distances_from(references[:, 1])[:, pair.truth[:, 1]] / np.sqrt(pair.target.area)

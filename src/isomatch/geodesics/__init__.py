@@ -19,6 +19,7 @@ from isomatch.geodesics.sampling import (
     farthest_point_sampling,
     peripheral_vertex,
 )
+from isomatch.geodesics.units import ordinary_unit
 
 __all__ = [
     "ENGINES",
@@ -36,6 +37,7 @@ __all__ = [
     "euclidean_farthest_points",
     "farthest_point_sampling",
     "geodesic_distances",
+    "ordinary_unit",
     "pair_distances",
     "peripheral_vertex",
 ]

@@ -150,11 +150,11 @@ def _march(
             gauss = curvature[v]
             w = other[e]
             dw = known[w]
-            if dw != np.inf and dw >= 0.0:
+            if dw != np.inf and dw >= 0.0 and shape[e, 0] > 0.0:
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
                 # in the plane of the stencil, v = (0, 0), w = (length, 0), c = (x, y), y > 0; the virtual source at
                 # distances dv and dw is (sx, −√squared), and height is how far above it c lies
-                sx = 0.5 * (length + (dv * dv - dw * dw) / length) if length > 0.0 else 0.0
+                sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                 squared = dv * dv - sx * sx
                 if squared > 0.0:
                     height = y + np.sqrt(squared)

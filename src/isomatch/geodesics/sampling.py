@@ -9,6 +9,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch._memory import require_memory
+from isomatch._settings import generator
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.engines import MetricSpace
 from isomatch.geodesics.protocol import DistanceEngine
@@ -170,9 +171,10 @@ def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 
     change when vertices are relabelled or the surface is moved rigidly. Where there are no coordinates, as in a
     graph or a matrix, it is drawn by its index, and the answer may depend on the order of the vertices.
     """
-    vertex = int(np.random.default_rng(seed).integers(engine.n_points))
+    vertex = int(generator(seed).integers(engine.n_points))
     if isinstance(surface, Mesh | PointCloud):
-        centre = np.average(surface.vertices, axis=0, weights=surface.vertex_areas)
+        shares = surface.vertex_areas / surface.area if 0 < surface.area < np.inf else None
+        centre = np.average(surface.vertices, axis=0, weights=shares)
         vertex = int(np.argsort(np.linalg.norm(surface.vertices - centre, axis=1), kind="stable")[vertex])
     for _ in range(2):
         distance = engine.distances_from(np.array([vertex]))[0]

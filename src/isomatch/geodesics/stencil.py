@@ -100,12 +100,16 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
 
 
 def _triangle(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0."""
+    """Planar shapes (|ab|, x, y) of m triangles, (m, 3): a at the origin, b on the positive axis, c at (x, y), y ≥ 0.
+
+    Where a and b coincide, the axis is at right angles to c.
+    """
     ab, ac = b - a, c - a
     length = np.linalg.norm(ab, axis=1)
     safe = np.where(length > 0, length, 1.0)
     x = np.einsum("ij,ij->i", ab, ac) / safe
     y = np.linalg.norm(np.cross(ab, ac), axis=1) / safe
+    y = np.where(length > 0, y, np.linalg.norm(ac, axis=1))
     return np.column_stack([length, x, y])
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch.errors import MeshError, some
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, PointCloud
 
 
-def ordinary_unit(mesh: Mesh) -> float:
+def ordinary_unit(surface: Mesh | PointCloud) -> float:
     """Length to divide coordinates by so that their squares neither overflow nor vanish; 1 at ordinary sizes."""
-    extent = float(np.abs(mesh.vertices).max(initial=0.0))
+    extent = float(np.abs(surface.vertices).max(initial=0.0))
     return 1.0 if extent == 0.0 or 1e-10 < extent < 1e10 else extent
 
 

@@ -1,5 +1,6 @@
 """From two surfaces to a map: prepare → starts → search → select → refine → result."""
 
+from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import (
     Config,
     MatchSettings,
@@ -23,6 +24,7 @@ from isomatch.matching.stage_timer import StageTimer
 
 __all__ = [
     "Alternative",
+    "Body",
     "Config",
     "Hints",
     "MatchResult",
@@ -40,6 +42,7 @@ __all__ = [
     "ShapePair",
     "StageTimer",
     "SymmetrySettings",
+    "body_of",
     "contradicted_landmarks",
     "first_map",
     "match",

@@ -8,7 +8,7 @@ import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError, SettingError
-from isomatch.geodesics import distance_engine
+from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
@@ -29,7 +29,8 @@ class Body:
     user_vertex : (n_body,) array of int
         Vertex of the shape of each body vertex.
     left_out : float
-        Share of the area in other components.
+        Share of the area in other components, or of the vertices in those of them that could be matched by themselves,
+        if that is larger: the vertices of debris do not count.
     notes : tuple of str
         What was left out or repaired.
     """
@@ -51,15 +52,20 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
         If the shape cannot be used.
     """
     whole, unit, new_index, old_index, notes = _repaired(shape)
+    if not whole.n_vertices:
+        raise MeshError("no vertices, so there is nothing to match; give a shape with vertices")
     labels = whole.components
     shares = np.bincount(labels, whole.vertex_areas) / whole.area
+    sizes = np.bincount(labels)
     largest = int(shares.argmax())
     kept = labels == largest
     vertices = np.flatnonzero(kept)
-    if len(shares) > 1:
+    others = np.arange(len(shares)) != largest
+    if others.any():
         notes.append(
-            f"{len(shares) - 1} smaller components with {1 - shares[largest]:.1%} of the area are left unmatched: "
-            "no path leads to them, so they have no geodesic distance to the rest"
+            f"{others.sum()} smaller components with {shares[others].sum():.1%} of the area and "
+            f"{sizes[others].sum() / len(labels):.1%} of the vertices are left unmatched: no path leads to them, so they "
+            "have no geodesic distance to the rest"
         )
     if len(vertices) < FEWEST_VERTICES:
         raise MeshError(
@@ -74,14 +80,20 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
         length * unit,
         to_body[new_index],
         old_index[vertices],
-        float(1 - shares[largest]),
+        float(max(shares[others].sum(), sizes[others & (sizes >= FEWEST_VERTICES)].sum() / len(labels))),
         tuple(notes),
     )
 
 
 def _repaired(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
-    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways."""
-    if isinstance(shape, PointCloud | Graph):
+    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
+
+    Nothing is mended of points and graphs.
+    """
+    if isinstance(shape, PointCloud):
+        unit, everything = ordinary_unit(shape), np.arange(shape.n_vertices)
+        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, everything, everything, []
+    if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
     if not isinstance(shape, Mesh):
@@ -107,6 +119,11 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
         part = Graph(len(weights), edges, lengths, weights)
         some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
         length = float((distance_engine(part).distances_from(some) @ weights).mean()) / graph_average_distance
+        if not 0 < length < np.inf:
+            raise MeshError(
+                "the lengths of the edges are all 0, or too large to add, so distances tell no vertices apart; "
+                "give lengths of ordinary size"
+            )
         return Graph(len(weights), edges, lengths / length, weights), length
     part_of = (
         whole.submesh(kept)[0]

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, Self
 
+from isomatch._files import opened
 from isomatch._settings import Settings, setting
 from isomatch.bases import Weighting
-from isomatch.errors import SettingError
+from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
 
 Orientation = Literal["preserve", "reverse", "any"]
@@ -30,6 +31,9 @@ class MatchSettings(Protocol):
 
     def changed(self) -> dict[str, Any]:
         """Return the settings that differ from their defaults."""
+
+
+LARGEST_FILE = 2**14  # bytes; all settings together take a fifth of it
 
 
 @dataclass(frozen=True)
@@ -353,7 +357,7 @@ class OutcomeSettings(Settings):
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks, or the median of an initial map, which may be wrong in places.
     large_component : float
-        Share of the area in components left out from which the match is partial.
+        Share of the area, or of the vertices in components of at least 50, left out from which the match is partial.
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
@@ -475,9 +479,25 @@ class Config(Settings):
 
     @classmethod
     def from_file(cls, path: str | Path) -> Self:
-        """Read settings from a TOML file, stages as tables; an unknown key is a `SettingError` that lists the known."""
-        with Path(path).open("rb") as file:
-            values = tomllib.load(file)
+        """Read settings from a TOML file, stages as tables.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`) or is not TOML.
+        SettingError
+            If a setting is unknown, or its value is not allowed.
+        """
+        with opened(Path(path)) as file:
+            text = file.read(LARGEST_FILE + 1)
+        if len(text) > LARGEST_FILE:
+            raise FormatError(
+                f"{path}: more than {LARGEST_FILE} bytes are not settings; give a TOML file of settings"
+            )
+        try:
+            values = tomllib.loads(text.decode("utf-8"))
+        except (ValueError, RecursionError) as error:  # no text, no TOML, or nested too deeply
+            raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
         try:
             return cls.from_dict(values)
         except SettingError as error:

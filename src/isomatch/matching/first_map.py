@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from isomatch._arrays import IntArray
-from isomatch.errors import NotConvergedError
 from isomatch.matching.candidates import Judge, extended
 from isomatch.matching.config import Orientation
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.search import NO_HYPOTHESIS, hypotheses_from_hints, search
+from isomatch.matching.search import hypotheses_from_hints, no_first_map, search
 from isomatch.matching.select import ranked
 
 
@@ -32,5 +31,5 @@ def first_map(
     found = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
     order = ranked(Judge(pair, hints)(found), orientation, pair.config.selection, bool(len(hints.landmarks)))
     if not order:
-        raise NotConvergedError(NO_HYPOTHESIS)
+        raise no_first_map(pair)
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin

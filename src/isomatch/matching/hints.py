@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.matching.pair import ShapePair
@@ -104,7 +104,7 @@ def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) ->
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:
     """Return landmarks as an (m, 2) integer array after checking type, shape, range and repetition."""
-    pairs = np.asarray(landmarks)
+    pairs = array_of(landmarks, "landmarks", LandmarkError)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
         raise LandmarkError(
             f"landmarks have shape {pairs.shape} and type {pairs.dtype}; expected one row "
@@ -129,7 +129,7 @@ def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> Int
 
 def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) -> IntArray:
     """Return an initial map as an (n_source,) integer array after checking type, length and range."""
-    image = np.asarray(getattr(initial_map, "vertices", initial_map))
+    image = array_of(getattr(initial_map, "vertices", initial_map), "the rows of the initial map", MapError)
     if getattr(initial_map, "n_target", n_target) != n_target:
         raise MapError(
             f"the initial map {initial_map!r} leads to another target, which has {n_target} vertices here"
@@ -156,7 +156,7 @@ def checked_descriptors(
         raise DescriptorError(
             f"initial descriptors are {len(descriptors)} arrays; expected two, of source and target"
         )
-    source, target = (np.asarray(values, dtype=np.float64) for values in descriptors)
+    source, target = (numbers_of(values, "initial descriptors", DescriptorError) for values in descriptors)
     if source.ndim != 2 or target.ndim != 2 or source.shape[1:] != target.shape[1:]:
         raise DescriptorError(
             f"initial descriptors have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.correspondence import Embedding
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.config import Config
 from isomatch.matching.hints import Hints
@@ -23,9 +23,9 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
-    NO_HYPOTHESIS,
     Hypothesis,
     hypotheses_from_hints,
+    no_first_map,
     search,
     symmetric_variants,
 )
@@ -106,7 +106,7 @@ def match(
         judge = Judge(pair, hints)
         eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
         if not eligible:
-            raise NotConvergedError(NO_HYPOTHESIS)
+            raise no_first_map(pair)
         variants = _symmetric_variants(pair, eligible[0])
         if pair.config.hypotheses == "all":
             eligible = _ranked(pair, hints, [*eligible, *judge(variants)])

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.surfaces import Surface
@@ -93,7 +93,7 @@ class ShapePair:
 
     @property
     def left_out(self) -> float:
-        """Largest share of the area of either shape in components that are not matched."""
+        """Largest share of either shape in components that are not matched; see `PreparedShape`."""
         return max(self.source.left_out, self.target.left_out)
 
     @cached_property
@@ -159,5 +159,5 @@ def _prepared(side: str, shape: Surface | PreparedShape, config: Config, seed: i
         return shape
     try:
         return prepare(shape, config, seed)
-    except MeshError as error:
-        raise MeshError(f"{side}: {error}") from error
+    except (MeshError, MemoryBudgetError, NotConvergedError) as error:
+        raise type(error)(f"{side}: {error}") from error

@@ -11,6 +11,7 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
 from isomatch._renamed import old_attributes
+from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
 from isomatch.correspondence import (
@@ -23,7 +24,7 @@ from isomatch.correspondence import (
     VertexCells,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import DescriptorError, MeshError, SettingError
+from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -84,7 +85,8 @@ class PreparedShape:
     seed : int
         The seed used.
     left_out : float
-        Share of the area in components other than the body.
+        Share of the area in components other than the body, or of the vertices in those of at least 50 vertices, if that
+        is larger.
     notes : tuple of str
         What was repaired or left out.
     seconds : float
@@ -270,7 +272,7 @@ def prepare(
         If the mesh has no faces, coordinates that are not finite, faces that refer to missing vertices, or fewer
         than 50 usable vertices; or if the given distances do not fit it.
     SettingError
-        If the seed is negative, or the shape has no engine of that name.
+        If the seed is not an integer of at least 0, or the shape has no engine of that name.
 
     Notes
     -----
@@ -279,8 +281,7 @@ def prepare(
     """
     started = time.perf_counter()
     config = config or Config()
-    if seed < 0:
-        raise SettingError(f"seed = {seed} is negative; give 0 or more")
+    generator(seed)  # refuses what is no seed
     found = body_of(surface, config.preparation.graph_average_distance)
     body, notes = found.surface, found.notes
     requested, config = config, config.for_size(body.n_vertices)

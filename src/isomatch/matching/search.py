@@ -9,14 +9,11 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, iterative_closest_points
+from isomatch.errors import NotConvergedError
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.starts import starts_from_extremities, starts_from_hints
 
-NO_HYPOTHESIS = (
-    "no first map could be formed: a shape has fewer than four extremities (a sphere, a flat patch); give landmarks, an "
-    "initial map or descriptors"
-)
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -111,6 +108,19 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     if pool.hypotheses:
         pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
+
+
+def no_first_map(pair: ShapePair) -> NotConvergedError:
+    """Return the error for a pair without any hypothesis, which says which shape has too few extremities."""
+    needed = min(pair.config.search.extremity_counts, default=0)
+    counts = {"source": len(pair.source.extremities), "target": len(pair.target.extremities)}
+    few = [
+        f"{side}: {count} extremities, fewer than {needed}"
+        for side, count in counts.items()
+        if count < needed
+    ]
+    why = "; ".join([*few, "no first map could be formed, as for a sphere or a flat patch"])
+    return NotConvergedError(f"{why}; give landmarks, an initial map or descriptors")
 
 
 def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:

@@ -29,9 +29,8 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: Prepara
         20 logarithms of the wave kernel signature, which evens out its scale, and 3 curvatures, which distinguish
         bumps from dents, as a chest from a back. (n, 20) without a mesh.
     """
-    wave = np.log(
-        wave_kernel_signature(laplace, k=settings.signature_functions)[:, :: settings.signature_step]
-    )
+    kernel = wave_kernel_signature(laplace, k=settings.signature_functions)[:, :: settings.signature_step]
+    wave = np.log(np.maximum(kernel, np.finfo(np.float64).tiny))
     parts = [(wave, settings.wave_weight)]
     if mesh is not None:
         sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)

@@ -10,7 +10,7 @@ from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import EdgeTable, edge_table, fans, linked
 from isomatch.surfaces._faces import unsound_faces
-from isomatch.surfaces._winding import signed_volumes
+from isomatch.surfaces._winding import faces_to_rewind
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 
@@ -103,14 +103,13 @@ class _Components:
         of_vertex[used] = label_used
         of_face = of_vertex[faces[:, 0]]
         area = np.bincount(of_face, areas, len(names))
-        closed = np.ones(len(names), dtype=bool)
-        closed[of_vertex[edges.ends[edges.n_faces != 2, 0]]] = False
-        closed[of_vertex[edges.ends[inconsistent, 0]]] = False
-        volume = np.bincount(of_face, signed_volumes(points, faces), len(names))
+        inward = np.zeros(len(names), dtype=bool)
+        inward[of_face[faces_to_rewind(points, faces)]] = True
+        inward[of_vertex[edges.ends[inconsistent, 0]]] = False
         order = np.lexsort([-sizes, -area])
         total = area.sum()
         shares = area[order] / total if total > 0 else np.zeros(len(names))
-        return cls(sizes[order], shares, np.flatnonzero((closed & (volume < 0))[order]))
+        return cls(sizes[order], shares, np.flatnonzero(inward[order]))
 
 
 def _areas_and_flatness(points: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:

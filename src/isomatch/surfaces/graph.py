@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MeshError, some
 from isomatch.surfaces._edges import linked
 
@@ -52,11 +52,11 @@ class Graph:
     def __init__(
         self, n_vertices: int, edges: ArrayLike, lengths: ArrayLike, weights: ArrayLike | None = None
     ) -> None:
-        ends, given = _ends(edges, n_vertices), _numbers(lengths, "lengths")
+        ends, given = _ends(edges, n_vertices), numbers_of(lengths, "lengths", MeshError)
         if given.shape != (len(ends),):
             raise MeshError(f"lengths have shape {given.shape}, expected ({len(ends)},): one per edge")
         _require(np.isfinite(given) & (given >= 0), "edges {} have lengths that are negative or not finite")
-        measure = np.ones(n_vertices) if weights is None else _numbers(weights, "weights")
+        measure = np.ones(n_vertices) if weights is None else numbers_of(weights, "weights", MeshError)
         if measure.shape != (n_vertices,):
             raise MeshError(f"weights have shape {measure.shape}, expected ({n_vertices},): one per vertex")
         _require(
@@ -90,7 +90,7 @@ class Graph:
 
 
 def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:
-    array = np.asarray(edges)
+    array = array_of(edges, "edges", MeshError)
     if array.size == 0:
         array = np.zeros((0, 2), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 2 or array.dtype.kind not in "iu":
@@ -103,13 +103,6 @@ def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:
     )
     _require(array[:, 0] != array[:, 1], "edges {} join a vertex to itself")
     return np.sort(array.astype(np.int64), axis=1)
-
-
-def _numbers(values: ArrayLike, name: str) -> FloatArray:
-    array: AnyArray = np.asarray(values)
-    if array.size and array.dtype.kind not in "fiu":
-        raise MeshError(f"{name} have type {array.dtype}, expected real numbers")
-    return array.astype(np.float64)
 
 
 def _require(good: BoolArray, complaint: str) -> None:

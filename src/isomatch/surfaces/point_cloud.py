@@ -10,7 +10,7 @@ import robust_laplacian
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._edges import linked
 
@@ -58,7 +58,7 @@ class PointCloud:
     n_neighbours: int
 
     def __init__(self, vertices: ArrayLike, n_neighbours: int = 30) -> None:
-        points = np.array(vertices, dtype=np.float64, order="C")
+        points = numbers_of(vertices, "points", MeshError)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < FEWEST_POINTS:
             raise MeshError(
                 f"points have shape {points.shape}, expected (n, 3) with n at least {FEWEST_POINTS}: "
@@ -116,7 +116,8 @@ class PointCloud:
                 "the points cannot be triangulated locally, so they have no areas: they lie on a line or at few "
                 "places, or have too few neighbours; remove coincident points, or raise n_neighbours"
             ) from None
-        areas = mass.diagonal() * self._unit**2
+        with np.errstate(over="ignore"):  # beyond the largest float: infinite
+            areas = mass.diagonal() * np.square(self._unit)
         bad = np.flatnonzero(~(areas > 0))
         if len(bad):
             raise MeshError(f"points {some(bad)} have no area; remove coincident and isolated points")

@@ -50,7 +50,8 @@ def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient:
     2. Faces are removed that have an index out of range, a non-finite or a repeated vertex, or the vertices of an
        earlier face.
     3. Non-finite vertices, and vertices that no face uses, are removed.
-    4. Each orientable piece is wound consistently: outward if it is closed, otherwise as most of its faces were.
+    4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the lengths of its
+       boundary loops have at most a tenth of its area; otherwise as most of its faces were.
 
     Vertices and faces keep their order, and no vertex moves. A second repair changes nothing.
 

@@ -99,7 +99,7 @@ class MeshReport:
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
-        Closed, consistently wound components of negative volume.
+        Closed or nearly closed, consistently wound components of negative volume; see `repair`.
     """
 
     n_vertices: int

@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
+from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 
 AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # from the broad side, and above the horizon
@@ -82,6 +83,12 @@ def _stability(mesh: Mesh, axis: int) -> float:
     except (QhullError, ValueError):
         return -np.inf
     return float(-(rim[:, :2] @ centroid + rim[:, 2]).max() / tall)
+
+
+def of_ordinary_size(mesh: Mesh) -> Mesh:
+    """Scale a mesh so large or small that its areas leave the range of floats; pictures do not depend on the scale."""
+    unit = ordinary_unit(mesh)
+    return mesh if unit == 1.0 else Mesh(mesh.vertices / unit, mesh.faces)
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, seen_from, turn_to_target
+from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
 
 MOST_SHOWN = 30_000  # vertices of one shape
@@ -44,6 +44,7 @@ def scene_of(
         ``images`` (int32, the user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the
         precise images, and ``colours``. Arrays are little-endian, in base 64.
     """
+    source, target = of_ordinary_size(source), of_ordinary_size(target)
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, next(iter(maps.values())))
     shapes = {"source": _Shown(source, turned, most), "target": _Shown(target, camera, most)}

@@ -21,7 +21,7 @@ from isomatch._arrays import FloatArray
 from isomatch._files import replaced
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.view.colours import from_screen, position_colours
 from isomatch.view.surface_image import SurfaceView
 
@@ -94,6 +94,7 @@ def draw_map(
     The target has the colours of `position_colours`. Each source vertex has the colour of its image, or is grey if it is
     unmatched. Time is linear in faces and pixels.
     """
+    source, target = of_ordinary_size(source), of_ordinary_size(target)
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, correspondence)
     colours = position_colours(target)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray
 from isomatch.surfaces import Mesh, rasterise
-from isomatch.view.camera import camera_of, seen_from
+from isomatch.view.camera import camera_of, of_ordinary_size, seen_from
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
 from isomatch.view.lighting import light
 
@@ -89,6 +89,7 @@ def surface_image(
     (height, width, 4) array of float
         sRGB colours and opacity, cropped to the surface.
     """
+    mesh = of_ordinary_size(mesh)
     columns = np.asarray(values, dtype=np.float64).reshape(mesh.n_vertices, -1)
     view = SurfaceView(
         mesh, camera_of(mesh) if camera is None else camera, columns, lambda seen: from_screen(paint(seen))

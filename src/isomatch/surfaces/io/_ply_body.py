@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,13 @@ from isomatch.surfaces.io._ply_header import Element, Header
 from isomatch.surfaces.io._polygons import spans
 from isomatch.surfaces.io._text import TextLines, read_lines
 
+ROWS_AT_ONCE = 10_000  # that are read row by row, which takes an object for each value
+LONGEST_TYPE = 2**31 - 1  # bytes of a numpy type
+
 
 @dataclass(frozen=True)
 class Column:
-    """The values of one property, concatenated over all rows; ``counts`` is the number of values of each row."""
+    """The values of one property in the order of the rows; ``counts`` is the number of values of each row."""
 
     values: AnyArray
     counts: IntArray
@@ -46,7 +49,7 @@ def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
             lines.fail(
                 len(lines), f"{element.n_rows} lines of element {element.name}, not {len(lines) - start}"
             )
-        tables[element.name] = _text_table(element, lines[start:stop])
+        tables[element.name] = _text_table(element, lines, start, stop)
         start = stop
     if start != len(lines):
         lines.fail(
@@ -55,25 +58,35 @@ def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
     return tables
 
 
-def _text_table(element: Element, lines: TextLines) -> Table:
+def _text_table(element: Element, lines: TextLines, start: int, stop: int) -> Table:
+    parts = (
+        _text_columns(element, lines[first : min(first + ROWS_AT_ONCE, stop)])
+        for first in range(start, stop, ROWS_AT_ONCE)
+    )
+    name, numbers = lines.name, lines.numbers
+    return Table(_joined(element, parts), lambda row: f"{name}:{numbers[start + row]}")
+
+
+def _text_columns(element: Element, lines: TextLines) -> list[Column]:
     expected = f"{element.name}: " + " ".join(
         p.name if p.count_type is None else f"count {p.name}…" for p in element.properties
     )
     rows = lines.parse()
     cursor, ends = rows.starts, rows.starts + rows.counts
-    columns: dict[str, Column] = {}
+    columns = []
     for column in element.properties:
-        counts = np.ones(len(lines), dtype=np.int64)
+        rows.require(cursor < ends, expected)
+        counts = _repeated(1, len(lines))
+        where = cursor
         if column.count_type is not None:
-            rows.require(cursor < ends, expected)
             counts = rows.whole(cursor, expected)
-            rows.require(counts >= 0, expected)
+            rows.require((counts >= 0) & (counts < ends - cursor), expected)
+            where = spans(cursor + 1, counts)
             cursor = cursor + 1
-        rows.require(cursor + counts <= ends, expected)
-        columns[column.name] = Column(rows.values[spans(cursor, counts)], counts)
+        columns.append(Column(rows.values[where], counts))
         cursor = cursor + counts
     rows.require(cursor == ends, expected)
-    return Table(columns, lambda row: f"{lines.name}:{lines.numbers[row]}")
+    return columns
 
 
 def _binary_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
@@ -97,49 +110,75 @@ def _uniform_table(element: Element, data: bytes, start: int, name: str) -> tupl
     None if the assumption is wrong.
     """
     row_type = _type_of_first_row(element, data, start)
+    if row_type is None or not row_type.itemsize or not element.n_rows:
+        return None
     end = start + element.n_rows * row_type.itemsize
-    if not row_type.itemsize or not element.n_rows or end > len(data):
+    if end > len(data):
         return None
     rows = np.frombuffer(data, row_type, element.n_rows, start)
     columns: dict[str, Column] = {}
     for i, column in enumerate(element.properties):
         values = rows[f"values{i}"]
-        counts = np.full(len(rows), values.shape[1], dtype=np.int64)
         if column.count_type is not None and (rows[f"count{i}"] != values.shape[1]).any():
             return None
-        columns[column.name] = Column(values.ravel(), counts)
+        columns[column.name] = Column(values, _repeated(values.shape[1], len(rows)))
     return Table(columns, lambda row: f"{name}: byte {start + row * row_type.itemsize}"), end
 
 
-def _type_of_first_row(element: Element, data: bytes, start: int) -> np.dtype[np.void]:
+def _type_of_first_row(element: Element, data: bytes, start: int) -> np.dtype[np.void] | None:
+    """Type of the first row; None if the data end before it, or it is too long for a type."""
     fields: list[tuple[object, ...]] = []
+    position = start
     for i, column in enumerate(element.properties):
         count = 1
         if column.count_type is not None:
-            position = start + np.dtype(fields).itemsize
-            found = np.frombuffer(
-                data[position : position + column.count_type.itemsize].ljust(8, b"\0"), column.count_type
-            )
-            count = int(found[0])
-            if not 0 <= count * column.type.itemsize <= len(data):
-                count = 0  # not plausible: the table is read row by row, which reports the error
+            after = position + column.count_type.itemsize
+            if after > len(data):
+                return None
+            count = int(np.frombuffer(data[position:after], column.count_type)[0])
             fields.append((f"count{i}", column.count_type))
+            position = after
+        position += count * column.type.itemsize
+        if count < 0 or position > min(len(data), start + LONGEST_TYPE):
+            return None
         fields.append((f"values{i}", column.type, (count,)))
     return np.dtype(fields)
 
 
 def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[Table, int]:
     """Read a table whose rows differ in length, row by row."""
+    position = start
+
+    def parts() -> Iterator[list[Column]]:
+        nonlocal position
+        for first in range(0, element.n_rows if element.properties else 0, ROWS_AT_ONCE):
+            part, position = _mixed_columns(element, first, data, position, name)
+            yield part
+
+    columns = _joined(element, parts())
+
+    def place(row: int) -> str:
+        before = start
+        for column in element.properties:
+            before += int(columns[column.name].counts[:row].sum()) * column.type.itemsize
+            before += row * column.count_type.itemsize if column.count_type else 0
+        return f"{name}: byte {before}"
+
+    return Table(columns, place), position
+
+
+def _mixed_columns(
+    element: Element, first: int, data: bytes, position: int, name: str
+) -> tuple[list[Column], int]:
+    """Read some rows, from row ``first`` at a position in the file, which is returned for the rows after them."""
     sizes = [column.type.itemsize for column in element.properties]
     readers = [
         column.count_type and struct.Struct(_struct_code(column.count_type)) for column in element.properties
     ]
     starts: list[list[int]] = [[] for _ in sizes]
     counts: list[list[int]] = [[] for _ in sizes]
-    row_starts: list[int] = []
-    position = start
-    for row in range(element.n_rows if sizes else 0):
-        row_starts.append(position)
+    for row in range(first, min(first + ROWS_AT_ONCE, element.n_rows)):
+        row_start = position
         for i, (size, reader) in enumerate(zip(sizes, readers)):
             count = 1
             if reader:
@@ -150,17 +189,36 @@ def _mixed_table(element: Element, data: bytes, start: int, name: str) -> tuple[
             position += count * size
             if count < 0 or position > len(data):
                 raise FormatError(
-                    f"{name}: byte {row_starts[-1]}: expected {element.n_rows} rows of element "
+                    f"{name}: byte {row_start}: expected {element.n_rows} rows of element "
                     f"{element.name}, found the end of the file in row {row}; it is cut short or damaged, "
                     "copy or export it again"
                 )
     octets = np.frombuffer(data, np.uint8)
-    columns: dict[str, Column] = {}
+    columns = []
     for i, column in enumerate(element.properties):
         lengths = np.array(counts[i], dtype=np.int64)
         where = spans(np.array(starts[i], dtype=np.int64), lengths * sizes[i])
-        columns[column.name] = Column(octets[where].view(column.type), lengths)
-    return Table(columns, lambda row: f"{name}: byte {row_starts[row]}"), position
+        columns.append(Column(octets[where].view(column.type), lengths))
+    return columns, position
+
+
+def _joined(element: Element, parts: Iterable[list[Column]]) -> dict[str, Column]:
+    """Join the columns of the parts of a table."""
+    no_rows = [Column(np.zeros(0), np.zeros(0, dtype=np.int64))] * len(element.properties)
+    columns: dict[str, Column] = {}
+    for column, same in zip(element.properties, zip(*(list(parts) or [no_rows]))):
+        values = np.concatenate([part.values for part in same])
+        counts = _repeated(1, len(values))
+        if column.count_type is not None:
+            counts = np.concatenate([part.counts for part in same])
+        columns[column.name] = Column(values, counts)
+    return columns
+
+
+def _repeated(count: int, n: int) -> IntArray:
+    """Return the same count n times, without memory for each."""
+    counts: IntArray = np.broadcast_to(np.int64(count), n)
+    return counts
 
 
 def _struct_code(count_type: np.dtype[np.generic]) -> str:

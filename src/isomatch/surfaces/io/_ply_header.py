@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.surfaces.io._text import TextLines
+from isomatch.surfaces.io._text import TextLines, is_count
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -15,6 +15,8 @@ _TYPES = {
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+LONGEST_HEADER = 2**18  # bytes
+MOST_DECLARED = 1000  # elements and properties; files in use have fewer than a hundred
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Element:
 
     name: str
     n_rows: int
-    properties: tuple[Property, ...]
+    properties: list[Property]
 
 
 @dataclass(frozen=True)
@@ -48,34 +50,37 @@ class Header:
 def read_header(data: bytes, name: str) -> Header:
     """Read the header of a PLY file."""
     lines, n_bytes = _header_lines(data, name)
-    words = lines.rows[1].split()
+    words = lines.row(1).split() if len(lines) > 1 else []
     if len(words) != 3 or words[0] != "format" or words[1] not in _BYTE_ORDERS:
         lines.fail(1, f"'format' and one of {', '.join(_BYTE_ORDERS)}")
     order = _BYTE_ORDERS[words[1]]
-    elements: list[Element] = []
+    elements: dict[str, Element] = {}
+    properties: list[Property] = []
+    n_declared = 0
     for i in range(2, len(lines) - 1):
-        match lines.rows[i].split():
-            case ["element", element, n_rows] if n_rows.isdecimal():
-                elements.append(Element(element, int(n_rows), ()))
+        words = lines.row(i).split()
+        match words:
+            case ["comment" | "obj_info", *_]:
+                continue
+            case ["element", element, n_rows] if is_count(n_rows) and element not in elements:
+                properties = []
+                elements[element] = Element(element, int(n_rows), properties)
             case ["property", "list", count, kind, column] if elements and _is_list(count, kind):
-                _add(
-                    elements,
-                    Property(column, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[count])),
+                properties.append(
+                    Property(column, np.dtype(order + _TYPES[kind]), np.dtype(order + _TYPES[count]))
                 )
             case ["property", kind, column] if elements and kind in _TYPES:
-                _add(elements, Property(column, np.dtype(order + _TYPES[kind])))
-            case ["comment" | "obj_info", *_]:
-                pass
+                properties.append(Property(column, np.dtype(order + _TYPES[kind])))
             case _:
                 lines.fail(
-                    i, "a line 'element NAME COUNT', 'property TYPE NAME' or 'property list TYPE TYPE NAME'"
+                    i,
+                    "a line 'element NAME COUNT' with a new name, 'property TYPE NAME' or "
+                    "'property list TYPE TYPE NAME'",
                 )
-    return Header(order == "", tuple(elements), len(lines), n_bytes)
-
-
-def _add(elements: list[Element], column: Property) -> None:
-    last = elements[-1]
-    elements[-1] = Element(last.name, last.n_rows, (*last.properties, column))
+        n_declared += 1
+        if n_declared > MOST_DECLARED:
+            lines.fail(i, f"at most {MOST_DECLARED} elements and properties", "remove those not needed")
+    return Header(order == "", tuple(elements.values()), len(lines), n_bytes)
 
 
 def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
@@ -84,14 +89,14 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
         raise FormatError(
             f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file, or rename this one"
         )
-    mark = data.find(b"end_header")
+    mark = data.find(b"end_header", 0, LONGEST_HEADER)
     end = data.find(b"\r" if b"\n" not in data[:mark] else b"\n", mark)
     if mark < 0 or end < 0:
         raise FormatError(
-            f"{name}:1: expected a header closed by 'end_header', found none; copy the file again"
+            f"{name}:1: expected a header closed by 'end_header', found none in the first 256 KiB; copy the file again"
         )
-    rows = data[:end].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").rstrip("\n").split("\n")
-    return TextLines(name, rows, list(range(1, len(rows) + 1))), end + 1
+    text = data[:end].replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n") + b"\n"
+    return TextLines(name, text, np.arange(1, text.count(b"\n") + 1)), end + 1
 
 
 def _is_list(count: str, kind: str) -> bool:

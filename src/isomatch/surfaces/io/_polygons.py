@@ -29,9 +29,13 @@ def triangulate(corners: IntArray, counts: IntArray) -> IntArray:
     """
     if (counts == 3).all():
         return corners.reshape(-1, 3)
-    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
-    second = spans(np.cumsum(counts) - counts + 1, counts - 2)
-    triangles: IntArray = corners[np.column_stack([first, second, second + 1])]
+    starts = np.cumsum(counts) - counts
+    second = spans(starts + 1, counts - 2)
+    triangles = np.zeros((len(second), 3), dtype=corners.dtype)
+    triangles[:, 0] = np.repeat(corners[starts], counts - 2)
+    triangles[:, 1] = corners[second]
+    second += 1
+    triangles[:, 2] = corners[second]
     return triangles
 
 

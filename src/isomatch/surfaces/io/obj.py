@@ -9,27 +9,20 @@ from numpy.typing import NDArray
 
 from isomatch._arrays import IntArray
 from isomatch.surfaces.io._polygons import triangulate
-from isomatch.surfaces.io._text import NumberRows, TextLines, format_rows, read_lines
+from isomatch.surfaces.io._text import NumberRows, TextLines, blocks, format_rows, read_lines
 from isomatch.surfaces.mesh import Mesh
 
-_CONTINUED = re.compile(rb"(?:[^\n]*\\\r?\n)+[^\n]*")
-_TEXTURE_AND_NORMAL = re.compile(r"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)")
+_TEXTURE_AND_NORMAL = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)")
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OBJ file. Vertices may have colours; faces may be polygons and may have negative indices."""
-    if b"\\" in data:
-        data = _CONTINUED.sub(_join_continued, data)
-    lines = read_lines(name, data)
-    lines = TextLines(name, [row.strip() for row in lines.rows], lines.numbers)
+    lines = read_lines(name, data, continued=True)
     vertex_lines, face_lines = lines.starting_with("v"), lines.starting_with("f")
     if not len(vertex_lines):
         lines.fail(len(lines), "vertex lines v x y z")
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
-    rows = _without_texture(face_lines).parse()
-    rows.require(rows.counts >= 3, "a face of at least 3 corners")
-    corners = rows.whole(np.arange(len(rows.values)), "whole vertex indices")
-    return Mesh(vertices, triangulate(_from_zero(corners, rows, vertex_lines), rows.counts))
+    return Mesh(vertices, triangulate(*_polygons(face_lines, vertex_lines)))
 
 
 def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
@@ -39,6 +32,14 @@ def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
     else:
         vertices = format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([mesh.vertices, colors / 255]))
     return vertices + format_rows("f %d %d %d\n", mesh.sound_faces + 1)
+
+
+def _polygons(lines: TextLines, vertex_lines: TextLines) -> tuple[IntArray, IntArray]:
+    """Read the corners of all faces, concatenated, and the number of corners of each."""
+    rows = _without_texture(lines).parse()
+    rows.require(rows.counts >= 3, "a face of at least 3 corners")
+    corners = rows.whole(None, "whole vertex indices")
+    return _from_zero(corners, rows, vertex_lines), rows.counts
 
 
 def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
@@ -52,14 +53,7 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
 
 def _without_texture(lines: TextLines) -> TextLines:
     """Keep the first index of ``v/vt/vn``; a corner in another form is left as it is, and is refused later."""
-    if not any("/" in row for row in lines.rows):
+    if b"/" not in lines.data:
         return lines
-    return TextLines(
-        lines.name, _TEXTURE_AND_NORMAL.sub("", "\n".join(lines.rows)).split("\n"), lines.numbers
-    )
-
-
-def _join_continued(match: re.Match[bytes]) -> bytes:
-    r"""Join lines that end in ``\``, and add blank lines so that later lines keep their numbers."""
-    joined = re.sub(rb"\\\r?\n", b" ", match[0])
-    return joined + b"\n" * match[0].count(b"\n")
+    parts = (_TEXTURE_AND_NORMAL.sub(b"", block) for block in blocks(lines.data, b" "))
+    return TextLines(lines.name, b"".join(parts), lines.numbers)

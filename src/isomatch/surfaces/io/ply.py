@@ -10,7 +10,7 @@ from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces.io._ply_body import Table, read_tables
 from isomatch.surfaces.io._ply_header import read_header
 from isomatch.surfaces.io._polygons import triangulate
-from isomatch.surfaces.io._text import format_rows
+from isomatch.surfaces.io._text import format_rows, is_whole
 from isomatch.surfaces.mesh import Mesh
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
@@ -51,13 +51,13 @@ def write(mesh: Mesh, binary: bool = True, colors: NDArray[np.uint8] | None = No
 
 def _positions(tables: dict[str, Table], name: str) -> FloatArray:
     columns = tables["vertex"].columns if "vertex" in tables else {}
-    missing = [axis for axis in "xyz" if axis not in columns]
+    missing = [axis for axis in "xyz" if axis not in columns or (columns[axis].counts != 1).any()]
     if missing:
         raise FormatError(
-            f"{name}:1: expected an element 'vertex' with properties x, y, z, found no {', '.join(missing)}; "
+            f"{name}:1: expected an element 'vertex' with numbers x, y, z, found no {', '.join(missing)}; "
             "export the file again with positions"
         )
-    return np.column_stack([columns[axis].values.astype(np.float64) for axis in "xyz"])
+    return np.stack([columns[axis].values.ravel() for axis in "xyz"], axis=1, dtype=np.float64)
 
 
 def _triangles(table: Table, name: str) -> IntArray:
@@ -67,19 +67,13 @@ def _triangles(table: Table, name: str) -> IntArray:
             f"{name}:1: expected the list {' or '.join(_INDEX_LISTS)} of the faces, found "
             f"{', '.join(table.columns) or 'none'}; rename it or export the file again"
         )
-    corners, counts = lists[0].values, lists[0].counts
+    corners, counts = lists[0].values.ravel(), lists[0].counts
     _require(counts >= 3, table, "a face of at least 3 corners")
-    _require(
-        np.logical_and.reduceat(_is_whole(corners), np.cumsum(counts) - counts), table, "whole vertex indices"
-    )
-    return triangulate(corners.astype(np.int64), counts)
-
-
-def _is_whole(values: AnyArray) -> AnyArray:
-    if values.dtype.kind != "f":
-        return np.ones(len(values), dtype=bool)
-    whole: AnyArray = np.isfinite(values) & (np.abs(values) < 2**53) & (values == np.rint(values))
-    return whole
+    if corners.dtype.kind == "f":
+        whole = np.logical_and.reduceat(is_whole(corners), np.cumsum(counts) - counts)
+        _require(whole, table, "whole vertex indices")
+        corners = corners.astype(np.int64)
+    return triangulate(corners, counts)
 
 
 def _require(good: AnyArray, table: Table, expected: str) -> None:

@@ -20,7 +20,8 @@ def read(data: bytes, name: str) -> Mesh:
     declared = int.from_bytes(data[80:84], "little")
     size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
     if len(data) >= _HEADER_SIZE and len(data) == size:
-        corners = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # which a signalling nan sets
+            corners = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(np.float64)
     elif data.lstrip()[:5].lower() == b"solid":
         corners = _read_text(read_lines(name, data.lower()))
     elif len(data) < _HEADER_SIZE:
@@ -58,16 +59,17 @@ def write(mesh: Mesh, binary: bool = True) -> bytes:
 
 def _read_text(lines: TextLines) -> FloatArray:
     """Read the corners of each triangle, (m, 3, 3)."""
-    lines = TextLines(lines.name, [row.strip() for row in lines.rows], lines.numbers)
-    if not lines.rows[-1].startswith("endsolid"):
+    if not len(lines) or not lines.row(len(lines) - 1).startswith("endsolid"):
         lines.fail(len(lines), "endsolid")
     corners = lines.starting_with("vertex")
-    loop_ends = [i for i, row in enumerate(lines.rows) if row == "endloop"]
+    loop_ends = lines.starting_with("endloop").numbers
     # At the end of triangle t, counted from 0, 3 (t + 1) corners must have been read.
-    read = np.searchsorted(corners.numbers, [lines.numbers[i] for i in loop_ends])
+    read = np.searchsorted(corners.numbers, loop_ends)
     wrong = np.flatnonzero(read != 3 * np.arange(1, len(loop_ends) + 1))
     if len(wrong):
-        lines.fail(loop_ends[wrong[0]], "3 vertex lines before each endloop")
+        lines.fail(
+            int(np.searchsorted(lines.numbers, loop_ends[wrong[0]])), "3 vertex lines before each endloop"
+        )
     if len(corners) != 3 * len(loop_ends):
         lines.fail(len(lines) - 1, "an endloop after every 3 vertex lines")
     return corners.parse().leading(3, "3 numbers x y z after vertex").reshape(-1, 3, 3)

@@ -1,0 +1,135 @@
+"""Small files of unknown origin: landmarks, maps, lists of published sets, settings, rows, MATLAB files."""
+
+import io
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mutations import fuzzed, mutated
+from scipy.io import savemat
+
+from isomatch import Config, Correspondence
+from isomatch.cli.inputs import read_config, read_landmarks
+from isomatch.datasets import tosca
+from isomatch.datasets.shape_files import read_indices
+from isomatch.errors import IsomatchError
+from isomatch.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
+from zoo import grid
+
+
+def matlab(compress):
+    mesh = grid(3, 3)
+    x, y, z = mesh.vertices.T
+    buffer = io.BytesIO()
+    savemat(buffer, {"surface": {"X": x, "Y": y, "Z": z, "TRIV": mesh.faces + 1.0}}, do_compression=compress)
+    return buffer.getvalue()
+
+
+def rows():
+    row = dict.fromkeys(IDENTITY, "x") | {"error": 1.5, "curve": [0.1, 0.2], "notes": []}
+    return "".join(json.dumps(row | {"pair": pair}) + "\n" for pair in "abc").encode()
+
+
+SETTINGS = b"""n_columns = 60
+rank = 30
+refinement = "joint"
+[search]
+n_hypotheses = 20
+off_diagonal = [0.01, 0.1]
+[outcome]
+"""
+MAP = b"# isomatch map, source -> target\n# 3 source vertices, 9 target vertices\n1\n-1\n8\n"
+FILES = {
+    "landmarks.txt": (b"# mine\n1, 2\n3 4 # tail\n5\t6\n", read_landmarks),
+    "map.txt": (MAP, Correspondence.load),
+    "config.toml": (SETTINGS, read_config),
+    "cat0.vts": (b"1\n2.0\n3\n", read_indices),
+    "cat0.mat": (matlab(False), lambda path: tosca(path.parent)["cat0"]),
+    "cat1.mat": (matlab(True), lambda path: tosca(path.parent)["cat1"]),
+    FILE: (rows(), lambda path: [identity_of(row) for row in read_rows(path.parent)]),
+}
+
+
+OURS = [
+    name for name in FILES if not name.endswith(".mat")
+]  # scipy's reader crashes on some damaged MATLAB files
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fuzz")
+
+
+def attempt(folder, name, content):
+    """Read a file; only a named error may come of it."""
+    path = folder / name
+    path.write_bytes(content)
+    try:
+        FILES[name][1](path)
+    except IsomatchError:
+        return False
+    finally:
+        path.unlink()
+    return True
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_seeds_are_sound(folder, name):
+    assert attempt(folder, name, FILES[name][0])
+
+
+@pytest.mark.parametrize("name", OURS)
+@fuzzed
+@given(data=st.data())
+def test_a_changed_file(folder, name, data):
+    attempt(folder, name, data.draw(mutated(FILES[name][0])))
+
+
+@pytest.mark.parametrize("name", OURS)
+@fuzzed
+@given(
+    content=st.binary(max_size=200) | st.text(max_size=100).map(lambda text: text.encode("utf-8", "replace"))
+)
+def test_random_bytes(folder, name, content):
+    attempt(folder, name, content)
+
+
+PLAIN = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**400)
+NESTED = st.recursive(
+    PLAIN, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=2)
+)
+
+
+@fuzzed
+@given(data=st.data())
+def test_settings_of_any_type(data):
+    defaults = Config().to_dict()
+    name = data.draw(st.sampled_from(sorted(defaults)))
+    value = data.draw(NESTED)
+    if isinstance(defaults[name], dict) and data.draw(st.booleans()):
+        value = {data.draw(st.sampled_from(sorted(defaults[name]))): value}
+    try:
+        Config.from_dict({name: value})
+    except IsomatchError:
+        return
+
+
+@pytest.mark.parametrize(
+    "content", [b"a = " + b"[" * 100_000, b"[" * 100_000, b"a" + b".a" * 100_000 + b" = 1"]
+)
+def test_settings_that_are_nested_too_deeply(folder, content):
+    assert not attempt(folder, "config.toml", content)
+
+
+@pytest.mark.parametrize(
+    "line", [b"[" * 100_000, b'{"set": []}', b'{"set": {}}', b"[1]", b"3", b"null", b'"row"', b"1" * 5000]
+)
+def test_lines_that_are_no_rows(folder, line):
+    assert not attempt(folder, FILE, rows() + line + b"\n")
+
+
+def test_an_index_beyond_64_bits(folder):
+    for name in ("landmarks.txt", "map.txt", "cat0.vts"):
+        for word in (b"99999999999999999999", b"1" * 5000, b"1_0", "٣".encode(), b"nan"):
+            assert not attempt(folder, name, word + b" " + (word if name == "landmarks.txt" else b"") + b"\n")
