@@ -35,6 +35,9 @@ test-long: $(VENV)/dev
 fuzz: $(VENV)/dev
 	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics
 
+coverage: $(VENV)/dev
+	$(BIN)/python -m pytest -n auto --dist loadfile --cov
+
 lint: $(VENV)/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
