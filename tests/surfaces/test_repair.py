@@ -70,13 +70,17 @@ def test_any_winding_of_a_closed_surface_becomes_outward(seed):
 @given(st.integers(0, 2**32))
 @settings(max_examples=25, deadline=None)
 def test_coincident_vertices_and_holes_do_not_change_which_side_is_outer(seed):
-    """Welding joins sheets there, so that more than two faces meet at an edge, or faces vanish."""
+    """Welding joins sheets there, so that more than two faces meet at an edge, or faces vanish.
+
+    Faces that then reach across the surface stay: without them, it would not be nearly closed.
+    """
     rng = np.random.default_rng(seed)
     whole = torus(24, 12)
     vertices, faces = whole.vertices.copy(), whole.faces[:, ::-1]
     one, other = rng.permutation(whole.n_vertices)[:12].reshape(2, 6)
     vertices[other] = vertices[one]
-    faces = np.delete(faces, rng.permutation(len(faces))[:6], axis=0)
+    small = np.flatnonzero(~np.isin(faces, other).any(axis=1))
+    faces = np.delete(faces, rng.permutation(small)[:6], axis=0)
     mended = assert_laws(Mesh(vertices, faces)).mesh
     assert mended.volume > 0
     assert not len(check(mended).inconsistent_edges)
