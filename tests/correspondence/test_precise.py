@@ -1,6 +1,7 @@
 """Images inside triangles, against brute force."""
 
 import numpy as np
+import pytest
 
 from isomatch.correspondence import nearest_points
 from isomatch.datasets import example_pair
@@ -35,6 +36,19 @@ def test_no_sampled_point_of_the_faces_around_is_nearer():
         samples = np.einsum("sc,fcd->fsd", share, places[around])
         assert found[i] <= np.linalg.norm(samples - points[i], axis=2).min() + 1e-12
         assert found[i] <= np.linalg.norm(places[v] - points[i]) + 1e-12
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_units_do_not_matter(scale):
+    mesh = example_pair()[0].mesh
+    rng = np.random.default_rng(2)
+    points = mesh.vertices + 0.02 * rng.standard_normal(mesh.vertices.shape)
+    rows = np.arange(mesh.n_vertices)
+    corners, weights = nearest_points(mesh.vertices, points, mesh.faces, rows)
+    again, scaled = nearest_points(scale * mesh.vertices, scale * points, mesh.faces, rows)
+    assert (weights > 0).all(axis=1).mean() > 0.1
+    np.testing.assert_array_equal(again, corners)
+    np.testing.assert_allclose(scaled, weights, atol=1e-9)
 
 
 def test_a_vertex_stays_where_it_is():
