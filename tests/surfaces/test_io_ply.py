@@ -69,6 +69,20 @@ def test_points_without_faces(encoding):
     assert mesh.n_faces == 0
 
 
+@pytest.mark.parametrize("encoding", FORMATS)
+def test_elements_without_properties_take_no_room(encoding):
+    header = [
+        "element nothing 3",
+        "element vertex 1",
+        "property float x",
+        "property float y",
+        "property float z",
+    ]
+    assert ply.read(ply_file(encoding, header, [("fff", (1, 2, 3))]), "a.ply").vertices.tolist() == [
+        [1, 2, 3]
+    ]
+
+
 def test_windows_and_old_mac_line_ends():
     text = rich_file("ascii", [[0, 1, 2, 3]])
     for end in (b"\r\n", b"\r"):

@@ -36,4 +36,4 @@ def test_pixels_at_the_rim_of_the_image_and_of_triangles_are_filled():
     assert rasterise(square, np.array([[0, 1, 2], [0, 2, 3]]), 4, 3).covered.all()
     centres = square * [0.75, 2 / 3, 0] + 0.5  # corners at the centres of pixels
     assert rasterise(centres, np.array([[0, 1, 2], [0, 2, 3]]), 4, 3).covered.all()
-    assert not rasterise(square + [9, 0, 0], np.array([[0, 1, 2]]), 4, 3).covered.any()
+    assert not rasterise(square + np.array([9, 0, 0]), np.array([[0, 1, 2]]), 4, 3).covered.any()

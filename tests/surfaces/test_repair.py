@@ -67,6 +67,24 @@ def test_any_winding_of_a_closed_surface_becomes_outward(seed):
     assert mended.volume == pytest.approx(torus().volume)
 
 
+def test_each_piece_is_wound_by_itself():
+    """Faces of three surfaces in any order, some of them rewound."""
+    tori = [torus(24, 12), torus(12, 6), torus(9, 5)]
+    before = np.cumsum([0, *(each.n_vertices for each in tori)])
+    faces = np.concatenate([each.faces + n for each, n in zip(tori, before)])
+    rng = np.random.default_rng(0)
+    faces = rng.permutation(faces)
+    turned = rng.random(len(faces)) < 0.4
+    faces[turned] = faces[turned, ::-1]
+    vertices = np.concatenate([each.vertices + 20 * i for i, each in enumerate(tori)])
+    mended = assert_laws(Mesh(vertices, faces)).mesh
+    assert not len(check(mended).inconsistent_edges)
+    for i, each in enumerate(tori):
+        own = (mended.faces >= before[i]) & (mended.faces < before[i + 1])
+        part = Mesh(mended.vertices, mended.faces[own.all(axis=1)])
+        assert part.volume == pytest.approx(each.volume)
+
+
 @given(st.integers(0, 2**32))
 @settings(max_examples=25, deadline=None)
 def test_coincident_vertices_and_holes_do_not_change_which_side_is_outer(seed):
