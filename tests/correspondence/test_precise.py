@@ -27,9 +27,10 @@ def test_no_sampled_point_of_the_faces_around_is_nearer():
     rng = np.random.default_rng(1)
     places = mesh.vertices @ rng.standard_normal((3, 7)) + 0.02 * rng.standard_normal((mesh.n_vertices, 7))
     vertex = rng.integers(mesh.n_vertices, size=40)
-    points = places[vertex] + 0.05 * rng.standard_normal((40, 7))
+    points = places[vertex] + 0.2 * rng.standard_normal((40, 7))
     corners, weights = nearest_points(places, points, mesh.faces, vertex)
     found = np.linalg.norm((weights[:, :, None] * places[corners]).sum(axis=1) - points, axis=1)
+    assert (weights >= 0).all()
     share = rng.dirichlet(np.ones(3), 400)
     for i, v in enumerate(vertex):
         around = mesh.faces[(mesh.faces == v).any(axis=1)]

@@ -188,6 +188,17 @@ def test_broken_binary(encoding):
             ply.read(data, "a.ply")
 
 
+@pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])
+def test_the_byte_of_a_row_among_rows_of_different_lengths(encoding):
+    header = [*XYZ, "element face 3", "property list uchar float vertex_indices"]
+    faces = [("B3f", (3, 0, 0, 0)), ("B4f", (4, 0, 0, 0, 0)), ("B3f", (3, 0, 0.5, 0))]
+    before = len(ply_file(encoding, header, [POINT, *faces[:2]]))
+    with pytest.raises(
+        FormatError, match=f"a.ply: byte {before}: expected whole vertex indices, face 2 has none"
+    ):
+        ply.read(ply_file(encoding, header, [POINT, *faces]), "a.ply")
+
+
 def test_every_truncation_of_a_mixed_file_is_reported():
     data = rich_file("binary_little_endian", [[0, 1, 2, 3], [2, 1, 0]])
     for length in range(len(data) - 1):

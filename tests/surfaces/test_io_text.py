@@ -83,6 +83,7 @@ VERTICES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
         "mtllib a.mtl\no café\n"
         + VERTICES
         + "vt 0 0\nvn 0 0 1\ns off\nusemtl m\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/1/\nl 1 2\n",
+        VERTICES + "f 1 2 3\nf 1 -2 -1\n",
         VERTICES + "f -4 -3 -2\nf -4/-1 -2//-1 -1/-1/-1\n",
         VERTICES.replace("\n", " 0.5 0.5 0.5\n") + "f 1 2 \\\n3\nf 1 3 4",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 -1\n",
