@@ -30,7 +30,7 @@ def test_no_sampled_point_of_the_faces_around_is_nearer():
     points = places[vertex] + 0.2 * rng.standard_normal((40, 7))
     corners, weights = nearest_points(places, points, mesh.faces, vertex)
     found = np.linalg.norm((weights[:, :, None] * places[corners]).sum(axis=1) - points, axis=1)
-    assert (weights >= 0).all()
+    assert weights.min() > -1e-15
     share = rng.dirichlet(np.ones(3), 400)
     for i, v in enumerate(vertex):
         around = mesh.faces[(mesh.faces == v).any(axis=1)]

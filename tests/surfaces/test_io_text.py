@@ -96,6 +96,12 @@ def test_obj_variants(text):
     assert mesh.faces.tolist() == HALVES
 
 
+def test_lines_are_counted_in_files_of_any_length():
+    text = VERTICES + "# comment\n\nf 1 2 3\n" * 30_000
+    with pytest.raises(FormatError, match="a.obj:90005: expected a face of at least 3 corners"):
+        obj.read((text + "f 1 2\n").encode(), "a.obj")
+
+
 def test_obj_index_zero_is_out_of_range_not_an_error():
     assert obj.read((VERTICES + "f 0 1 9\n").encode(), "a.obj").faces.tolist() == [[-1, 0, 8]]
 

@@ -67,6 +67,13 @@ def test_any_winding_of_a_closed_surface_becomes_outward(seed):
     assert mended.volume == pytest.approx(torus().volume)
 
 
+@pytest.mark.parametrize("scale", [1e-120, 1e100])
+def test_winding_in_any_unit(scale):
+    inward = Mesh(scale * torus().vertices, torus().faces[:, ::-1])
+    np.testing.assert_array_equal(np.sort(repair(inward).mesh.faces), np.sort(torus().faces))
+    assert repair(inward).changes == (f"rewound {inward.n_faces} faces",)
+
+
 def test_each_piece_is_wound_by_itself():
     """Faces of three surfaces in any order, some of them rewound."""
     tori = [torus(24, 12), torus(12, 6), torus(9, 5)]
