@@ -107,6 +107,7 @@ NO_PLACE = "a.ply:1: "
             ["element vertex many"],
             "a.ply:3: expected a line 'element NAME COUNT'.*found 'element vertex many'",
         ),
+        (["element vertex 9999999999999999999"], "a.ply:3: expected a line 'element NAME COUNT'"),  # > 2⁶³
         (["property float x"], "a.ply:3: expected a line 'element"),
         ([*XYZ, "property quaternion q"], "a.ply:7: expected a line"),
         ([*XYZ, "property list float int v"], "a.ply:7: expected a line"),
