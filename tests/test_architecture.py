@@ -116,6 +116,11 @@ def test_the_checker_sees_imports():
     assert {"cli", "errors"} <= {room for room, _ in imported_rooms(PACKAGE / "cli" / "__init__.py")}
 
 
+def test_loops_are_compiled_in_one_place():
+    users = [path.name for path in FILES if "import numba" in path.read_text(encoding="utf-8")]
+    assert users == ["_compiled.py"]
+
+
 def test_only_the_command_line_prints_or_exits():
     for path in FILES:
         if room_of(path) in ("cli", "__main__"):

@@ -153,7 +153,7 @@ def run_with(shapes, out, option, file):
         ("--initial-map", "0\n999999\n", "source vertices 1 are mapped outside"),
         ("--initial-map", "a\n", "given:1: 'a' is not a target vertex"),
         ("--config", "colour = 3\n", "unknown setting colour"),
-        ("--config", "rank = \n", "given: Invalid value"),
+        ("--config", "rank = \n", "given: not a TOML file"),
         ("--config", "rank = 1000\n", "exceeds n_columns"),
     ],
 )

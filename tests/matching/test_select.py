@@ -27,6 +27,7 @@ class Fit:
     score: float = 1.0
     orientation: float = 0.9
     residual: float = 0.2
+    landmark_error: float = 0.0
 
     @property
     def side(self):
@@ -188,3 +189,17 @@ def test_differences_below_the_noise_of_triangulations_are_ties():
     far = Fit(0.6, score=0.2)
     assert select([copy, far], [True, True], apart(2), SETTINGS, 2).rival == 0.2 / SETTINGS.score_noise
     assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1
+
+
+def test_a_rival_that_contradicts_the_landmarks_counts_only_if_it_is_clearly_better():
+    winner = Fit(0.3, score=0.10)
+    for score, rival in ((0.101, inf), (0.095, inf), (0.05, 0.5)):
+        other = Fit(0.3, score=score, landmark_error=0.4)
+        assert select([winner, other], [True, False], apart(2), SETTINGS, 2).rival == pytest.approx(rival)
+
+
+def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
+    near = np.array([[0, 0.08], [0.08, 0]])
+    for score, rival in ((0.11, inf), (0.095, inf), (0.05, 0.5)):
+        fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
+        assert select(fits, [True, False], near, SETTINGS, 2).rival == pytest.approx(rival)

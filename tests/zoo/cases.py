@@ -454,8 +454,9 @@ def book_of_three_pages():
     return glued(together(*pages))
 
 
-@case()
+@case(symmetric=True)
 def blocks_joined_at_a_corner():
+    """The cube may turn about the corner, through which all paths between the blocks lead."""
     return boxes([*block(4, 4, 4), *((i + 4, j + 4, k + 4) for i, j, k in block(3, 4, 5))])
 
 
@@ -464,8 +465,9 @@ def blocks_joined_at_an_edge():
     return boxes([*block(4, 4, 4), *((i + 4, j + 4, k) for i, j, k in block(3, 5, 4))])
 
 
-@case(symmetric=True)
+@case()
 def inner_walls():
+    """The walls have one side, and the one that their faces show differs along each axis: the map is unique."""
     return boxes(block(4, 4, 6), inner=True)
 
 

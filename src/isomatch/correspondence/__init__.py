@@ -14,6 +14,7 @@ from isomatch.correspondence.functional_maps import (
     fit_functional_map,
     spectral_embedding,
 )
+from isomatch.correspondence.interval_matching import IntervalCost, assign_points, trilaterate
 from isomatch.correspondence.linear_alignment import (
     alignment_from_functions,
     alignments_from_points,
@@ -35,6 +36,7 @@ __all__ = [
     "Alignment",
     "Correspondence",
     "Embedding",
+    "IntervalCost",
     "PrecisePoints",
     "SampledBasis",
     "SignedPoints",
@@ -44,6 +46,7 @@ __all__ = [
     "alignment_from_functions",
     "alignment_residual",
     "alignments_from_points",
+    "assign_points",
     "faces_around_vertices",
     "fit_functional_map",
     "iterative_closest_points",
@@ -55,4 +58,5 @@ __all__ = [
     "register_nonrigid",
     "signed_procrustes",
     "spectral_embedding",
+    "trilaterate",
 ]

@@ -10,6 +10,7 @@ from isomatch.geodesics.engines import (
     geodesic_distances,
 )
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
 from isomatch.geodesics.restricted import RestrictedEngine
@@ -29,6 +30,7 @@ __all__ = [
     "GivenFunction",
     "GivenMatrix",
     "MetricSpace",
+    "MissingRegion",
     "RestrictedEngine",
     "Sampling",
     "distance_along_edges_to_nearest",

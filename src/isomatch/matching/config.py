@@ -17,6 +17,7 @@ Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
+PartRole = Literal["auto", "source", "target", "none"]
 
 
 class MatchSettings(Protocol):
@@ -106,7 +107,8 @@ class SymmetrySettings(Settings):
     least_moved, same_map : float
         Mean distances, in √area, from which a map is not the identity, and from which two maps differ.
     largest_residual : float
-        Misfit of the distance descriptors, in units of √(average distance), up to which a map is a symmetry.
+        Misfit of the distance descriptors, in units of √(average distance / number of search vertices), up to which a
+        map is a symmetry: their spacing alone makes about 2.4.
     least_orientation : float
         Mean cosine between normals, of either sign, from which it is one.
     """
@@ -123,7 +125,7 @@ class SymmetrySettings(Settings):
         0.15, "selection.rival_distance: less is a variant, not another map", least=0
     )
     same_map: float = setting(0.1, "the spacing of n_samples", least=0)
-    largest_residual: float = setting(0.16, "docs/benchmarks.md, symmetry", least=0)
+    largest_residual: float = setting(3.2, "docs/benchmarks.md, symmetry", least=0)
     least_orientation: float = setting(0.7, "docs/benchmarks.md, symmetry", least=0, most=1)
 
 
@@ -233,11 +235,13 @@ class SelectionSettings(Settings):
         Mean distance between images, in √area, up to which two refined maps are one: less than one turned limb.
     energy_exponent : float
         Score of a refined map = misfit × energy to this power.
-    misfit_noise, score_noise : float
-        Misfits and scores below these are equal: two triangulations of one surface differ as much. Otherwise one of the
-        symmetric maps between two copies of a mesh would seem better than the others.
+    energy_noise, misfit_noise, score_noise : float
+        Energies, misfits and scores below these are equal: two triangulations of one surface differ as much. Otherwise
+        one of the symmetric maps between two copies of a mesh would seem better than the others.
     rival_distance : float
         Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
+    clearly_better : float
+        Score of the winner, over that of another map, from which that map counts as a rival whatever the hints say.
     most_alternatives : int
         Most alternatives in the result.
     """
@@ -266,6 +270,9 @@ class SelectionSettings(Settings):
         0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
     )
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
+    energy_noise: float = setting(
+        0.012, "docs/benchmarks.md, symmetry: 0.002 to 0.06 between triangulations", least=0
+    )
     misfit_noise: float = setting(
         0.25, "docs/benchmarks.md, symmetry: 0.26 to 0.35 between triangulations", least=0
     )
@@ -273,6 +280,7 @@ class SelectionSettings(Settings):
         0.04, "docs/benchmarks.md, symmetry: 0.04 to 0.09 between triangulations", least=0
     )
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    clearly_better: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)
 
 
@@ -334,6 +342,78 @@ class RefinementSettings(Settings):
 
 
 @dataclass(frozen=True)
+class PartSettings(Settings):
+    """Settings of the match of a part to a whole.
+
+    Parameters
+    ----------
+    n_anchors : int
+        Distance columns of the part, whose images a start consists of.
+    n_posts : int
+        Boundary vertices through which paths may leave the part.
+    n_candidates : int
+        Vertices of the whole among which the images of the first anchors are sought.
+    n_placed : int
+        Anchors that are assigned by the beam search; the others are trilaterated.
+    width, apart : int, float
+        Partial assignments that the beam search keeps, and the mean distance, in √area, by which they differ.
+    signature_cost : float
+        Weight of the signatures in the beam search.
+    radii : tuple of float
+        Radii of the balls, in √area, whose areas are compared in the beam search.
+    n_trilaterated, n_starts, n_mirrored : int
+        Best assignments that are completed; best of these; the same with mirror images.
+    n_contenders : int
+        Best starts that are refined to the end, after a short refinement of all.
+    function_ratio : float
+        The part gets as many functions as have eigenvalues up to this times the largest of the whole that is used:
+        a boundary needs more functions than the share of the area says.
+    sizes : tuple of int
+        Functions of the whole in the short refinement.
+    long_boundary : float
+        Length of the boundary, in √area, from which a shape may be a part.
+    largest_share : float
+        Area, over that of the other shape, up to which it may be one.
+    cover : float
+        Area of the whole that is matched to a part, over that of the part: those vertices that are nearest to images.
+    poor_misfit, poor_stress : float
+        Values above which a map is poor.
+    poor_orientation, least_trusted : float
+        Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
+        known.
+    tie : float
+        Score of a rival, against the map returned, below which nothing decides between them.
+    """
+
+    n_anchors: int = setting(50, "exploration of cuts and holes", least=8)
+    n_posts: int = setting(60, "exploration of cuts and holes", least=4)
+    n_candidates: int = setting(300, "exploration of cuts and holes", least=20)
+    n_placed: int = setting(16, "exploration of cuts and holes", least=4)
+    width: int = setting(1000, "exploration of cuts and holes", least=1)
+    apart: float = setting(0.12, "exploration: this diversity is essential", least=0)
+    signature_cost: float = setting(0.25, "exploration of cuts and holes", least=0)
+    radii: tuple[float, ...] = setting(
+        (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9), "by factors of about √2", least=0
+    )
+    n_trilaterated: int = setting(80, "exploration of cuts and holes", least=1)
+    n_starts: int = setting(16, "exploration of cuts and holes", least=1)
+    n_mirrored: int = setting(24, "exploration of cuts and holes", least=1)
+    n_contenders: int = setting(8, "exploration of cuts and holes", least=1)
+    function_ratio: float = setting(1.75, "exploration of cuts and holes", least=1)
+    sizes: tuple[int, ...] = setting((20, 40, 70), "exploration of cuts and holes", least=4)
+    long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
+    largest_share: float = setting(0.95, "exploration of cuts and holes", least=0, most=1)
+    cover: float = setting(
+        1.1, "a vertex left unmatched by mistake costs more than one matched by mistake", least=0
+    )
+    poor_misfit: float = setting(0.37, "exploration of cuts and holes", least=0)
+    poor_stress: float = setting(0.03, "exploration of cuts and holes", least=0)
+    poor_orientation: float = setting(0.6, "exploration of cuts and holes", least=-1, most=1)
+    least_trusted: float = setting(0.07, "exploration of cuts and holes", least=0, most=1)
+    tie: float = setting(1.1, "exploration of cuts and holes", least=1)
+
+
+@dataclass(frozen=True)
 class OutcomeSettings(Settings):
     """Bounds of the measures that make an outcome.
 
@@ -362,7 +442,7 @@ class OutcomeSettings(Settings):
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
-    tie: float = setting(1.05, "docs/benchmarks.md, confidence", least=1)
+    tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "docs/benchmarks.md, confidence", least=1)
     poor_misfit: float = setting(
@@ -411,11 +491,16 @@ class Config(Settings):
     orientation : {"preserve", "reverse", "any"}
         Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
         better.
+    part : {"auto", "source", "target", "none"}
+        Which shape is a part of the other. "auto" takes a shape with a long boundary and less area, in the units of the
+        files, for a part of one without. Parts are matched where automatic hypotheses, a joint refinement and the
+        orientation "preserve" are asked for, without hints or with landmarks.
     preparation : PreparationSettings
     symmetry : SymmetrySettings
     search : SearchSettings
     selection : SelectionSettings
     refining : RefinementSettings
+    parts : PartSettings
     outcome : OutcomeSettings
         Fine settings of each stage.
 
@@ -450,11 +535,13 @@ class Config(Settings):
         "preserve",
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
+    part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     preparation: PreparationSettings = setting(PreparationSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
+    parts: PartSettings = setting(PartSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 
     def __post_init__(self) -> None:

@@ -49,6 +49,11 @@ class RefinedCandidate:
         return 1.0 if self.orientation >= 0 else -1.0
 
     @property
+    def landmark_error(self) -> float:
+        """That of the candidate."""
+        return self.candidate.landmark_error
+
+    @property
     def residual(self) -> float:
         """That of the hypothesis, before any refinement."""
         return self.candidate.hypothesis.alignment.residual

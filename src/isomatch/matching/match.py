@@ -19,6 +19,7 @@ from isomatch.matching.joint_refinement import (
 )
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
+from isomatch.matching.parts import part_of, part_result
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
@@ -100,18 +101,22 @@ def match(
         both = pair.source, pair.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
+        part = part_of(pair, hints)
+        if part:
+            return part_result(pair, hints, part, timer, seed)
         timer.start("search")
         may_win, only_rivals = _hypotheses(pair, hints)
         timer.start("selection")
         judge = Judge(pair, hints)
-        eligible, rivals = (_ranked(pair, hints, judge(each)) for each in (may_win, only_rivals))
+        eligible = _ranked(pair, judge(may_win), hints)
         if not eligible:
             raise no_first_map(pair)
-        variants = _symmetric_variants(pair, eligible[0])
+        variants = judge(_symmetric_variants(pair, eligible[0]))
         if pair.config.hypotheses == "all":
-            eligible = _ranked(pair, hints, [*eligible, *judge(variants)])
+            eligible = _ranked(pair, [*eligible, *variants], hints)
+            rivals = []
         else:
-            rivals = _ranked(pair, hints, [*rivals, *judge(variants)])
+            rivals = _ranked(pair, [*judge(only_rivals), *variants])
         timer.start("refinement")
         selection = _contest(pair, eligible, rivals)
         embedding = _embedding(pair, selection.winner)
@@ -168,8 +173,9 @@ def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]
     return notes
 
 
-def _ranked(pair: ShapePair, hints: Hints, candidates: list[Candidate]) -> list[Candidate]:
-    landmarks = bool(len(hints.landmarks))
+def _ranked(pair: ShapePair, candidates: list[Candidate], hints: Hints | None = None) -> list[Candidate]:
+    """Rank candidates; those that may win must not contradict landmarks."""
+    landmarks = hints is not None and len(hints.landmarks) > 0
     return ranked(candidates, pair.config.orientation, pair.config.selection, landmarks)
 
 

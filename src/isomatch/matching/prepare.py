@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
@@ -161,6 +161,14 @@ class PreparedShape:
         return distances
 
     @cached_property
+    def boundary_length(self) -> float:
+        """Length of the boundary of the body, in √area; 0 of points and graphs."""
+        if self.triangles is None:
+            return 0.0
+        i, j = self.triangles.boundary_edges.T
+        return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
+
+    @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
         descriptor = geodesic_distance_descriptor(self.distances)
@@ -231,12 +239,20 @@ class PreparedShape:
         restricted: AnyArray = rows[self.user_vertex]
         return restricted
 
-    def correspondence(self, target: PreparedShape, image: IntArray | PrecisePoints) -> Correspondence:
-        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices."""
+    def correspondence(
+        self, target: PreparedShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
+    ) -> Correspondence:
+        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices.
+
+        Where ``matched`` (n_body,) is given and false, a vertex has no image.
+        """
         points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
-        corners = self.lift(target.user_vertex[points.corners], UNMATCHED)
+        there = target.user_vertex[points.corners]
+        if matched is not None:
+            there[~matched] = UNMATCHED
+        corners = self.lift(there, UNMATCHED)
         weights = self.lift(points.barycentric)
-        weights[self.body_vertex < 0] = [1.0, 0.0, 0.0]
+        weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
         return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Orientation
@@ -56,7 +56,7 @@ def measure_quality(
         rival=selection.rival if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
-        stretch=_stretch(
+        stretch=edge_stretch(
             source.body, target.body, points.interpolation(target.body.n_vertices), settings.torn
         ),
         orientation=orientation_of(source, basis, target, image[vertices], settings.normal_functions)
@@ -75,16 +75,24 @@ def measure_quality(
     )
 
 
-def _stretch(source: Surface, target: Surface, pull_back: csr_array, torn: float) -> float:
+def edge_stretch(
+    source: Surface,
+    target: Surface,
+    pull_back: csr_array,
+    torn: float,
+    unit: float = 1.0,
+    matched: BoolArray | None = None,
+) -> float:
     """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates.
 
-    An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others.
+    An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others. Lengths of the
+    source are worth ``unit``; only edges between matched vertices count.
     """
     if isinstance(source, Graph) or isinstance(target, Graph):
         return np.nan
-    i, j = source.edges.T
+    i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
     points = pull_back @ target.vertices
-    images, lengths = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (points, source.vertices))
+    images, lengths = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (points, unit * source.vertices))
     return float(np.minimum(images, torn * lengths).sum() / lengths.sum())
 
 

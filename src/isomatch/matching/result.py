@@ -40,8 +40,8 @@ _ADVICE = {
         "is meant."
     ),
     Outcome.PARTIAL: (
-        "The main components are matched; vertices of other components are marked unmatched (−1). Connect or match "
-        "those parts separately if they are needed."
+        "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
+        "The notes say what is missing. Components that are needed have to be connected, or matched separately."
     ),
     Outcome.CONVERGED: "The evidence agrees on one map.",
 }

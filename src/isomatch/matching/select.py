@@ -48,6 +48,10 @@ class RefinedEvidence(Protocol):
         """1 if the map preserves orientation, −1 if it reverses it."""
 
     @property
+    def landmark_error(self) -> float:
+        """That of the candidate, before the refinement."""
+
+    @property
     def orientation(self) -> float:
         """That of the candidate, before the refinement."""
 
@@ -97,7 +101,7 @@ def contenders(order: Sequence[C], orientation: Orientation, settings: Selection
         if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
     ]
     leaning.sort(key=lambda candidate: candidate.energy)
-    limit = settings.energy_limit * leaning[0].energy
+    limit = settings.energy_limit * max(leaning[0].energy, settings.energy_noise)
     return [c for c in leaning if c.energy <= limit][: settings.most_contenders]
 
 
@@ -191,7 +195,8 @@ def select(
     apart : (q, q) array of float
         Mean distance between the images of each two, in √area.
     settings : SelectionSettings
-        ``rival_distance`` tells a rival from a variant of the winner.
+        ``rival_distance`` tells a rival from a variant of the winner. A variant that was not eligible, or a map that
+        contradicts the landmarks more than the winner, counts where it is ``clearly_better``.
     n_tried : int
         Candidates that were compared at all, refined or not.
 
@@ -208,7 +213,13 @@ def select(
             return np.nan
         return max(fits[rivals[0]].score, settings.score_noise) / least if rivals else np.inf
 
-    rival = ratio([i for i in others if apart[i, winner] > settings.rival_distance])
+    def speaks_against(i: int) -> bool:
+        differs = apart[i, winner] > settings.rival_distance
+        agrees = fits[i].landmark_error <= fits[winner].landmark_error + settings.landmark_slack
+        better = settings.clearly_better * fits[i].score < least and apart[i, winner] > settings.same_map
+        return (differs and agrees) or better
+
+    rival = ratio([i for i in others if speaks_against(i)])
     mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])
     reason = f"least misfit × energy^{settings.energy_exponent:g}; {n_tried} candidates, {len(fits)} refined to the end"
     if rival < np.inf:

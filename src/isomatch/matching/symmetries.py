@@ -19,6 +19,7 @@ from isomatch.correspondence import (
 )
 from isomatch.matching.config import SymmetrySettings
 
+EXACT = 0.75  # residual, over the largest, up to which the orientation need not be clear, as of one-sided surfaces
 NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products
 
 
@@ -75,6 +76,7 @@ def find_symmetries(
     iterative closest points. O(beam · samples · log) for the assignments and O(starts · samples² · rank) for the rest.
     """
     n = min(settings.n_samples, len(distances))
+    largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
     anchors = _farthest_rows(between, settings.n_anchors)
     assigned = _assignments(between, anchors, settings)
@@ -96,10 +98,10 @@ def find_symmetries(
         images = points.at(image_row)
         rotation = signed_procrustes(points, images)
         residual = alignment_residual(points, images, rotation)
-        if residual > NEAR * settings.largest_residual:
+        if residual > NEAR * largest:
             return
         side = orientation(image_row)
-        if side == 0 or abs(side) >= settings.least_orientation:
+        if side == 0 or abs(side) >= settings.least_orientation or residual <= EXACT * largest:
             found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
@@ -107,7 +109,7 @@ def find_symmetries(
     generators = [rotation for _, rotation in found[: settings.generators]]
     for first, second in product(generators, repeat=2):  # two mirror images make a rotation
         add(second @ first)
-    symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= settings.largest_residual]
+    symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= largest]
     return tuple(sorted(symmetries, key=lambda each: each.residual))
 
 

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MeshError, some
+from isomatch.surfaces._edges import edge_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,6 +118,13 @@ class Mesh:
         low, high = half.min(axis=1), half.max(axis=1)
         keys = np.unique(low * self.n_vertices + high)  # one integer per edge sorts faster than two
         return np.column_stack([keys // self.n_vertices, keys % self.n_vertices])
+
+    @cached_property
+    def boundary_edges(self) -> IntArray:
+        """(b, 2) edges at which only one sound face meets, the smaller index first."""
+        table = edge_table(self.sound_faces, self.n_vertices)
+        edges: IntArray = table.ends[table.n_faces == 1]
+        return edges
 
     @cached_property
     def edge_lengths(self) -> FloatArray:

@@ -1,0 +1,171 @@
+"""Assign points so that distances fall into intervals: a beam search over few points, and trilateration of many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
+
+
+@dataclass(frozen=True)
+class IntervalCost:
+    """What it costs to place two points at distance d, if the interval is [l, u].
+
+    c(d) = min(v + inside |d − u|, most) / (soft + u), where v is the violation of [(1 − tolerance) l, (1 + tolerance) u].
+
+    Parameters
+    ----------
+    tolerance, inside, most, soft : float
+        As in the formula; ``most`` makes the cost robust, ``inside`` prefers the upper bound.
+    """
+
+    tolerance: float = 0.05
+    inside: float = 0.1
+    most: float = 0.5
+    soft: float = 0.15
+
+    def __call__(self, distances: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+        """Costs of arrays of equal shape."""
+        below, above = lower * (1 - self.tolerance) - distances, distances - upper * (1 + self.tolerance)
+        violation = np.maximum(np.maximum(below, above), 0.0)
+        costs: FloatArray = np.minimum(violation + self.inside * np.abs(distances - upper), self.most) / (
+            self.soft + upper
+        )
+        return costs
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """The parameters, for compiled loops."""
+        return self.tolerance, self.inside, self.most, self.soft
+
+
+def assign_points(
+    distances: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    unary: FloatArray,
+    cost: IntervalCost,
+    width: int,
+    apart: float,
+) -> IntArray:
+    """Assign m points to candidates, one after the other, keeping many partial assignments that differ.
+
+    Parameters
+    ----------
+    distances : (c, c) array of float
+        Distances between candidates.
+    lower, upper : (m, m) array of float
+        Intervals of the distances between the points.
+    unary : (m, c) array of float
+        Cost of each assignment by itself.
+    cost : IntervalCost
+    width : int
+        Partial assignments that are kept.
+    apart : float
+        Mean distance by which any two of them differ. Without it, all would be variants of one.
+
+    Returns
+    -------
+    (h, m) array of int
+        Candidates, h ≤ width, least cost first.
+
+    Notes
+    -----
+    O(width c m²).
+    """
+    m, c = unary.shape
+    assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    for point in range(m):
+        added = np.zeros((len(assigned), c))
+        for earlier in range(point):
+            table = cost(distances, lower[point, earlier], upper[point, earlier])  # (c, c)
+            added += table[assigned[:, earlier]]
+        children = (total[:, None] + unary[point] + added).ravel()
+        take = min(len(children), 12 * width)
+        best = np.argpartition(children, take - 1)[:take]
+        best = best[np.lexsort((best, children[best]))]
+        parent, candidate = np.divmod(best, c)
+        grown = np.column_stack([assigned[parent], candidate])
+        kept = _differing(distances, grown, width, apart)
+        assigned, total = grown[kept], children[best[kept]]
+    return assigned
+
+
+@compiled()
+def _differing(distances: FloatArray, tuples: IntArray, most: int, apart: float) -> IntArray:
+    """Rows of tuples, first ones first, whose mean distance to all kept before is at least ``apart``."""
+    m = tuples.shape[1]
+    kept = np.zeros(most, dtype=np.int64)
+    n = 0
+    for i in range(len(tuples)):
+        differs = True
+        for k in range(n - 1, -1, -1):
+            total = 0.0
+            for j in range(m):
+                total += distances[tuples[i, j], tuples[kept[k], j]]
+            if total < apart * m:
+                differs = False
+                break
+        if differs:
+            kept[n] = i
+            n += 1
+            if n == most:
+                break
+    return kept[:n]
+
+
+def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cost: IntervalCost) -> IntArray:
+    """Place each point where its intervals to all anchors fit best.
+
+    Parameters
+    ----------
+    lower, upper : (q, m) array of float
+        Intervals of the distances of q points to m anchors.
+    distances : (m, c) array of float
+        Distances of the images of the anchors to c candidates.
+    cost : IntervalCost
+
+    Returns
+    -------
+    (q,) array of int
+        A candidate for each point.
+
+    Notes
+    -----
+    O(q m c).
+    """
+    return _trilaterated(
+        np.ascontiguousarray(lower),
+        np.ascontiguousarray(upper),
+        np.ascontiguousarray(distances),
+        *cost.numbers,
+    )
+
+
+@compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
+def _trilaterated(
+    lower: FloatArray,
+    upper: FloatArray,
+    distances: FloatArray,
+    tolerance: float,
+    inside: float,
+    most: float,
+    soft: float,
+) -> IntArray:
+    q, m = lower.shape
+    c = distances.shape[1]
+    placed = np.zeros(q, dtype=np.int64)
+    total = np.zeros(c)
+    for i in range(q):
+        total[:] = 0.0
+        for a in range(m):
+            u = upper[i, a]
+            low, high, weight = lower[i, a] * (1 - tolerance), u * (1 + tolerance), 1 / (soft + u)
+            for k in range(c):
+                d = distances[a, k]
+                total[k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) * weight
+        placed[i] = np.argmin(total)
+    return placed

@@ -1,0 +1,135 @@
+"""A part and a whole in common units, with what is known of distances on the whole between points of the part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import IntervalCost
+from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.matching.config import Config
+from isomatch.matching.prepare import PreparedShape
+from isomatch.surfaces import Mesh
+
+COST = IntervalCost()
+NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class PartPair:
+    """A part and a whole; lengths are in √area of the whole.
+
+    Parameters
+    ----------
+    part, whole : PreparedShape
+        The shapes.
+    unit : float
+        What √area of the part is worth in √area of the whole.
+    config : Config
+        The settings of the match.
+    missing : MissingRegion
+        What lies beyond the part's boundary, in units of the part.
+    anchors : (m,) array of int
+        Vertices of the part whose images a start consists of: landmarks, then farthest points.
+    along : (m, n_part) array of float
+        Distances from them along the part, in its units.
+    landmarks : (l,) array of int
+        Vertices of the whole that the first anchors go to.
+    """
+
+    part: PreparedShape
+    whole: PreparedShape
+    unit: float
+    config: Config
+    missing: MissingRegion
+    anchors: IntArray
+    along: FloatArray
+    landmarks: IntArray
+
+    @classmethod
+    def of(
+        cls, part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
+    ) -> PartPair:
+        """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
+        mesh = part.triangles
+        assert mesh is not None
+        engine = distance_engine(mesh)
+        missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
+        n = config.parts.n_anchors
+        anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
+        along = part.columns[:n].astype(np.float64)
+        if len(landmarks):
+            along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
+        return cls(part, whole, part.scale / whole.scale, config, missing, anchors, along, landmarks[:, 1])
+
+    def with_unit(self, unit: float) -> PartPair:
+        """Return the pair with another unit of the part."""
+        return replace(self, unit=unit)
+
+    @property
+    def meshes(self) -> tuple[Mesh, Mesh]:
+        """The bodies of part and whole."""
+        part, whole = self.part.triangles, self.whole.triangles
+        assert part is not None
+        assert whole is not None
+        return part, whole
+
+    @property
+    def share(self) -> float:
+        """Area of the part over that of the whole."""
+        return self.unit**2
+
+    def intervals(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds (m, r) of distances on the whole between the anchors and r vertices of the part."""
+        along = self.along[:, vertices]
+        lower = self.missing.lower_bound(self.anchors, vertices, along)
+        return lower * self.unit, along * self.unit
+
+    @cached_property
+    def anchor_intervals(self) -> tuple[FloatArray, FloatArray]:
+        """The same between anchors, symmetric."""
+        lower, upper = self.intervals(self.anchors)
+        return np.minimum(lower, lower.T), 0.5 * (upper + upper.T)
+
+    @cached_property
+    def trusted(self) -> float:
+        """Share of the pairs of anchors whose distance on the whole is known."""
+        lower, upper = self.anchor_intervals
+        return float((lower >= TRUSTED * upper)[~np.eye(len(lower), dtype=bool)].mean())
+
+    @cached_property
+    def to_boundary(self) -> FloatArray:
+        """(n_part,) distance of each vertex of the part to its boundary."""
+        return self.missing.to_boundary * self.unit
+
+    def stress(self, images: IntArray) -> float:
+        """Mean cost of the images (m,) of the anchors."""
+        lower, upper = self.anchor_intervals
+        distances = np.maximum(self.whole.distances.between(images, images), 0.0)
+        return float(COST(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
+
+    def unit_of(self, images: IntArray) -> float:
+        """Measure the unit by images (m,) of the anchors whose distances on the whole are known."""
+        lower, upper = self.anchor_intervals
+        known = (lower >= TRUSTED * upper) & (upper > LONG)
+        if known.sum() < FEWEST_KNOWN:
+            return self.unit
+        distances = self.whole.distances.between(images, images)
+        return self.unit * float(np.median(distances[known] / upper[known]))
+
+
+TRUSTED = 0.97  # lower over upper bound from which a distance counts as known
+LONG = 0.3  # √area: shorter distances do not measure the unit
+FEWEST_KNOWN = 40
+
+
+def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:
+    """Area (r,) of the vertices nearest to each of r samples."""
+    owner = distance_along_edges_to_nearest(shape.body, samples)[1]
+    number = np.zeros(shape.body.n_vertices, dtype=np.int64)
+    number[samples] = np.arange(len(samples))
+    areas = np.bincount(number[owner], shape.body.vertex_areas, len(samples))
+    return np.asarray(areas, dtype=np.float64)

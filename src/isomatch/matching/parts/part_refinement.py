@@ -1,0 +1,127 @@
+"""Refinement of a map of a part: functions of the whole are pulled back to the part, and images sought among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import Embedding, SampledBasis
+from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.surfaces import vertex_normals
+
+EXTRA_FUNCTIONS = 3
+
+
+class _Smooth(NamedTuple):
+    """The whole through its first functions: vertices (n, 3) and normals (n, 3)."""
+
+    vertices: FloatArray
+    normals: FloatArray
+
+
+class PartRefinement:
+    """Refines maps of some vertices of the part.
+
+    The coordinates of the whole never change: Φ_whole, signatures, its smoothed vertices and their normals. Those of the
+    part are the same functions pulled back by the map, Φ_part F, and fitted by functions of the part.
+
+    Parameters
+    ----------
+    pair : PartPair
+        The shapes.
+    signatures : PartSignatures
+    n_rows : int
+        Vertices of the part that are mapped.
+    """
+
+    def __init__(self, pair: PartPair, signatures: PartSignatures, n_rows: int) -> None:
+        self._pair, self._signatures = pair, signatures
+        self.vertices = pair.part.sample_vertices[:n_rows]
+        self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
+        self._smooth = lru_cache(self._smoothed)
+        self._scaled = lru_cache(self._coordinates_of_whole)
+
+    def n_functions(self, k: int) -> int:
+        """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
+        part, whole = self._pair.part.laplace, self._pair.whole.laplace
+        top = self._pair.config.parts.function_ratio * whole.values[k - 1]
+        most = min(len(part.values), len(self.vertices) // 3)
+        return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
+
+    def refined(
+        self, image: IntArray, sizes: Iterable[int], with_positions: bool = True
+    ) -> tuple[IntArray, float]:
+        """Refine the images (r,) of the vertices; returns them, and their mean distance in the last coordinates."""
+        misfit = np.inf
+        for size in sizes:
+            of_part, of_whole = self.embedding(image, size, self.vertices, with_positions)
+            image = self._pair.whole.index.vertices(of_whole, of_part)
+            misfit = float(np.linalg.norm(of_whole[image] - of_part, axis=1).mean())
+        return image, misfit
+
+    def extended(self, vertices: IntArray, image: IntArray, k: int) -> IntArray:
+        """Map the vertices of this refinement by a map (q,) of other vertices of the part, through k functions."""
+        basis = SampledBasis(self._pair.part.laplace.vectors, vertices)
+        return self._drawn(basis, image, k, self.vertices)
+
+    def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+        """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
+        return self._drawn(self._basis, image, k, vertices)
+
+    def _drawn(self, basis: SampledBasis, image: IntArray, k: int, vertices: IntArray) -> IntArray:
+        functions = self._pair.whole.laplace.vectors[:, :k]
+        k_part = min(self.n_functions(k), len(basis.vertices) // 3)
+        drawn = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
+        return self._pair.whole.index.vertices(functions, drawn)
+
+    def orientation(self, image: IntArray, k: int) -> float:
+        """Mean cosine of the normals of the whole and of its copy drawn on the part."""
+        smooth = self._smooth(k)
+        normals = self._drawn_normals(smooth.vertices[image], self.n_functions(k))[1]
+        return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
+
+    def embedding(
+        self, image: IntArray, size: int, vertices: IntArray, with_positions: bool = True
+    ) -> Embedding:
+        """Coordinates of some vertices of the part, and of all of the whole, under a map (r,)."""
+        pair, settings = self._pair, self._pair.config.refining
+        k = min(size, len(pair.whole.laplace.values))
+        k_part = self.n_functions(k)
+        functions = pair.whole.laplace.vectors[:, :k]
+        drawn = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
+        nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, drawn)
+        of_part, of_whole, weights = self._signatures
+        trusted = weights[vertices]
+        columns = [drawn / np.sqrt(k), trusted * of_part[vertices] + (1 - trusted) * of_whole[nearest]]
+        if with_positions:
+            smooth = self._smooth(k)
+            positions, normals = self._drawn_normals(smooth.vertices[image], k_part)
+            columns += [
+                positions[vertices] / settings.position_unit,
+                settings.normal_weight * normals[vertices],
+            ]
+        return Embedding(np.hstack(columns), self._scaled(k, with_positions))
+
+    def _drawn_normals(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
+        """Draw the whole on the part by the positions of the images (r, 3): vertices and normals."""
+        mesh = self._pair.meshes[0]
+        drawn = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
+        return drawn, vertex_normals(drawn, mesh.faces)
+
+    def _smoothed(self, k: int) -> _Smooth:
+        mesh = self._pair.meshes[1]
+        vertices = self._pair.whole.laplace.low_passed(mesh.vertices, k)
+        return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
+
+    def _coordinates_of_whole(self, k: int, with_positions: bool) -> FloatArray:
+        settings = self._pair.config.refining
+        columns = [self._pair.whole.laplace.vectors[:, :k] / np.sqrt(k), self._signatures.whole]
+        if with_positions:
+            smooth = self._smooth(k)
+            columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
+        return np.hstack(columns)

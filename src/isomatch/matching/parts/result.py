@@ -1,0 +1,125 @@
+"""The result of a match of a part: the map in the direction asked for, its quality and its outcome."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import BoolArray
+from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.parts.match_part import PartMatch, match_part
+from isomatch.matching.parts.role import Part
+from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
+from isomatch.matching.result import MatchResult, Outcome, Quality
+from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.symmetries import describe_symmetries
+
+
+def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
+    """Match a pair of which one shape is a part of the other."""
+    source, target, config = pair.source, pair.target, pair.config
+    timer.start("parts")
+    if part == "source":
+        found = match_part(source, target, config, hints.landmarks)
+    else:
+        found = match_part(target, source, config, hints.landmarks[:, ::-1])
+    of_part, of_whole = found.embedding()
+    covered, area = _covered(found, Embedding(of_part, of_whole))
+    if part == "source":
+        points, matched = target.index.points(of_whole, of_part), np.ones(len(of_part), dtype=bool)
+    else:
+        points, matched = target.index.points(of_part, of_whole), covered
+    timer.start("quality")
+    quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
+    share = found.pair.share
+    return MatchResult(
+        map=source.correspondence(target, points, matched),
+        outcome=_outcome(found, quality),
+        quality=quality,
+        alternatives=(),
+        timings=timer.stop(),
+        notes=(
+            *pair.notes,
+            *hints.notes,
+            f"the {part} was matched as a part: it has {share:.0%} of the area of the other shape and covers {area:.0%}",
+            *contradicted_landmarks(pair, points, hints),
+        ),
+        engine=source.distances.engine,
+        origin="landmarks" if len(hints.landmarks) else "anchors",
+        reason=f"least misfit × stress of {len(found.fits)} maps of a part refined to the end",
+        config=config,
+        seed=seed,
+        symmetries=(describe_symmetries(source.symmetries), describe_symmetries(target.symmetries)),
+    )
+
+
+def _covered(found: PartMatch, embedding: Embedding) -> tuple[BoolArray, float]:
+    """Tell which vertices of the whole the part covers: those nearest to images, as many as its area asks for.
+
+    Returns also the share of the area that lies as near to images as vertices are to each other.
+    """
+    pair = found.pair
+    part, whole = pair.meshes
+    images = np.unique(pair.whole.index.vertices(embedding.target, embedding.source))
+    gap, _ = distance_along_edges_to_nearest(whole, images)
+    spacing = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
+    order = np.argsort(gap, kind="stable")
+    filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * pair.share * whole.area
+    reach = max(spacing, gap[order[filled]].max(initial=0.0))
+    return gap <= reach, float(whole.vertex_areas[gap <= spacing].sum() / whole.area)
+
+
+def _quality(
+    pair: ShapePair,
+    found: PartMatch,
+    points: PrecisePoints,
+    matched: BoolArray,
+    coverage: float,
+    hints: Hints,
+) -> Quality:
+    source, target, best = pair.source, pair.target, found.fits[0]
+    image = points.corners[:, 0]
+    on_user = np.zeros(source.surface.n_vertices, dtype=bool)
+    on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
+    unit = found.pair.unit if source is found.pair.part else 1 / found.pair.unit
+    landmark_error = np.nan
+    if len(hints.landmarks):
+        landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
+    return Quality(
+        misfit=best.misfit,
+        rival=found.rival,
+        mirrored=np.inf,
+        residual=np.nan,
+        stretch=edge_stretch(
+            source.body,
+            target.body,
+            points.interpolation(target.body.n_vertices),
+            pair.config.outcome.torn,
+            unit,
+            matched,
+        ),
+        orientation=best.orientation,
+        distortion_mean=best.stress,
+        distortion_p95=np.nan,
+        coverage=coverage,
+        matched=float(on_user.mean()),
+        landmark_error=landmark_error,
+        initial_map_error=np.nan,
+    )
+
+
+def _outcome(found: PartMatch, quality: Quality) -> Outcome:
+    settings, best = found.pair.config.parts, found.fits[0]
+    if quality.landmark_error > found.pair.config.outcome.contradiction:
+        return Outcome.HINTS_CONTRADICTED
+    if (
+        best.misfit > settings.poor_misfit
+        or best.stress > settings.poor_stress
+        or best.orientation < settings.poor_orientation
+        or found.pair.trusted < settings.least_trusted
+        or quality.rival < 1
+    ):
+        return Outcome.LOW_CONFIDENCE
+    return Outcome.SYMMETRY_AMBIGUOUS if quality.rival < settings.tie else Outcome.PARTIAL

@@ -1,0 +1,67 @@
+"""Assigning points so that distances fall into intervals."""
+
+import numpy as np
+import pytest
+
+from isomatch.correspondence import IntervalCost, assign_points, trilaterate
+
+COST = IntervalCost()
+
+
+def distances(a, b):
+    return np.linalg.norm(a[:, None] - b, axis=2)
+
+
+@pytest.fixture
+def points():
+    return np.random.default_rng(0).random((60, 2))
+
+
+def test_distances_inside_the_interval_cost_least():
+    d = np.linspace(0, 2, 201)
+    cost = COST(d, np.full(201, 0.8), np.ones(201))
+    assert d[cost.argmin()] == pytest.approx(1)
+    assert cost[90] < cost[50]
+    assert cost[90] < cost[130]
+    assert cost.max() == pytest.approx(COST.most / (COST.soft + 1))
+
+
+def test_exact_distances_find_the_points_again(points):
+    order = np.random.default_rng(1).permutation(60)
+    few = points[order[:7]]
+    exact = distances(few, few)
+    found = assign_points(distances(points, points), exact, exact, np.zeros((7, 60)), COST, 200, 0.0)
+    assert np.array_equal(found[0], order[:7])
+
+
+def test_partial_assignments_that_are_kept_differ(points):
+    few = points[:5]
+    exact = distances(few, few)
+    between = distances(points, points)
+    found = assign_points(between, exact, exact, np.zeros((5, 60)), COST, 20, 0.2)
+    assert len(found) == 20
+    for i, one in enumerate(found):
+        assert all(between[one, other].mean() >= 0.2 for other in found[:i])
+
+
+def test_what_is_forbidden_is_not_assigned(points):
+    few = points[:4]
+    exact = distances(few, few)
+    unary = np.zeros((4, 60))
+    unary[0, 0] = 100
+    found = assign_points(distances(points, points), exact, exact, unary, COST, 30, 0.01)
+    assert (found[:, 0] != 0).all()
+
+
+def test_trilateration_finds_every_point(points):
+    exact = distances(points, points[:6])
+    found = trilaterate(exact, exact, distances(points[:6], points), COST)
+    assert np.array_equal(found, np.arange(60))
+
+
+def test_one_distance_that_is_wrong_does_not_matter(points):
+    exact = distances(points, points[:8])
+    wrong = exact.copy()
+    wrong[:, 3] += 0.7
+    found = trilaterate(wrong, wrong, distances(points[:8], points), COST)
+    assert (found == np.arange(60)).mean() > 0.9

@@ -1,0 +1,92 @@
+"""Parts matched to wholes, and wholes to parts."""
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Outcome, match, prepare
+from isomatch.datasets import creature, cut, ground_truth, holes, relabelled
+from isomatch.matching import Hints, prepare_pair
+from isomatch.matching.parts import part_of
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    """Two poses of an asymmetric quadruped, and the true image of each vertex of the first on the second."""
+    first, second = (creature(2500, triangulation=i, pose=i) for i in (1, 2))
+    target, new = relabelled(second.mesh, 0)
+    return first.mesh, target, new[ground_truth(first, second).vertices]
+
+
+@pytest.fixture(scope="module")
+def prepared(bodies):
+    return prepare(bodies[1])
+
+
+def mean_error(whole, images, truth):
+    """Mean distance on a prepared whole / √area."""
+    return whole.mean_distance(whole.body_vertex[images], whole.body_vertex[truth])
+
+
+@pytest.mark.parametrize(("damage", "share", "most"), [(cut, 0.3, 0.05), (holes, 0.15, 0.06)])
+def test_a_part_is_mapped_to_the_whole(bodies, prepared, damage, share, most):
+    part = damage(bodies[0], share, seed=4)
+    found = match(part.mesh, prepared)
+    assert found.outcome is Outcome.PARTIAL
+    assert found.map.matched.all()
+    assert mean_error(prepared, found.map.vertices, bodies[2][part.original]) < most
+    assert found.quality.coverage < 1 - share / 2
+    assert any("matched as a part" in note for note in found.notes)
+
+
+def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
+    source, target, truth = bodies
+    part = cut(target, 0.3, seed=2)
+    there = part.damaged_vertex[truth]
+    found = match(source, part.mesh)
+    matched = found.map.matched
+    assert found.outcome is Outcome.PARTIAL
+    assert (matched & (there >= 0)).sum() > 0.9 * (there >= 0).sum(), "recall"
+    assert (matched & (there >= 0)).sum() > 0.85 * matched.sum(), "precision"
+    right = prepare(part.mesh)
+    both = matched & (there >= 0)
+    assert mean_error(right, found.map.vertices[both], there[both]) < 0.06
+
+
+def test_landmarks_lead_a_part(bodies, prepared):
+    part = cut(bodies[0], 0.3, seed=4)
+    vertices = prepare(part.mesh).column_vertices[:5]
+    pairs = np.column_stack([vertices, bodies[2][part.original[vertices]]])
+    found = match(part.mesh, prepared, landmarks=pairs)
+    assert found.outcome is Outcome.PARTIAL
+    assert found.quality.landmark_error < 0.06
+    assert found.origin == "landmarks"
+
+
+def test_the_unit_of_the_files_may_be_somewhat_off(bodies, prepared):
+    part = cut(bodies[0], 0.3, seed=4)
+    scaled = type(part.mesh)(1.1 * part.mesh.vertices, part.mesh.faces)
+    found = match(scaled, prepared)
+    assert mean_error(prepared, found.map.vertices, bodies[2][part.original]) < 0.05
+
+
+def test_a_part_of_another_animal_is_no_sure_match(prepared):
+    other = cut(creature(2500, kind="biped").mesh, 0.3, seed=0)
+    assert match(other.mesh, prepared).outcome is Outcome.LOW_CONFIDENCE
+
+
+def roles(source, target, **options):
+    pair = prepare_pair(source, target, Config(**options))
+    return part_of(pair, Hints.of(pair, None, None, None))
+
+
+def test_roles_are_found(bodies):
+    whole, other, _ = bodies
+    part = cut(whole, 0.3, seed=4).mesh
+    assert roles(part, other) == "source"
+    assert roles(other, part) == "target"
+    assert roles(whole, other) is None
+    assert roles(part, part) is None
+    assert roles(part, other, part="none") is None
+    assert roles(whole, other, part="target") == "target"
+    assert roles(part, other, orientation="any") is None
+    assert roles(part, other, refinement="none") is None
