@@ -2,18 +2,26 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+LOWEST := $(VENV)/lowest
+LOCK := requirements-dev.txt
+PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz lint types benchmark clean
+.PHONY: demo test test-long fuzz coverage lint types benchmark lock lowest clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	$(BIN)/python $(PIP) -e .
 	@touch $@
 
-$(VENV)/dev: pyproject.toml
+$(VENV)/dev: pyproject.toml $(LOCK)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	$(BIN)/python $(PIP) --require-hashes -r $(LOCK)
+	$(BIN)/python $(PIP) --no-deps --no-build-isolation -e .
 	@touch $(VENV)/core $@
+
+$(VENV)/uv:
+	$(PYTHON) -m venv $@
+	$@/bin/python $(PIP) uv
 
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
@@ -27,6 +35,9 @@ test-long: $(VENV)/dev
 fuzz: $(VENV)/dev
 	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics
 
+coverage: $(VENV)/dev
+	$(BIN)/python -m pytest -n auto --dist loadfile --cov
+
 lint: $(VENV)/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -36,6 +47,16 @@ types: $(VENV)/dev
 
 benchmark: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
+
+lock: $(VENV)/uv
+	$</bin/uv pip compile --quiet --upgrade --universal --generate-hashes --no-annotate --no-emit-index-url \
+		--python-version 3.11 --extra dev --custom-compile-command 'make lock' -o $(LOCK) pyproject.toml
+
+lowest: $(VENV)/uv
+	$</bin/uv venv --quiet --clear --python 3.11 $(LOWEST)
+	$</bin/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
+	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest -n auto --dist loadfile \
+		$(addprefix tests/,surfaces geodesics bases descriptors correspondence baselines view cli)
 
 clean:
 	rm -rf $(VENV) demo

@@ -133,6 +133,12 @@ def test_only_the_command_line_prints_or_exits():
                 )
 
 
+def test_loops_are_compiled_in_one_way():
+    """`compiled` works without a cache, and coverage leaves out what it decorates."""
+    users = {path.name for path in FILES if "import numba" in path.read_text(encoding="utf-8")}
+    assert users == {"_compiled.py"}
+
+
 @pytest.mark.parametrize("name", isomatch.__all__)
 def test_every_public_name_is_documented(name):
     documentation = getattr(isomatch, name).__doc__

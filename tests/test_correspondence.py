@@ -321,6 +321,7 @@ def test_repr_tells_direction_and_what_is_missing():
         ([[0, 1, 2]], [[np.nan, 0.5, 0.5]], "must be numbers"),
         ([[0, 1, 1.5]], [[1.0, 0.0, 0.0]], "faces have type float64, expected integers"),
         ([[0, 1, 2]] * 2, [[1.0, 0.0, 0.0]] * 2, "one row of three"),
+        ([[0, 1, 2]], [[1.0, 0.0]], "one row of three"),
     ],
 )
 def test_precise_images_that_make_no_sense(faces, weights, message):

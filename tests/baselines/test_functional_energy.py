@@ -34,7 +34,7 @@ def test_minimum_is_that_of_stacked_least_squares():
 
     constant = residuals(np.zeros(k_s * k_t))
     design = np.column_stack([residuals(unit) - constant for unit in np.eye(k_s * k_t)])
-    expected = np.linalg.lstsq(design, -constant)[0].reshape(k_s, k_t)
+    expected = np.linalg.lstsq(design, -constant, rcond=None)[0].reshape(k_s, k_t)
     np.testing.assert_allclose(energy.minimiser(), expected, atol=1e-6)
 
 

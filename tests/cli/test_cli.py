@@ -273,6 +273,15 @@ def test_repair_writes_mesh_and_index(tmp_path, capsys):
     assert main([*argv, "--force"]) == 0
 
 
+def test_an_interruption_has_its_own_exit_code(monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("platform.python_version", interrupted)
+    assert main(["info"]) == 130
+    assert one_line(capsys) == "isomatch: interrupted\n"
+
+
 def test_info_tells_versions(capsys):
     assert main(["info", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)

@@ -27,7 +27,7 @@ def solved_plainly(y, x, y_signs, x_signs, s):
         penalty = np.sqrt(s * (0.01 * (rows - j) ** 2 + 0.001))
         system = np.vstack([y[:, rows], np.diag(penalty)])
         right = np.concatenate([x[:, j], np.zeros(len(rows))])
-        rotation[rows, j] = np.linalg.lstsq(system, right)[0]
+        rotation[rows, j] = np.linalg.lstsq(system, right, rcond=None)[0]
     return rotation
 
 

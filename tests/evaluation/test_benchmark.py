@@ -563,6 +563,16 @@ def test_rows_without_a_word_about_damage_are_those_of_whole_shapes(small, tmp_p
     assert write_tables(tmp_path)[0]["damage"] == ""
 
 
+@pytest.mark.long
+def test_workers_find_the_same_rows_as_one_process(tmp_path):
+    def measured(jobs):
+        run = BenchmarkRun("example", ("functional_maps_5pt",), n_points=50, jobs=jobs)
+        (row,) = run_benchmark(run, tmp_path / str(jobs))
+        return {name: value for name, value in row.items() if name not in ("seconds", "details")}
+
+    assert measured(1) == measured(2)
+
+
 def test_the_command_damages(capsys, monkeypatch, tmp_path):
     def method(one, other):
         return Correspondence(np.zeros(one.n_vertices, dtype=int), other.n_vertices)

@@ -269,6 +269,7 @@ def test_contradicted_landmarks_are_told(example, example_truth, prepared_exampl
     assert found.outcome is Outcome.HINTS_CONTRADICTED
     named = [f"{source} → {target}" for source, target in exchanged[:2]]
     assert all(any(name in note for note in found.notes) for name in named)
+    assert any(note.endswith("√area off)") for note in found.notes)
     assert match(*prepared_example, landmarks=right).outcome is Outcome.CONVERGED
 
 

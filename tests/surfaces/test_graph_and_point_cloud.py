@@ -112,6 +112,7 @@ def test_what_is_no_point_cloud(points, message):
 def test_neighbours_must_be_some():
     with pytest.raises(SettingError, match="n_neighbours = 0 is not a positive number"):
         PointCloud(np.zeros((5, 3)), 0)
+    assert PointCloud(np.eye(4, 3), 1).n_neighbours == 1
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,20 @@ def test_points_without_faces(encoding):
     assert mesh.n_faces == 0
 
 
+@pytest.mark.parametrize("encoding", FORMATS)
+def test_elements_without_properties_take_no_room(encoding):
+    header = [
+        "element nothing 3",
+        "element vertex 1",
+        "property float x",
+        "property float y",
+        "property float z",
+    ]
+    assert ply.read(ply_file(encoding, header, [("fff", (1, 2, 3))]), "a.ply").vertices.tolist() == [
+        [1, 2, 3]
+    ]
+
+
 def test_windows_and_old_mac_line_ends():
     text = rich_file("ascii", [[0, 1, 2, 3]])
     for end in (b"\r\n", b"\r"):
@@ -93,6 +107,7 @@ NO_PLACE = "a.ply:1: "
             ["element vertex many"],
             "a.ply:3: expected a line 'element NAME COUNT'.*found 'element vertex many'",
         ),
+        (["element vertex 9999999999999999999"], "a.ply:3: expected a line 'element NAME COUNT'"),  # > 2⁶³
         (["property float x"], "a.ply:3: expected a line 'element"),
         ([*XYZ, "property quaternion q"], "a.ply:7: expected a line"),
         ([*XYZ, "property list float int v"], "a.ply:7: expected a line"),
@@ -172,6 +187,17 @@ def test_broken_binary(encoding):
     for data, message in cases.items():
         with pytest.raises(FormatError, match=message):
             ply.read(data, "a.ply")
+
+
+@pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian"])
+def test_the_byte_of_a_row_among_rows_of_different_lengths(encoding):
+    header = [*XYZ, "element face 3", "property list uchar float vertex_indices"]
+    faces = [("B3f", (3, 0, 0, 0)), ("B4f", (4, 0, 0, 0, 0)), ("B3f", (3, 0, 0.5, 0))]
+    before = len(ply_file(encoding, header, [POINT, *faces[:2]]))
+    with pytest.raises(
+        FormatError, match=f"a.ply: byte {before}: expected whole vertex indices, face 2 has none"
+    ):
+        ply.read(ply_file(encoding, header, [POINT, *faces]), "a.ply")
 
 
 def test_every_truncation_of_a_mixed_file_is_reported():

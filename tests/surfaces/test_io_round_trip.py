@@ -136,6 +136,16 @@ def test_meshes_that_a_format_cannot_hold(tmp_path, suffix, mesh, message):
         write_mesh(tmp_path / f"a{suffix}", mesh)
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".stl"])
+def test_binary_is_the_default(tmp_path, suffix):
+    written = []
+    for name, options in (("default", {}), ("asked", {"binary": True})):
+        write_mesh(tmp_path / f"{name}{suffix}", torus(), **options)
+        written.append((tmp_path / f"{name}{suffix}").read_bytes())
+    assert written[0] == written[1]
+    assert not written[0].isascii()
+
+
 def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "shape.off"
     write_mesh(path, grid(2, 2))

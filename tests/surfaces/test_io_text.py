@@ -83,6 +83,7 @@ VERTICES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
         "mtllib a.mtl\no café\n"
         + VERTICES
         + "vt 0 0\nvn 0 0 1\ns off\nusemtl m\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/1/\nl 1 2\n",
+        VERTICES + "f 1 2 3\nf 1 -2 -1\n",
         VERTICES + "f -4 -3 -2\nf -4/-1 -2//-1 -1/-1/-1\n",
         VERTICES.replace("\n", " 0.5 0.5 0.5\n") + "f 1 2 \\\n3\nf 1 3 4",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 -1\n",
@@ -93,6 +94,12 @@ def test_obj_variants(text):
     mesh = obj.read(text.encode(), "a.obj")
     assert mesh.vertices.tolist() == SQUARE
     assert mesh.faces.tolist() == HALVES
+
+
+def test_lines_are_counted_in_files_of_any_length():
+    text = VERTICES + "# comment\n\nf 1 2 3\n" * 30_000
+    with pytest.raises(FormatError, match=r"a\.obj:90005: expected a face of at least 3 corners"):
+        obj.read((text + "f 1 2\n").encode(), "a.obj")
 
 
 def test_obj_index_zero_is_out_of_range_not_an_error():
@@ -109,6 +116,7 @@ def test_obj_index_zero_is_out_of_range_not_an_error():
         (VERTICES + "f 1 2\n", "a.obj:5: expected a face of at least 3 corners, found '1 2'"),
         (VERTICES + "f 1 2 3\nf 1/2/3/4 2 3\n", "a.obj:6: expected numbers, found '1/2 2 3'"),
         (VERTICES + "f 1 2 3.5\n", "a.obj:5: expected whole vertex indices, found '1 2 3.5'"),
+        (VERTICES + "f 1 2 9007199254740992\n", "a.obj:5: expected whole vertex indices"),  # 2⁵³
     ],
 )
 def test_obj_broken(text, message):

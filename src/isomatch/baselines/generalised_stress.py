@@ -140,7 +140,7 @@ def _sweep(
     order: IntArray,
     corners: IntArray,
     barycentric: FloatArray,
-) -> None:  # pragma: no cover - compiled
+) -> None:
     for i in range(n_held, len(corners)):
         inner[i] = 0.0  # the distance of a point to itself does not count
         least = np.inf

@@ -43,9 +43,7 @@ def low_rank_distances(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntA
 
 
 @compiled(fastmath=True)
-def _sum_pairs(
-    vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray, out: FloatArray
-) -> None:  # pragma: no cover - compiled
+def _sum_pairs(vectors: AnyArray, values: AnyArray, i: IntArray, j: IntArray, out: FloatArray) -> None:
     for a in range(len(i)):
         x, y = vectors[i[a]], vectors[j[a]]
         total = values[0] * x[0] * y[0]

@@ -95,9 +95,7 @@ def assign_points(
 
 
 @compiled()
-def _differing(
-    distances: FloatArray, tuples: IntArray, most: int, apart: float
-) -> IntArray:  # pragma: no cover - compiled
+def _differing(distances: FloatArray, tuples: IntArray, most: int, apart: float) -> IntArray:
     """Rows of tuples, first ones first, whose mean distance to all kept before is at least ``apart``."""
     m = tuples.shape[1]
     kept = np.zeros(most, dtype=np.int64)
@@ -156,7 +154,7 @@ def _trilaterated(
     inside: float,
     most: float,
     soft: float,
-) -> IntArray:  # pragma: no cover - compiled
+) -> IntArray:
     q, m = lower.shape
     c = distances.shape[1]
     placed = np.zeros(q, dtype=np.int64)

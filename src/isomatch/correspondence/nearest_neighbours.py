@@ -116,9 +116,7 @@ def _joined(parts: list[IntArray]) -> IntArray:
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract"})
-def _settle(
-    scores: Float32Array, x: FloatArray, y: FloatArray, slack: float, best: IntArray
-) -> None:  # pragma: no cover - compiled
+def _settle(scores: Float32Array, x: FloatArray, y: FloatArray, slack: float, best: IntArray) -> None:
     n = scores.shape[1]
     for i in range(len(scores)):
         row = scores[i]
@@ -136,9 +134,7 @@ def _settle(
 
 
 @compiled(fastmath={"nsz", "reassoc", "contract"})
-def _radii(
-    x: FloatArray, centres: FloatArray, start: IntArray, radius: FloatArray
-) -> None:  # pragma: no cover - compiled
+def _radii(x: FloatArray, centres: FloatArray, start: IntArray, radius: FloatArray) -> None:
     for a in range(len(centres)):
         for j in range(start[a], start[a + 1]):
             radius[a] = max(radius[a], _squared(x, j, centres, a))
@@ -154,7 +150,7 @@ def _open_cells(
     start: IntArray,
     members: IntArray,
     best: IntArray,
-) -> None:  # pragma: no cover - compiled
+) -> None:
     for i in range(len(y)):
         first = np.argmin(apart[i])
         winner, nearest, reach = -1, np.inf, np.inf
@@ -172,7 +168,7 @@ def _open_cells(
 
 
 @compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")
-def _squared(x: FloatArray, j: int, y: FloatArray, i: int) -> float:  # pragma: no cover - compiled
+def _squared(x: FloatArray, j: int, y: FloatArray, i: int) -> float:
     total = 0.0
     for d in range(x.shape[1]):
         difference = x[j, d] - y[i, d]

@@ -95,7 +95,7 @@ def _nearest(
     order: IntArray,
     corners: IntArray,
     barycentric: FloatArray,
-) -> None:  # pragma: no cover - compiled
+) -> None:
     for i in range(len(points)):
         a = corners[i, 0]
         best = 0.0  # squared distance, less that of the vertex
@@ -119,9 +119,7 @@ def _nearest(
 
 
 @compiled(inline="always")
-def nearest_in_triangle(
-    uu: float, uv: float, vv: float, up: float, vp: float
-) -> tuple[float, float, float]:  # pragma: no cover - compiled
+def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -> tuple[float, float, float]:
     """Minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, from inner products: s, t and the minimum less |p|²."""
     best_s = best_t = best = 0.0
     # the edges (a, b), (a, c), (b, c), then the inside

@@ -70,7 +70,7 @@ _NO_BOUND = np.zeros(0)
 
 
 @compiled(inline="always")
-def _excess(before: float, radius: float, step: float, gauss: float) -> float:  # pragma: no cover - compiled
+def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     """Excess of the front's curvature at distance ``radius``, if it was ``before`` one ``step`` earlier.
 
     Solves the Riccati equation κ' = −κ² − K over the step, to first order in K. The result is limited, because the
@@ -99,7 +99,7 @@ def _march(
     source: int,
     distance: FloatArray,
     bound: FloatArray,
-) -> None:  # pragma: no cover - compiled
+) -> None:
     """Set distances in increasing order, as in Dijkstra's algorithm, with an indexed binary heap.
 
     ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no

@@ -133,7 +133,7 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
 
 
 @compiled()
-def _fill_with_farthest(points: FloatArray, chosen: IntArray) -> None:  # pragma: no cover - compiled
+def _fill_with_farthest(points: FloatArray, chosen: IntArray) -> None:
     """Fill ``chosen`` after its first entry."""
     nearest = np.full(len(points), np.inf)  # squared distance to the points chosen so far
     for i in range(len(chosen)):

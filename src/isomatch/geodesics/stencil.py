@@ -148,7 +148,7 @@ def _opposite_corners(faces: IntArray, n: int) -> IntArray:
 @compiled()
 def _split_obtuse(
     points: FloatArray, corner_vertex: IntArray, opposite: IntArray
-) -> tuple[IntArray, FloatArray]:  # pragma: no cover - compiled
+) -> tuple[IntArray, FloatArray]:
     """Find the updates (c; e, d) of obtuse corners c by unfolded vertices d, (u, 3), and their shapes, (u, 3)."""
     n_corners = len(corner_vertex)
     limit = 2 * (n_corners // 3)  # a face has at most one obtuse corner, which gives at most two updates

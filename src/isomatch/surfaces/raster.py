@@ -70,7 +70,7 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
 @compiled()
 def _fill(
     points: FloatArray, faces: IntArray, face: IntArray, barycentric: FloatArray, depth: FloatArray
-) -> None:  # pragma: no cover - compiled
+) -> None:
     height, width = depth.shape
     for f in range(len(faces)):
         a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]

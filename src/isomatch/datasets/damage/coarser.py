@@ -148,7 +148,7 @@ def _collapse(
     weights: FloatArray,
     at_boundary: BoolArray,
     n_removed: int,
-) -> tuple[BoolArray, IntArray]:  # pragma: no cover - compiled
+) -> tuple[BoolArray, IntArray]:
     """Collapse edges u → v in place, in ``faces`` and ``quadrics``; return which faces are left, and v for each u.
 
     The corners of the faces at a vertex form a linked list, so that v takes over those of u at once. An edge in the heap
@@ -212,9 +212,7 @@ def _collapse(
 
 
 @compiled()
-def _cost(
-    points: FloatArray, quadrics: FloatArray, weights: FloatArray, u: int, v: int
-) -> float:  # pragma: no cover - compiled
+def _cost(points: FloatArray, quadrics: FloatArray, weights: FloatArray, u: int, v: int) -> float:
     """Quadric error of u and v at v, plus weight × squared length."""
     p = (points[v, 0], points[v, 1], points[v, 2], 1.0)
     cost = 0.0
@@ -239,7 +237,7 @@ def _may_collapse(
     turn: int,
     u: int,
     v: int,
-) -> bool:  # pragma: no cover - compiled
+) -> bool:
     """Whether u may move onto v: the topology is preserved, and no face turns over.
 
     The topology is preserved if the common neighbours of u and v are the opposite corners of their common faces.
@@ -271,7 +269,7 @@ def _may_collapse(
 
 
 @compiled()
-def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:  # pragma: no cover - compiled
+def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:
     """Whether a face turns too far, or loses its area, when its corner k moves to v."""
     before_after, before, after = 0.0, 0.0, 0.0  # products of the normals
     a, b, u = face[(k + 1) % 3], face[(k + 2) % 3], face[k]
@@ -286,9 +284,7 @@ def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:  # 
 
 
 @compiled(inline="always")
-def _normal(
-    points: FloatArray, u: int, a: int, b: int, y: int, z: int
-) -> float:  # pragma: no cover - compiled
+def _normal(points: FloatArray, u: int, a: int, b: int, y: int, z: int) -> float:
     """Coordinate x of (a - u) × (b - u), with y and z the axes after x."""
     one = (points[a, y] - points[u, y]) * (points[b, z] - points[u, z])
     other = (points[a, z] - points[u, z]) * (points[b, y] - points[u, y])

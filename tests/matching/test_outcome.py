@@ -1,0 +1,68 @@
+"""The outcome from the measures: each bound on either side, and the order where several hold."""
+
+from dataclasses import fields, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Outcome
+from isomatch.matching import Quality, outcome_of
+
+BOUNDS = Config().outcome
+NONE = Quality(**{field.name: np.nan for field in fields(Quality)})
+GOOD = replace(NONE, misfit=0.1, rival=np.inf, mirrored=np.inf, residual=0.1, stretch=1.0, orientation=0.95)
+LITTLE = 1e-9
+
+
+def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
+    pair = SimpleNamespace(config=Config(), left_out=left_out)
+    return outcome_of(pair, quality, wanted, hinted)
+
+
+@pytest.mark.parametrize(
+    ("measure", "good", "side", "otherwise"),
+    [
+        ("landmark_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
+        ("initial_map_error", BOUNDS.contradiction, 1, Outcome.HINTS_CONTRADICTED),
+        ("misfit", BOUNDS.poor_misfit, 1, Outcome.LOW_CONFIDENCE),
+        ("residual", BOUNDS.poor_residual, 1, Outcome.LOW_CONFIDENCE),
+        ("stretch", BOUNDS.poor_stretch, 1, Outcome.LOW_CONFIDENCE),
+        ("orientation", BOUNDS.poor_orientation, -1, Outcome.LOW_CONFIDENCE),
+        ("rival", BOUNDS.tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
+        ("mirrored", BOUNDS.mirror_tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
+    ],
+)
+def test_each_measure_has_one_bound(measure, good, side, otherwise):
+    assert outcome(replace(GOOD, **{measure: good})) is Outcome.CONVERGED
+    assert outcome(replace(GOOD, **{measure: good + side * LITTLE})) is otherwise
+
+
+def test_a_better_rival_leaves_no_confidence():
+    assert outcome(replace(GOOD, rival=1.0)) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome(replace(GOOD, rival=1.0 - LITTLE)) is Outcome.LOW_CONFIDENCE
+
+
+def test_the_orientation_that_was_wanted():
+    turned = replace(GOOD, orientation=-GOOD.orientation)
+    assert outcome(turned, "reverse") is outcome(turned, "any") is outcome(GOOD, "any") is Outcome.CONVERGED
+    assert outcome(turned, "preserve") is outcome(GOOD, "reverse") is Outcome.LOW_CONFIDENCE
+    assert outcome(turned, "preserve", hinted=True) is Outcome.SYMMETRY_AMBIGUOUS, (
+        "hints led to the mirror image"
+    )
+    undecided = replace(GOOD, orientation=0.0)
+    assert outcome(undecided, hinted=True) is Outcome.LOW_CONFIDENCE
+
+
+def test_what_is_not_known_speaks_against_nothing():
+    assert outcome(NONE) is Outcome.CONVERGED
+
+
+def test_the_first_outcome_that_holds_is_given():
+    everything = replace(GOOD, landmark_error=1.0, misfit=1.0, rival=1.0)
+    found = []
+    for measure in ("landmark_error", "misfit", "rival"):
+        found.append(outcome(everything, left_out=1.0))
+        everything = replace(everything, **{measure: getattr(GOOD, measure)})
+    found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]
+    assert found == list(Outcome)
