@@ -368,8 +368,17 @@ class PartSettings(Settings):
     function_ratio : float
         The part gets as many functions as have eigenvalues up to this times the largest of the whole that is used:
         a boundary needs more functions than the share of the area says.
+    n_rough : int
+        Vertices of the part in the short refinement.
     sizes : tuple of int
         Functions of the whole in the short refinement.
+    unit_change : float
+        Relative change of the unit, by distances that are known, from which the search is repeated.
+    largest_unit_change : float
+        Most that the unit of the files may be off, as a factor.
+    stress_exponent, untrusted_stress_exponent : float
+        Score of a refined map = misfit × stress to this power; to the second one where few distances are known, because
+        the misfit is then bought by folding.
     long_boundary : float
         Length of the boundary, in √area, from which a shape may be a part.
     largest_share : float
@@ -401,6 +410,11 @@ class PartSettings(Settings):
     n_contenders: int = setting(8, "exploration of cuts and holes", least=1)
     function_ratio: float = setting(1.75, "exploration of cuts and holes", least=1)
     sizes: tuple[int, ...] = setting((20, 40, 70), "exploration of cuts and holes", least=4)
+    n_rough: int = setting(500, "exploration of cuts and holes", least=50)
+    unit_change: float = setting(0.02, "exploration of cuts and holes", least=0)
+    largest_unit_change: float = setting(1.25, "exploration of cuts and holes", least=1)
+    stress_exponent: float = setting(0.25, "exploration of cuts and holes", least=0)
+    untrusted_stress_exponent: float = setting(1.5, "exploration of cuts and holes", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     largest_share: float = setting(0.95, "exploration of cuts and holes", least=0, most=1)
     cover: float = setting(

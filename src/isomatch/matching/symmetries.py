@@ -10,8 +10,10 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import (
+    IntervalCost,
     SignedPoints,
     alignment_residual,
+    assign_points,
     iterative_closest_points,
     nearest_rows,
     nearest_under_rotation,
@@ -20,6 +22,7 @@ from isomatch.correspondence import (
 from isomatch.matching.config import SymmetrySettings
 
 EXACT = 0.75  # residual, over the largest, up to which the orientation need not be clear, as of one-sided surfaces
+EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products
 
 
@@ -136,28 +139,9 @@ def _farthest_rows(distances: FloatArray, count: int) -> IntArray:
 def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySettings) -> IntArray:
     """Rows (h, m) that m anchors are assigned to, with like distances; no two alike, none near the identity."""
     remoteness = distances.mean(axis=1)
-    assigned, cost = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
-    for i, anchor in enumerate(anchors):
-        added = 0.5 * np.abs(remoteness - remoteness[anchor])
-        if i:
-            wanted = distances[anchor, anchors[:i], None]
-            added = added + np.abs(distances[assigned] - wanted).mean(axis=1)  # (h, n)
-        total = cost[:, None] + added
-        best = np.argsort(total, axis=None, kind="stable")[: 16 * settings.beam]
-        parent, row = np.unravel_index(best, total.shape)
-        grown = np.column_stack([assigned[parent], row])
-        kept = _distinct(distances, grown, settings.beam, settings.least_moved)
-        assigned, cost = grown[kept], total[parent, row][kept]
+    exact = distances[np.ix_(anchors, anchors)]
+    unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
+    assigned = assign_points(distances, exact, exact, unary, EXACTLY, settings.beam, settings.least_moved)
     moved = distances[assigned, anchors].mean(axis=1)
     far: IntArray = assigned[moved > settings.least_moved][: settings.most]
     return far
-
-
-def _distinct(distances: FloatArray, tuples: IntArray, most: int, apart: float) -> list[int]:
-    """Tuples, first ones first, that differ from all kept before them by a mean distance."""
-    kept: list[int] = []
-    left = np.ones(len(tuples), dtype=bool)
-    while left.any() and len(kept) < most:
-        kept.append(int(left.argmax()))
-        left &= distances[tuples, tuples[kept[-1]]].mean(axis=1) > apart
-    return kept

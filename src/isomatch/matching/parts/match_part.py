@@ -17,7 +17,7 @@ from isomatch.matching.parts.part_signatures import part_signatures
 from isomatch.matching.parts.part_starts import PartStarts
 from isomatch.matching.prepare import PreparedShape
 
-N_ROUGH = 500
+TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,31 +99,36 @@ def match_part(
     NotConvergedError
         If no map that keeps the orientation was found.
     """
+    settings = config.parts
     pair = PartPair.of(part, whole, config, landmarks)
     signatures = part_signatures(pair)
     search = PartStarts(pair, signatures)
     starts = search()
     unit = pair.unit_of(starts[0])
-    if abs(unit / pair.unit - 1) > 0.02:
-        pair = pair.with_unit(float(np.clip(unit, 0.8 * pair.unit, 1.25 * pair.unit)))
+    if abs(unit / pair.unit - 1) > settings.unit_change:
+        most = settings.largest_unit_change
+        pair = pair.with_unit(pair.unit * float(np.clip(unit / pair.unit, 1 / most, most)))
         signatures = part_signatures(pair)
         search = PartStarts(pair, signatures)
         starts = search()
-    settings = config.parts
-    rough = PartRefinement(pair, signatures, N_ROUGH)
+    rough = PartRefinement(pair, signatures, settings.n_rough)
     fits = [fit for fit in parallel_map(lambda images: _rough(pair, search, rough, images), starts) if fit]
     if not fits:
         raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
-    fits.sort(key=lambda fit: fit.misfit * fit.stress**0.25 / max(fit.orientation, 0.1) ** 0.5)
+    # a map that is twisted in places may still become the right one, so the orientation only counts with its root
+    fits.sort(
+        key=lambda fit: fit.misfit * fit.stress**settings.stress_exponent / max(fit.orientation, 0.1) ** 0.5
+    )
     fine = PartRefinement(pair, signatures, config.n_refine)
     fits = parallel_map(
         lambda fit: _fine(pair, search, fine, rough.vertices, fit), fits[: settings.n_contenders]
     )
-    exponent = 0.25 if pair.trusted > 0.07 else 1.5
+    trusted = pair.trusted > settings.least_trusted
+    exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
     top = max(fit.orientation for fit in fits)
 
     def score(fit: PartFit) -> float:
-        return float(fit.misfit * fit.stress**exponent * (1 if fit.orientation >= 0.5 * top else 10))
+        return float(fit.misfit * fit.stress**exponent * (1 if fit.orientation >= 0.5 * top else TWISTED))
 
     fits.sort(key=score)
     return PartMatch(pair, fine, tuple(fits), tuple(score(fit) for fit in fits))

@@ -49,7 +49,7 @@ class PartRefinement:
     def n_functions(self, k: int) -> int:
         """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
-        top = self._pair.config.parts.function_ratio * whole.values[k - 1]
+        top = self._pair.config.parts.function_ratio * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
         return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
 

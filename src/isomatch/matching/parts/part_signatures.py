@@ -55,7 +55,8 @@ def part_signatures(pair: PartPair) -> PartSignatures:
         k_part = int(np.clip(round(k * pair.share), 8, len(part_values)))
         there = mean_curvature(whole_mesh, whole.laplace, k)
         here = mean_curvature(part_mesh, part.laplace, k_part) / pair.unit
-        there, here = ((values - there.mean()) / there.std() for values in (there, here))
+        mean, deviation = there.mean(), max(there.std(), 1e-9)  # of a sphere, nothing deviates
+        there, here = (there - mean) / deviation, (here - mean) / deviation
         of_whole.append(weight * there[:, None])
         of_part.append(weight * np.clip(here, there.min(), there.max())[:, None])
         weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))

@@ -90,10 +90,10 @@ class PartStarts:
 
     def _mirrored(self, images: IntArray) -> list[IntArray]:
         """Compose with maps of the whole nearly onto itself, which exchange its sides, or its front and back."""
-        rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
-        near = self._pair.whole.distances.between(images, rows).argmin(axis=1)
         if len(self._pair.landmarks):
             return []
+        rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
+        near = self._pair.whole.distances.between(images, rows).argmin(axis=1)
         composed: list[IntArray] = [rows[image_row[near]] for image_row in self._self_maps]
         return composed
 
