@@ -12,7 +12,7 @@ import isomatch.view
 from isomatch import IsomatchError, Mesh, Outcome
 from isomatch.cli import main
 from isomatch.matching import prepare_pair
-from zoo.cases import BODY, CASES
+from zoo.cases import BODY, CASES, NO_FIRST_MAP
 
 SOUND_INDICES = [case for case in CASES if "outside" not in case.distance]
 VERBS = ("distance", "basis", "match")
@@ -120,7 +120,11 @@ def test_match(case):
 @pytest.mark.parametrize("case", [case for case in CASES if case.match], ids=repr)
 def test_match_says_which_shape_it_refuses(case, side):
     shapes = {"source": BODY, "target": BODY, side: case.make()}
-    with contextlib.suppress(isomatch.NotConvergedError), refused(f"^{side}: .*{case.match}"):
+    if case.match == NO_FIRST_MAP:  # an open one is matched as a part of the body
+        with contextlib.suppress(isomatch.NotConvergedError):
+            assert isomatch.match(**shapes).outcome is Outcome.LOW_CONFIDENCE
+        return
+    with refused(f"^{side}: .*{case.match}"):
         isomatch.match(**shapes)
 
 
