@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
@@ -85,6 +86,10 @@ class Quality:
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
     initial_map_error : float
         Median distance between the images and those of the initial map / √target area; nan without.
+    stress : float
+        For a part, how much distances between images leave the intervals in which those on the whole must lie, relative
+        to them: 0.01 for a right map, above 0.03 poor; nan for complete shapes. For a part, residual and distortion are
+        nan, and misfit and orientation are those of the part's refinement.
     """
 
     misfit: float
@@ -99,6 +104,7 @@ class Quality:
     matched: float
     landmark_error: float
     initial_map_error: float
+    stress: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import isfinite, isnan
 
-from isomatch.matching import MatchResult, Outcome, OutcomeSettings
+from isomatch.matching import Config, MatchResult, Outcome
 
-BOUNDS = OutcomeSettings()
+BOUNDS = Config().outcome
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,14 @@ MEASURES = {
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
         "map stretches or tears the surface. A torn edge counts at most four times.",
         most=BOUNDS.poor_stretch,
+    ),
+    "stress": Measure(
+        "stress of a part",
+        "{:.3f}",
+        "violated distances, relative",
+        "How much distances between images leave the intervals in which distances on the whole must lie, given those "
+        "along the part. 0.01 for a correct map.",
+        most=Config().parts.poor_stress,
     ),
     "landmark_error": Measure(
         "landmark error",

@@ -101,12 +101,13 @@ def _quality(
             matched,
         ),
         orientation=best.orientation,
-        distortion_mean=best.stress,
+        distortion_mean=np.nan,
         distortion_p95=np.nan,
         coverage=coverage,
         matched=float(on_user.mean()),
         landmark_error=landmark_error,
         initial_map_error=np.nan,
+        stress=best.stress,
     )
 
 
