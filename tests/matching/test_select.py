@@ -203,3 +203,8 @@ def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
     for score, rival in ((0.11, inf), (0.095, inf), (0.05, 0.5)):
         fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
         assert select(fits, [True, False], near, SETTINGS, 2).rival == pytest.approx(rival)
+
+
+def test_a_variant_of_a_perfect_map_is_no_rival():
+    near = np.array([[0, 0.05], [0.05, 0]])
+    assert select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, SETTINGS, 2).rival == inf

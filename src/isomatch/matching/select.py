@@ -206,17 +206,17 @@ def select(
     """
     winner = min((i for i in range(len(fits)) if eligible[i]), key=lambda i: fits[i].score)
     others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: fits[i].score)
-    least = max(fits[winner].score, settings.score_noise)
+    scores = [max(fit.score, settings.score_noise) for fit in fits]
 
     def ratio(rivals: list[int]) -> float:
         if n_tried < 2:
             return np.nan
-        return max(fits[rivals[0]].score, settings.score_noise) / least if rivals else np.inf
+        return scores[rivals[0]] / scores[winner] if rivals else np.inf
 
     def speaks_against(i: int) -> bool:
         differs = apart[i, winner] > settings.rival_distance
         agrees = fits[i].landmark_error <= fits[winner].landmark_error + settings.landmark_slack
-        better = settings.clearly_better * fits[i].score < least and apart[i, winner] > settings.same_map
+        better = settings.clearly_better * scores[i] < scores[winner] and apart[i, winner] > settings.same_map
         return (differs and agrees) or better
 
     rival = ratio([i for i in others if speaks_against(i)])
