@@ -207,4 +207,6 @@ def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
 
 def test_a_variant_of_a_perfect_map_is_no_rival():
     near = np.array([[0, 0.05], [0.05, 0]])
-    assert select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, SETTINGS, 2).rival == inf
+    assert (
+        select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, SETTINGS, 2).rival == inf
+    )
