@@ -111,6 +111,9 @@ class SymmetrySettings(Settings):
         map is a symmetry: their spacing alone makes about 2.4.
     least_orientation : float
         Mean cosine between normals, of either sign, from which it is one.
+    near, exact : float
+        Residuals, over the largest of a symmetry, up to which a map serves in products, and up to which its orientation
+        need not be clear, as of one-sided surfaces.
     """
 
     n_samples: int = setting(200, "chosen: spacing 0.08, less than same_map", least=20)
@@ -127,6 +130,8 @@ class SymmetrySettings(Settings):
     same_map: float = setting(0.1, "the spacing of n_samples", least=0)
     largest_residual: float = setting(3.2, "docs/benchmarks.md, symmetry", least=0)
     least_orientation: float = setting(0.7, "docs/benchmarks.md, symmetry", least=0, most=1)
+    near: float = setting(1.5, "docs/benchmarks.md, symmetry", least=1)
+    exact: float = setting(0.75, "docs/benchmarks.md, symmetry", least=0, most=1)
 
 
 @dataclass(frozen=True)

@@ -99,11 +99,11 @@ def match(
         timer.start("prepare")
         pair = prepare_pair(source, target, config, seed)
         both = pair.source, pair.target
-        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
         part = part_of(pair, hints)
         if part:
             return part_result(pair, hints, part, timer, seed)
+        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
         may_win, only_rivals = _hypotheses(pair, hints)
         timer.start("selection")

@@ -21,9 +21,7 @@ from isomatch.correspondence import (
 )
 from isomatch.matching.config import SymmetrySettings
 
-EXACT = 0.75  # residual, over the largest, up to which the orientation need not be clear, as of one-sided surfaces
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
-NEAR = 1.5  # residual, over the largest of a symmetry, up to which a map serves in products
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +99,10 @@ def find_symmetries(
         images = points.at(image_row)
         rotation = signed_procrustes(points, images)
         residual = alignment_residual(points, images, rotation)
-        if residual > NEAR * largest:
+        if residual > settings.near * largest:
             return
         side = orientation(image_row)
-        if side == 0 or abs(side) >= settings.least_orientation or residual <= EXACT * largest:
+        if side == 0 or abs(side) >= settings.least_orientation or residual <= settings.exact * largest:
             found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):

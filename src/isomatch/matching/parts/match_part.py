@@ -14,7 +14,7 @@ from isomatch.matching.config import Config
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement
 from isomatch.matching.parts.part_signatures import part_signatures
-from isomatch.matching.parts.part_starts import PartStarts
+from isomatch.matching.parts.part_starts import PartStarts, self_maps
 from isomatch.matching.prepare import PreparedShape
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
@@ -102,14 +102,15 @@ def match_part(
     settings = config.parts
     pair = PartPair.of(part, whole, config, landmarks)
     signatures = part_signatures(pair)
-    search = PartStarts(pair, signatures)
+    onto_itself = [] if len(landmarks) else self_maps(whole, config)  # landmarks tell the sides
+    search = PartStarts(pair, signatures, onto_itself)
     starts = search()
     unit = pair.unit_of(starts[0])
     if abs(unit / pair.unit - 1) > settings.unit_change:
         most = settings.largest_unit_change
         pair = pair.with_unit(pair.unit * float(np.clip(unit / pair.unit, 1 / most, most)))
         signatures = part_signatures(pair)
-        search = PartStarts(pair, signatures)
+        search = PartStarts(pair, signatures, onto_itself)
         starts = search()
     rough = PartRefinement(pair, signatures, settings.n_rough)
     fits = [fit for fit in parallel_map(lambda images: _rough(pair, search, rough, images), starts) if fit]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, assign_points, trilaterate
+from isomatch.matching.config import Config
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.part_pair import COST, PartPair, areas_of_samples
 from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.search import Hypothesis, flips
 
 BALL_TOLERANCE = 0.15
@@ -20,10 +20,10 @@ FORBIDDEN = 50.0  # cost of another image of a landmark
 
 
 class PartStarts:
-    """The search for images of the anchors."""
+    """The search for images of the anchors, and of what they become under maps of the whole onto itself."""
 
-    def __init__(self, pair: PartPair, signatures: PartSignatures) -> None:
-        self._pair, self._signatures = pair, signatures
+    def __init__(self, pair: PartPair, signatures: PartSignatures, onto_itself: list[IntArray]) -> None:
+        self._pair, self._signatures, self._self_maps = pair, signatures, onto_itself
         self._settings = pair.config.parts
         self._fine = pair.whole.sample_vertices
         whole = pair.whole
@@ -90,27 +90,10 @@ class PartStarts:
 
     def _mirrored(self, images: IntArray) -> list[IntArray]:
         """Compose with maps of the whole nearly onto itself, which exchange its sides, or its front and back."""
-        if len(self._pair.landmarks):
-            return []
         rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
         near = self._pair.whole.distances.between(images, rows).argmin(axis=1)
         composed: list[IntArray] = [rows[image_row[near]] for image_row in self._self_maps]
         return composed
-
-    @cached_property
-    def _self_maps(self) -> list[IntArray]:
-        """Symmetries of the whole and flips of its identity: rows (r,) that its search vertices go to."""
-        whole = self._pair.whole
-        pair = ShapePair(whole, whole, self._pair.config)
-        rows = np.arange(len(pair.source_vertices))
-        identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
-        found = [each.image_row for each in whole.symmetries]
-        found += [flip.target_row for flip in flips(pair, identity, [identity])]
-        distinct: list[IntArray] = []
-        for image_row in found:
-            if pair.differs(image_row, distinct, self._pair.config.symmetry.same_map):
-                distinct.append(image_row)
-        return distinct
 
     def _unary(self) -> FloatArray:
         """Cost (m, c) of each image of each anchor: areas of balls, and signatures."""
@@ -139,3 +122,17 @@ class PartStarts:
         cost[led] = FORBIDDEN
         cost[led, np.searchsorted(self._candidates, pair.landmarks)] = 0.0
         return cost
+
+
+def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:
+    """Symmetries of the whole and flips of its identity: rows (r,) that its search vertices go to."""
+    pair = ShapePair(whole, whole, config)
+    rows = np.arange(len(pair.source_vertices))
+    identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
+    found = [each.image_row for each in whole.symmetries]
+    found += [flip.target_row for flip in flips(pair, identity, [identity])]
+    distinct: list[IntArray] = []
+    for image_row in found:
+        if pair.differs(image_row, distinct, config.symmetry.same_map):
+            distinct.append(image_row)
+    return distinct

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import BoolArray
-from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch._arrays import BoolArray, IntArray
+from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
@@ -26,11 +26,14 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
     else:
         found = match_part(target, source, config, hints.landmarks[:, ::-1])
     of_part, of_whole = found.embedding()
-    covered, area = _covered(found, Embedding(of_part, of_whole))
     if part == "source":
-        points, matched = target.index.points(of_whole, of_part), np.ones(len(of_part), dtype=bool)
+        points = target.index.points(of_whole, of_part)
+        covered, area = _covered(found, points.corners[:, 0])
+        matched = np.ones(len(of_part), dtype=bool)
     else:
-        points, matched = target.index.points(of_part, of_whole), covered
+        points = target.index.points(of_part, of_whole)
+        covered, area = _covered(found, source.index.vertices(of_whole, of_part))
+        matched = covered
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
     share = found.pair.share
@@ -55,15 +58,14 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
     )
 
 
-def _covered(found: PartMatch, embedding: Embedding) -> tuple[BoolArray, float]:
-    """Tell which vertices of the whole the part covers: those nearest to images, as many as its area asks for.
+def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:
+    """Tell which vertices of the whole the part covers: those nearest to images (n_part,), as many as its area asks for.
 
     Returns also the share of the area that lies as near to images as vertices are to each other.
     """
     pair = found.pair
     part, whole = pair.meshes
-    images = np.unique(pair.whole.index.vertices(embedding.target, embedding.source))
-    gap, _ = distance_along_edges_to_nearest(whole, images)
+    gap, _ = distance_along_edges_to_nearest(whole, np.unique(image))
     spacing = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
     order = np.argsort(gap, kind="stable")
     filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * pair.share * whole.area
