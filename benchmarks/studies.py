@@ -102,11 +102,13 @@ def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
     ]
 
 
-def asked_for(description: str | None, file: str) -> argparse.Namespace:
-    """Read ``--data`` and ``-o`` from the command line, and make the folder that the file is written to."""
+def asked_for(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
+    """Read ``--data``, ``-o`` and some of the kinds from the command line, and make the folder for the file."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--data", required=True, help="folder of the benchmark sets")
     parser.add_argument("-o", "--output", type=Path, required=True, help=f"folder for {file}")
+    if kinds:
+        parser.add_argument("kinds", nargs="*", help=f"some of: {', '.join(kinds)}; all by default")
     asked = parser.parse_args()
     asked.output.mkdir(parents=True, exist_ok=True)
     return asked

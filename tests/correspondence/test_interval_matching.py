@@ -30,7 +30,7 @@ def test_exact_distances_find_the_points_again(points):
     order = np.random.default_rng(1).permutation(60)
     few = points[order[:7]]
     exact = distances(few, few)
-    found = assign_points(distances(points, points), exact, exact, np.zeros((7, 60)), COST, 200, 0.0)
+    found, _ = assign_points(distances(points, points), exact, exact, np.zeros((7, 60)), COST, 200, 0.0)
     assert np.array_equal(found[0], order[:7])
 
 
@@ -38,7 +38,7 @@ def test_partial_assignments_that_are_kept_differ(points):
     few = points[:5]
     exact = distances(few, few)
     between = distances(points, points)
-    found = assign_points(between, exact, exact, np.zeros((5, 60)), COST, 20, 0.2)
+    found, _ = assign_points(between, exact, exact, np.zeros((5, 60)), COST, 20, 0.2)
     assert len(found) == 20
     for i, one in enumerate(found):
         assert all(between[one, other].mean() >= 0.2 for other in found[:i])
@@ -49,7 +49,7 @@ def test_what_is_forbidden_is_not_assigned(points):
     exact = distances(few, few)
     unary = np.zeros((4, 60))
     unary[0, 0] = 100
-    found = assign_points(distances(points, points), exact, exact, unary, COST, 30, 0.01)
+    found, _ = assign_points(distances(points, points), exact, exact, unary, COST, 30, 0.01)
     assert (found[:, 0] != 0).all()
 
 

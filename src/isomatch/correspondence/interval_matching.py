@@ -50,7 +50,7 @@ def assign_points(
     cost: IntervalCost,
     width: int,
     apart: float,
-) -> IntArray:
+) -> tuple[IntArray, FloatArray]:
     """Assign m points to candidates, one after the other, keeping many partial assignments that differ.
 
     Parameters
@@ -69,8 +69,8 @@ def assign_points(
 
     Returns
     -------
-    (h, m) array of int
-        Candidates, h ≤ width, least cost first.
+    (h, m) array of int, (h,) array of float
+        Candidates, h ≤ width, and their cost, least cost first.
 
     Notes
     -----
@@ -79,10 +79,7 @@ def assign_points(
     m, c = unary.shape
     assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
     for point in range(m):
-        added = np.zeros((len(assigned), c))
-        for earlier in range(point):
-            table = cost(distances, lower[point, earlier], upper[point, earlier])  # (c, c)
-            added += table[assigned[:, earlier]]
+        added = _added(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers)
         children = (total[:, None] + unary[point] + added).ravel()
         take = min(len(children), 12 * width)
         best = np.argpartition(children, take - 1)[:take]
@@ -91,7 +88,33 @@ def assign_points(
         grown = np.column_stack([assigned[parent], candidate])
         kept = _differing(distances, grown, width, apart)
         assigned, total = grown[kept], children[best[kept]]
-    return assigned
+    return assigned, total
+
+
+@compiled()
+def _added(
+    distances: FloatArray,
+    assigned: IntArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    inside: float,
+    most: float,
+    soft: float,
+) -> FloatArray:
+    """Cost (h, c) of each candidate for one more point, towards the points of each assignment (h, m)."""
+    h, m = assigned.shape
+    c = len(distances)
+    added = np.zeros((h, c))
+    for i in range(h):
+        for a in range(m):
+            u = upper[a]
+            low, high, scale = lower[a] * (1 - tolerance), u * (1 + tolerance), soft + u
+            row = distances[assigned[i, a]]
+            for k in range(c):
+                d = row[k]
+                added[i, k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) / scale
+    return added
 
 
 @compiled()

@@ -76,7 +76,11 @@ def methods_of(baselines: Mapping[str, Baseline]) -> dict[str, Method]:
     return methods
 
 
-METHODS = {"isomatch": Method(match, config=Config()), **methods_of(BASELINES)}
+METHODS = {
+    "isomatch": Method(match, config=Config()),
+    f"isomatch_{N_LANDMARKS}pt": Method(match, N_LANDMARKS, config=Config()),
+    **methods_of(BASELINES),
+}
 
 CONTINUATIONS = {
     "isomatch": Method(match, config=Config(hypotheses="given")),

@@ -123,7 +123,7 @@ class Subject:
             "outcome": found.diagnostics.get("outcome", ""),
             "details": found.diagnostics,
             **self._errors(found.map),
-            **_plain(numbers),
+            **_plain(numbers | self._matched(found.map)),
         }
 
     def _errors(self, found: Correspondence) -> Row:
@@ -158,6 +158,15 @@ class Subject:
             name: [round(float(share), 4) for share in cumulative_curve(values)]
             for name, values in curves.items()
         }
+
+    def _matched(self, found: Correspondence) -> dict[str, float]:
+        """Precision and recall of what is matched, where some vertices have no counterpart."""
+        has, alone = np.unique(self.pair.truth[:, 0]), self._dense.alone
+        if not len(alone):
+            return {}
+        right = (found.vertices[has] >= 0).sum()
+        wrong = (found.vertices[alone] >= 0).sum()
+        return {"precision": right / max(right + wrong, 1), "recall": right / len(has)}
 
     def _lifted(self, found: Correspondence) -> list[Correspondence]:
         """Carry a map between the damaged shapes to the whole ones."""

@@ -18,6 +18,7 @@ Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
 PartRole = Literal["auto", "source", "target", "none"]
+Scale = Literal["auto", "same", "area", "free"]
 
 
 class MatchSettings(Protocol):
@@ -377,10 +378,12 @@ class PartSettings(Settings):
         Vertices of the part in the short refinement.
     sizes : tuple of int
         Functions of the whole in the short refinement.
-    unit_change : float
-        Relative change of the unit, by distances that are known, from which the search is repeated.
-    largest_unit_change : float
-        Most that the unit of the files may be off, as a factor.
+    largest_unit_change, unit_step : float
+        Most that the unit of the files may be off, as a factor, and the ratio of the units that are tried.
+    least_share : float
+        Least area of a part over that of the whole, where the units of the files say nothing.
+    most_cost, soft : float
+        Of `IntervalCost`, in √(area of the part).
     stress_exponent, untrusted_stress_exponent : float
         Score of a refined map = misfit × stress to this power; to the second one where few distances are known, because
         the misfit is then bought by folding.
@@ -416,8 +419,13 @@ class PartSettings(Settings):
     function_ratio: float = setting(1.75, "chosen on cuts and holes; docs/robustness.md", least=1)
     sizes: tuple[int, ...] = setting((20, 40, 70), "chosen on cuts and holes; docs/robustness.md", least=4)
     n_rough: int = setting(500, "chosen on cuts and holes; docs/robustness.md", least=50)
-    unit_change: float = setting(0.02, "chosen on cuts and holes; docs/robustness.md", least=0)
-    largest_unit_change: float = setting(1.25, "chosen on cuts and holes; docs/robustness.md", least=1)
+    largest_unit_change: float = setting(
+        1.4, "FAUST remeshed: bodies of one person differ by up to 1.2", least=1
+    )
+    unit_step: float = setting(1.1, "tolerance of the intervals", least=1.01)
+    least_share: float = setting(0.1, "views show 16 % and more", least=0.01, most=1)
+    most_cost: float = setting(0.6, "chosen on cuts and holes; docs/robustness.md", least=0)
+    soft: float = setting(0.18, "chosen on cuts and holes; docs/robustness.md", least=0)
     stress_exponent: float = setting(0.25, "chosen on cuts and holes; docs/robustness.md", least=0)
     untrusted_stress_exponent: float = setting(1.5, "chosen on cuts and holes; docs/robustness.md", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
@@ -514,6 +522,9 @@ class Config(Settings):
         Which shape is a part of the other. "auto" takes a shape with a long boundary and less area, in the units of the
         files, for a part of one without. Parts are matched where automatic hypotheses, a joint refinement and the
         orientation "preserve" are asked for, without hints or with landmarks.
+    scale : {"auto", "same", "area", "free"}
+        Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
+        anything. Complete shapes are always scaled to the same area.
     preparation : PreparationSettings
     symmetry : SymmetrySettings
     search : SearchSettings
@@ -555,6 +566,7 @@ class Config(Settings):
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
     part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
+    scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
     preparation: PreparationSettings = setting(PreparationSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())

@@ -139,7 +139,7 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     remoteness = distances.mean(axis=1)
     exact = distances[np.ix_(anchors, anchors)]
     unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
-    assigned = assign_points(distances, exact, exact, unary, EXACTLY, settings.beam, settings.least_moved)
+    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, settings.beam, settings.least_moved)
     moved = distances[assigned, anchors].mean(axis=1)
     far: IntArray = assigned[moved > settings.least_moved][: settings.most]
     return far

@@ -28,12 +28,15 @@ class DamagedPair:
         the same order. Vertices that were merged with others have no truth.
     source, target : Damaged
         What was done to each shape.
+    alone : (m,) array of int
+        Vertices of the damaged source whose counterparts are gone.
     """
 
     given: BenchmarkPair
     whole: BenchmarkPair
     source: Damaged
     target: Damaged
+    alone: IntArray
 
     def lifted(self, image: IntArray) -> tuple[IntArray, ...]:
         """Carry a map between the damaged shapes to the whole ones.
@@ -105,9 +108,12 @@ def damaged_pair(
         )
     whole = [rows[known] for rows in truths]
     given = [moved(rows) for rows in whole]
+    on_source, on_target = moved(pair.truth).T
+    alone = np.setdiff1d(on_source[(on_source >= 0) & (on_target < 0)], given[0][:, 0])
     return DamagedPair(
         replace(pair, source=source.mesh, target=target.mesh, truth=given[0], mirrored=(*given, None)[1]),
         replace(pair, truth=whole[0], mirrored=(*whole, None)[1]),
         source,
         target,
+        alone,
     )

@@ -12,9 +12,8 @@ from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
-from isomatch.matching.parts.part_refinement import PartRefinement
-from isomatch.matching.parts.part_signatures import part_signatures
-from isomatch.matching.parts.part_starts import PartStarts, self_maps
+from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
+from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, self_maps
 from isomatch.matching.prepare import PreparedShape
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
@@ -26,6 +25,8 @@ class PartFit:
 
     Parameters
     ----------
+    pair : PartPair
+        The shapes, in the unit of the map.
     image : (r,) array of int
         Vertices of the whole for the vertices of the refinement.
     misfit : float
@@ -36,6 +37,7 @@ class PartFit:
         Mean cosine of the normals.
     """
 
+    pair: PartPair
     image: IntArray
     misfit: float
     stress: float
@@ -48,19 +50,21 @@ class PartMatch:
 
     Parameters
     ----------
-    pair : PartPair
-        The shapes, in the unit found.
-    refinement : PartRefinement
+    refining : _Refining
     fits : tuple of PartFit
         Refined maps, best first.
     scores : tuple of float
         What speaks against each.
     """
 
-    pair: PartPair
-    refinement: PartRefinement
+    refining: _Refining
     fits: tuple[PartFit, ...]
     scores: tuple[float, ...]
+
+    @property
+    def pair(self) -> PartPair:
+        """The shapes, in the unit of the best map."""
+        return self.fits[0].pair
 
     @property
     def rival(self) -> float:
@@ -74,7 +78,8 @@ class PartMatch:
     def embedding(self) -> Embedding:
         """Coordinates of all vertices of part and whole under the best map."""
         everywhere = np.arange(self.pair.part.body.n_vertices)
-        return self.refinement.embedding(self.fits[0].image, 10**6, everywhere)
+        refinement = self.refining.at(self.pair, self.pair.config.n_refine)
+        return refinement.embedding(self.fits[0].image, 10**6, everywhere)
 
 
 def match_part(
@@ -100,61 +105,64 @@ def match_part(
         If no map that keeps the orientation was found.
     """
     settings = config.parts
-    pair = PartPair.of(part, whole, config, landmarks)
-    signatures = part_signatures(pair)
     onto_itself = [] if len(landmarks) else self_maps(whole, config)  # landmarks tell the sides
-    search = PartStarts(pair, signatures, onto_itself)
-    starts = search()
-    unit = pair.unit_of(starts[0])
-    if abs(unit / pair.unit - 1) > settings.unit_change:
-        most = settings.largest_unit_change
-        pair = pair.with_unit(pair.unit * float(np.clip(unit / pair.unit, 1 / most, most)))
-        signatures = part_signatures(pair)
-        search = PartStarts(pair, signatures, onto_itself)
-        starts = search()
-    rough = PartRefinement(pair, signatures, settings.n_rough)
-    fits = [fit for fit in parallel_map(lambda images: _rough(pair, search, rough, images), starts) if fit]
+    refining = _Refining(whole, config)
+    pair = PartPair.of(part, whole, config, landmarks)
+    starts = PartStarts(pair, refining.coordinates.signatures, onto_itself)()
+    fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
     if not fits:
         raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
     # a map that is twisted in places may still become the right one, so the orientation only counts with its root
     fits.sort(
         key=lambda fit: fit.misfit * fit.stress**settings.stress_exponent / max(fit.orientation, 0.1) ** 0.5
     )
-    fine = PartRefinement(pair, signatures, config.n_refine)
-    fits = parallel_map(
-        lambda fit: _fine(pair, search, fine, rough.vertices, fit), fits[: settings.n_contenders]
-    )
-    trusted = pair.trusted > settings.least_trusted
-    exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
+    fits = parallel_map(refining.fine, fits[: settings.n_contenders])
     top = max(fit.orientation for fit in fits)
 
     def score(fit: PartFit) -> float:
+        trusted = fit.pair.trusted > settings.least_trusted
+        exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
         return float(fit.misfit * fit.stress**exponent * (1 if fit.orientation >= 0.5 * top else TWISTED))
 
     fits.sort(key=score)
-    return PartMatch(pair, fine, tuple(fits), tuple(score(fit) for fit in fits))
+    return PartMatch(refining, tuple(fits), tuple(score(fit) for fit in fits))
 
 
-def _rough(
-    pair: PartPair, search: PartStarts, refinement: PartRefinement, images: IntArray
-) -> PartFit | None:
-    vertices = refinement.vertices[: pair.config.n_search]
-    image = refinement.extended(vertices, search.dense(images, vertices), 40)
-    if refinement.orientation(image, 40) < 0:
-        return None
-    image, misfit = refinement.refined(image, pair.config.parts.sizes)
-    stress = pair.stress(refinement.at(image, 70, pair.anchors))
-    return PartFit(image, misfit, stress, refinement.orientation(image, 40))
+class _Refining:
+    """The two refinements of a start, with what they share for all starts in the same unit."""
 
+    def __init__(self, whole: PreparedShape, config: Config) -> None:
+        self._config = config
+        self.coordinates = WholeCoordinates(whole)
+        self._known: dict[tuple[float, int], PartRefinement] = {}
 
-def _fine(
-    pair: PartPair, search: PartStarts, refinement: PartRefinement, vertices: IntArray, fit: PartFit
-) -> PartFit:
-    settings = pair.config.refining
-    image = refinement.extended(vertices, fit.image, 70)
-    image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
-    image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
-    anchors = search.completed(
-        refinement.at(image, min(200, len(pair.whole.laplace.values)), pair.anchors), 2
-    )
-    return PartFit(image, misfit, pair.stress(anchors), refinement.orientation(image, 60))
+    def at(self, pair: PartPair, n_rows: int) -> PartRefinement:
+        """Return the refinement of some vertices in the unit of a pair."""
+        key = pair.unit, n_rows
+        if key not in self._known:
+            signatures = self.coordinates.signatures.of_part(pair)
+            self._known[key] = PartRefinement(pair, self.coordinates, signatures, n_rows)
+        return self._known[key]
+
+    def rough(self, start: PartStart) -> PartFit | None:
+        """Refine some vertices a little; None for a mirror image."""
+        pair, refinement = start.pair, self.at(start.pair, self._config.parts.n_rough)
+        vertices = refinement.vertices[: self._config.n_search]
+        image = refinement.extended(vertices, start.dense(vertices), 40)
+        if refinement.orientation(image, 40) < 0:
+            return None
+        image, misfit = refinement.refined(image, self._config.parts.sizes)
+        stress = pair.stress(refinement.at(image, 70, pair.anchors))
+        return PartFit(pair, image, misfit, stress, refinement.orientation(image, 40))
+
+    def fine(self, fit: PartFit) -> PartFit:
+        """Refine a roughly refined map to the end."""
+        settings, pair = self._config.refining, fit.pair
+        refinement = self.at(pair, self._config.n_refine)
+        rough = self.at(pair, self._config.parts.n_rough)
+        image = refinement.extended(rough.vertices, fit.image, 70)
+        image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
+        image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
+        last = min(200, len(pair.whole.laplace.values))
+        anchors = completed(pair, refinement.at(image, last, pair.anchors), 2)
+        return PartFit(pair, image, misfit, pair.stress(anchors), refinement.orientation(image, 60))

@@ -14,7 +14,6 @@ from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import Mesh
 
-COST = IntervalCost()
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -78,6 +77,12 @@ class PartPair:
         return part, whole
 
     @property
+    def cost(self) -> IntervalCost:
+        """Cost of distances on the whole; the same for every unit if part and distances grow alike."""
+        settings = self.config.parts
+        return IntervalCost(most=settings.most_cost * self.unit, soft=settings.soft * self.unit)
+
+    @property
     def share(self) -> float:
         """Area of the part over that of the whole."""
         return self.unit**2
@@ -109,21 +114,41 @@ class PartPair:
         """Mean cost of the images (m,) of the anchors."""
         lower, upper = self.anchor_intervals
         distances = np.maximum(self.whole.distances.between(images, images), 0.0)
-        return float(COST(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
+        return float(self.cost(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
+
+    @property
+    def units(self) -> tuple[float, ...]:
+        """Units to search in, by what is asked for; the given one may be anything."""
+        settings, scale = self.config.parts, self.config.scale
+        if scale == "same":
+            return (self.unit,)
+        if scale == "area":
+            return (1.0,)
+        least = float(np.sqrt(settings.least_share))
+        first, last = self.unit / settings.largest_unit_change, self.unit * settings.largest_unit_change
+        if scale == "free" or last < least or first > 1:
+            first, last = least, 1.0
+        last = min(last, 1.0)
+        count = 1 + max(round(np.log(last / first) / np.log(settings.unit_step)), 0)
+        return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: IntArray) -> float:
-        """Measure the unit by images (m,) of the anchors whose distances on the whole are known."""
+        """Measure the unit by images (m,) of the anchors whose distances on the whole are known, where it may change."""
         lower, upper = self.anchor_intervals
-        known = (lower >= TRUSTED * upper) & (upper > LONG)
-        if known.sum() < FEWEST_KNOWN:
+        known = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
+        if self.config.scale in ("same", "area") or known.sum() < FEWEST_KNOWN:
             return self.unit
         distances = self.whole.distances.between(images, images)
-        return self.unit * float(np.median(distances[known] / upper[known]))
+        change = np.log(np.median(distances[known] / upper[known]))
+        unit = self.unit * float(np.exp(UNIT_GRID * np.round(change / UNIT_GRID)))
+        return min(unit, LARGEST_UNIT)
 
 
 TRUSTED = 0.97  # lower over upper bound from which a distance counts as known
-LONG = 0.3  # √area: shorter distances do not measure the unit
+LONG = 0.3  # √(area of the part): shorter distances do not measure the unit
 FEWEST_KNOWN = 40
+UNIT_GRID = 0.02  # logarithm of the ratio of two units that are told apart
+LARGEST_UNIT = 1.05
 
 
 def areas_of_samples(shape: PreparedShape, samples: IntArray) -> FloatArray:

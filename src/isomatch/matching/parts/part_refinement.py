@@ -11,7 +11,8 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.matching.parts.part_signatures import PartSignatures, WholeSignatures
+from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import vertex_normals
 
 EXTRA_FUNCTIONS = 3
@@ -24,6 +25,36 @@ class _Smooth(NamedTuple):
     normals: FloatArray
 
 
+class WholeCoordinates:
+    """Coordinates of a whole in which images are sought: functions, signatures, smoothed vertices and their normals.
+
+    Parameters
+    ----------
+    whole : PreparedShape
+        A mesh.
+    """
+
+    def __init__(self, whole: PreparedShape) -> None:
+        self._whole = whole
+        self.signatures = WholeSignatures(whole)
+        self.smooth = lru_cache(self._smooth)
+        self.at = lru_cache(self._at)
+
+    def _smooth(self, k: int) -> _Smooth:
+        mesh = self._whole.triangles
+        assert mesh is not None
+        vertices = self._whole.laplace.low_passed(mesh.vertices, k)
+        return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
+
+    def _at(self, k: int, with_positions: bool) -> FloatArray:
+        settings = self._whole.config.refining
+        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.signatures.values]
+        if with_positions:
+            smooth = self.smooth(k)
+            columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
+        return np.hstack(columns)
+
+
 class PartRefinement:
     """Refines maps of some vertices of the part.
 
@@ -34,17 +65,18 @@ class PartRefinement:
     ----------
     pair : PartPair
         The shapes.
+    coordinates : WholeCoordinates
     signatures : PartSignatures
     n_rows : int
         Vertices of the part that are mapped.
     """
 
-    def __init__(self, pair: PartPair, signatures: PartSignatures, n_rows: int) -> None:
-        self._pair, self._signatures = pair, signatures
+    def __init__(
+        self, pair: PartPair, coordinates: WholeCoordinates, signatures: PartSignatures, n_rows: int
+    ) -> None:
+        self._pair, self._whole, self._signatures = pair, coordinates, signatures
         self.vertices = pair.part.sample_vertices[:n_rows]
         self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
-        self._smooth = lru_cache(self._smoothed)
-        self._scaled = lru_cache(self._coordinates_of_whole)
 
     def n_functions(self, k: int) -> int:
         """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
@@ -81,7 +113,7 @@ class PartRefinement:
 
     def orientation(self, image: IntArray, k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy drawn on the part."""
-        smooth = self._smooth(k)
+        smooth = self._whole.smooth(k)
         normals = self._drawn_normals(smooth.vertices[image], self.n_functions(k))[1]
         return float(np.einsum("ij,ij->i", normals[self.vertices], smooth.normals[image]).mean())
 
@@ -95,33 +127,20 @@ class PartRefinement:
         functions = pair.whole.laplace.vectors[:, :k]
         drawn = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
         nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, drawn)
-        of_part, of_whole, weights = self._signatures
-        trusted = weights[vertices]
-        columns = [drawn / np.sqrt(k), trusted * of_part[vertices] + (1 - trusted) * of_whole[nearest]]
+        trusted = self._signatures.weights[vertices]
+        there = self._whole.signatures.values[nearest]
+        columns = [drawn / np.sqrt(k), trusted * self._signatures.values[vertices] + (1 - trusted) * there]
         if with_positions:
-            smooth = self._smooth(k)
+            smooth = self._whole.smooth(k)
             positions, normals = self._drawn_normals(smooth.vertices[image], k_part)
             columns += [
                 positions[vertices] / settings.position_unit,
                 settings.normal_weight * normals[vertices],
             ]
-        return Embedding(np.hstack(columns), self._scaled(k, with_positions))
+        return Embedding(np.hstack(columns), self._whole.at(k, with_positions))
 
     def _drawn_normals(self, positions: FloatArray, k_part: int) -> tuple[FloatArray, FloatArray]:
         """Draw the whole on the part by the positions of the images (r, 3): vertices and normals."""
         mesh = self._pair.meshes[0]
         drawn = self._basis.functions[:, :k_part] @ self._basis.fit(positions, k_part)
         return drawn, vertex_normals(drawn, mesh.faces)
-
-    def _smoothed(self, k: int) -> _Smooth:
-        mesh = self._pair.meshes[1]
-        vertices = self._pair.whole.laplace.low_passed(mesh.vertices, k)
-        return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
-
-    def _coordinates_of_whole(self, k: int, with_positions: bool) -> FloatArray:
-        settings = self._pair.config.refining
-        columns = [self._pair.whole.laplace.vectors[:, :k] / np.sqrt(k), self._signatures.whole]
-        if with_positions:
-            smooth = self._smooth(k)
-            columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
-        return np.hstack(columns)

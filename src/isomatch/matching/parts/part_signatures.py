@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from isomatch._arrays import FloatArray
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.prepare import PreparedShape
 
 N_ENERGIES = 20
 REACH = 4.0  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ
@@ -16,48 +19,80 @@ CURVATURE_REACH = 3.0
 
 
 class PartSignatures(NamedTuple):
-    """Signatures of part and whole, and weights between 0 (at the boundary) and 1 (far from it) of the part's."""
+    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23)."""
 
-    part: FloatArray
-    whole: FloatArray
+    values: FloatArray
     weights: FloatArray
 
 
-def part_signatures(pair: PartPair) -> PartSignatures:
-    """Wave signatures that do not depend on the area, and curvatures.
+@dataclass(frozen=True, eq=False)
+class WholeSignatures:
+    """Signatures of a whole, and those of its parts in comparable numbers.
 
-    Returns
-    -------
-    PartSignatures
-        (n_part, 23), (n_whole, 23) and (n_part, 23). Both are standardised by the moments of the whole.
+    These are wave signatures that do not depend on the area (Aubry, Schlickewei & Cremers, *The wave kernel signature*,
+    ICCV Workshops 2011, without its normalisation) and mean curvatures, standardised by their moments on the whole.
+
+    Parameters
+    ----------
+    whole : PreparedShape
+        A mesh of area 1.
     """
-    settings = pair.config.preparation
-    part, whole = pair.part, pair.whole
-    part_values, whole_values = part.laplace.values[1:] / pair.share, whole.laplace.values[1:]
-    last = min(90, len(whole_values) - 1)
-    energies = np.linspace(np.log(whole_values[4]), np.log(whole_values[last]), N_ENERGIES)
-    width = 1.4 * (energies[1] - energies[0])
 
-    def filters(values: FloatArray) -> FloatArray:
-        return np.asarray(np.exp(-0.5 * ((energies - np.log(values[:, None])) / width) ** 2))
+    whole: PreparedShape
 
-    wave_whole = np.log(whole.laplace.vectors[:, 1:] ** 2 @ filters(whole_values) + 1e-3)
-    wave_part = np.log(part.laplace.vectors[:, 1:] ** 2 / pair.share @ filters(part_values) + 1e-3)
-    mean, deviation = wave_whole.mean(axis=0), wave_whole.std(axis=0)
-    weight = settings.wave_weight / np.sqrt(N_ENERGIES)
-    of_whole, of_part = [weight * (wave_whole - mean) / deviation], [weight * (wave_part - mean) / deviation]
-    distance = pair.to_boundary[:, None]
-    weights = [1 - np.exp(-((distance * np.exp(energies / 2) / REACH) ** 2))]
-    weight = settings.curvature_weight / np.sqrt(len(settings.curvature_functions))
-    part_mesh, whole_mesh = pair.meshes
-    for size in settings.curvature_functions:
-        k = min(size, len(whole_values))
-        k_part = int(np.clip(round(k * pair.share), 8, len(part_values)))
-        there = mean_curvature(whole_mesh, whole.laplace, k)
-        here = mean_curvature(part_mesh, part.laplace, k_part) / pair.unit
-        mean, deviation = there.mean(), max(there.std(), 1e-9)  # of a sphere, nothing deviates
-        there, here = (there - mean) / deviation, (here - mean) / deviation
-        of_whole.append(weight * there[:, None])
-        of_part.append(weight * np.clip(here, there.min(), there.max())[:, None])
-        weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
-    return PartSignatures(np.hstack(of_part), np.hstack(of_whole), np.hstack(weights))
+    @cached_property
+    def _energies(self) -> FloatArray:
+        values = self.whole.laplace.values[1:]
+        return np.linspace(np.log(values[4]), np.log(values[min(90, len(values) - 1)]), N_ENERGIES)
+
+    def _waves(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
+        """Logarithms of wave signatures (n, 20) of eigenpairs in units of the whole."""
+        width = 1.4 * (self._energies[1] - self._energies[0])
+        filters = np.exp(-0.5 * ((self._energies - np.log(values[:, None])) / width) ** 2)
+        return np.asarray(np.log(vectors**2 @ filters + 1e-3))
+
+    @cached_property
+    def _raw(self) -> tuple[FloatArray, FloatArray]:
+        """Wave signatures and curvatures before they are standardised."""
+        laplace, settings = self.whole.laplace, self.whole.config.preparation
+        mesh = self.whole.triangles
+        assert mesh is not None
+        sizes = [min(size, len(laplace.values) - 1) for size in settings.curvature_functions]
+        curvatures = np.stack([mean_curvature(mesh, laplace, k) for k in sizes], axis=1)
+        return self._waves(laplace.vectors[:, 1:], laplace.values[1:]), curvatures
+
+    @cached_property
+    def _weights(self) -> tuple[float, float]:
+        settings = self.whole.config.preparation
+        return (
+            settings.wave_weight / np.sqrt(N_ENERGIES),
+            settings.curvature_weight / np.sqrt(len(settings.curvature_functions)),
+        )
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """(n_whole, 23) signatures."""
+        return np.hstack([weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)])
+
+    def of_part(self, pair: PartPair) -> PartSignatures:
+        """Signatures of a part in the unit of a pair."""
+        part, sizes = pair.part, pair.config.preparation.curvature_functions
+        whole_values, distance = self.whole.laplace.values[1:], pair.to_boundary[:, None]
+        waves, curvatures = self._raw
+        of_part = self._waves(part.laplace.vectors[:, 1:] / pair.unit, part.laplace.values[1:] / pair.share)
+        signatures = [self._weights[0] * _standardised(of_part, waves)]
+        weights = [1 - np.exp(-((distance * np.exp(self._energies / 2) / REACH) ** 2))]
+        for column, size in zip(curvatures.T, sizes):
+            k = min(size, len(whole_values))
+            k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
+            here = _standardised(mean_curvature(pair.meshes[0], part.laplace, k_part) / pair.unit, column)
+            there = _standardised(column, column)
+            signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
+            weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
+        return PartSignatures(np.hstack(signatures), np.hstack(weights))
+
+
+def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:
+    """Subtract the mean of a reference and divide by its deviation; of a sphere, nothing deviates."""
+    standard: FloatArray = (values - reference.mean(axis=0)) / np.maximum(reference.std(axis=0), 1e-9)
+    return standard

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
@@ -9,8 +12,8 @@ from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, assign_points, trilaterate
 from isomatch.matching.config import Config
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.parts.part_pair import COST, PartPair, areas_of_samples
-from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.matching.parts.part_pair import PartPair, areas_of_samples
+from isomatch.matching.parts.part_signatures import WholeSignatures
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.search import Hypothesis, flips
 
@@ -19,108 +22,150 @@ MOST_BALL = 0.7
 FORBIDDEN = 50.0  # cost of another image of a landmark
 
 
+@dataclass(frozen=True, eq=False)
+class PartStart:
+    """Images of the anchors of a part, in the unit that fits them.
+
+    Parameters
+    ----------
+    pair : PartPair
+        The shapes.
+    images : (m,) array of int
+        Vertices of the whole.
+    cost : float
+        What speaks against them: distances, areas of balls and signatures.
+    """
+
+    pair: PartPair
+    images: IntArray
+    cost: float
+
+    def dense(self, vertices: IntArray) -> IntArray:
+        """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
+        pair, fine = self.pair, self.pair.whole.sample_vertices
+        lower, upper = pair.intervals(vertices)
+        there = np.maximum(pair.whole.distances.between(self.images, fine), 0.0)
+        return fine[trilaterate(lower.T, upper.T, there, pair.cost)]
+
+
+def completed(pair: PartPair, images: IntArray, rounds: int) -> IntArray:
+    """Trilaterate all anchors from the images (q,) of the first ones, several times: vertices (m,) of the whole."""
+    fine = pair.whole.sample_vertices
+    lower, upper = pair.anchor_intervals
+    for _ in range(rounds):
+        q = len(images)
+        there = np.maximum(pair.whole.distances.between(images, fine), 0.0)
+        images = fine[trilaterate(lower[:, :q], upper[:, :q], there, pair.cost)]
+        images[: len(pair.landmarks)] = pair.landmarks
+    return images
+
+
 class PartStarts:
-    """The search for images of the anchors, and of what they become under maps of the whole onto itself."""
+    """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself.
 
-    def __init__(self, pair: PartPair, signatures: PartSignatures, onto_itself: list[IntArray]) -> None:
-        self._pair, self._signatures, self._self_maps = pair, signatures, onto_itself
-        self._settings = pair.config.parts
-        self._fine = pair.whole.sample_vertices
+    Parameters
+    ----------
+    pair : PartPair
+        The shapes, in the unit of the files.
+    signatures : WholeSignatures
+    onto_itself : list of (r,) arrays of int
+        Maps of the whole onto itself, see `self_maps`.
+    """
+
+    def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
+        self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
+        samples = whole.sample_vertices[: pair.config.parts.n_candidates]
         self._candidates = np.unique(
-            np.concatenate(
-                [
-                    whole.sample_vertices[: self._settings.n_candidates],
-                    whole.extremities,
-                    whole.column_vertices,
-                    pair.landmarks,
-                ]
-            )
+            np.concatenate([samples, whole.extremities, whole.column_vertices, pair.landmarks])
         )
+        self._places = np.union1d(whole.sample_vertices, self._candidates)
+        self._balls = self._areas_of_balls()
+        self._at = lru_cache(pair.with_unit)
+        self._unary = lru_cache(self._unary_cost)
 
-    def __call__(self) -> list[IntArray]:
-        """Images (m,) of the anchors, least stress first; no two alike."""
-        pair, settings = self._pair, self._settings
-        lower, upper = pair.anchor_intervals
+    def __call__(self) -> list[PartStart]:
+        """Return the starts, least cost first; no two alike."""
+        settings = self._pair.config.parts
+        found = [each for group in parallel_map(self._assigned, self._pair.units) for each in group]
+        found.sort(key=lambda each: each.cost)
+        kept = self._distinct(
+            parallel_map(
+                lambda each: self._start(each.pair, each.images, 3), found[: settings.n_trilaterated]
+            ),
+            settings.n_starts,
+        )
+        mirrored = [(start.pair, images) for start in kept for images in self._mirrored(start)]
+        more = parallel_map(lambda each: self._start(*each, 2), mirrored)
+        return self._distinct([*kept, *more], settings.n_mirrored)
+
+    def _assigned(self, unit: float) -> list[PartStart]:
+        """Assign the first anchors in one unit."""
+        pair, settings, candidates = self._at(unit), self._pair.config.parts, self._candidates
         placed = min(settings.n_placed, len(pair.anchors))
-        assigned = assign_points(
-            pair.whole.distances_between(self._candidates),
-            lower,
-            upper,
-            self._unary()[:placed],
-            COST,
+        rows, costs = assign_points(
+            pair.whole.distances_between(candidates),
+            *pair.anchor_intervals,
+            self._unary(pair)[:placed, np.searchsorted(self._places, candidates)],
+            pair.cost,
             settings.width,
             settings.apart,
         )
-        first = [self._candidates[row] for row in assigned[: settings.n_trilaterated]]
-        complete = parallel_map(lambda images: self.completed(images, 3), first)
-        kept = self._distinct(complete, settings.n_starts)
-        mirrored = [self._mirrored(images) for images in kept]
-        more = [images for group in mirrored for images in group]
-        return self._distinct(
-            [*kept, *parallel_map(lambda images: self.completed(images, 2), more)], settings.n_mirrored
-        )
+        return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
 
-    def completed(self, images: IntArray, rounds: int) -> IntArray:
-        """Trilaterate all anchors from the images of the first ones, several times."""
-        pair = self._pair
-        lower, upper = pair.anchor_intervals
-        for _ in range(rounds):
-            m = len(images)
-            there = np.maximum(pair.whole.distances.between(images, self._fine), 0.0)
-            images = self._fine[trilaterate(lower[:, :m], upper[:, :m], there, COST)]
-            images[: len(pair.landmarks)] = pair.landmarks
-        return images
+    def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
+        """Complete images of the first anchors, and again in the unit that they ask for."""
+        images = completed(pair, images, rounds)
+        scaled = self._at(pair.unit_of(images))
+        if scaled is not pair:
+            images = completed(scaled, images, 1)
+        unary = self._unary(scaled)[np.arange(len(images)), np.searchsorted(self._places, images)]
+        cost = scaled.stress(images) + unary.mean() * 2 / (pair.config.parts.n_placed - 1)
+        return PartStart(scaled, images, float(cost))
 
-    def dense(self, images: IntArray, vertices: IntArray) -> IntArray:
-        """Trilaterate vertices (r,) of the part from the images of all anchors: vertices of the whole."""
-        lower, upper = self._pair.intervals(vertices)
-        there = np.maximum(self._pair.whole.distances.between(images, self._fine), 0.0)
-        return self._fine[trilaterate(lower.T, upper.T, there, COST)]
-
-    def _distinct(self, found: list[IntArray], most: int) -> list[IntArray]:
-        pair = self._pair
-        kept: list[IntArray] = []
-        for images in sorted(found, key=pair.stress):
-            if all(pair.whole.mean_distance(images, known) > self._settings.apart for known in kept):
-                kept.append(images)
+    def _distinct(self, found: list[PartStart], most: int) -> list[PartStart]:
+        whole, apart = self._pair.whole, self._pair.config.parts.apart
+        kept: list[PartStart] = []
+        for start in sorted(found, key=lambda each: each.cost):
+            if all(whole.mean_distance(start.images, known.images) > apart for known in kept):
+                kept.append(start)
             if len(kept) == most:
                 break
         return kept
 
-    def _mirrored(self, images: IntArray) -> list[IntArray]:
+    def _mirrored(self, start: PartStart) -> list[IntArray]:
         """Compose with maps of the whole nearly onto itself, which exchange its sides, or its front and back."""
         rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
-        near = self._pair.whole.distances.between(images, rows).argmin(axis=1)
-        composed: list[IntArray] = [rows[image_row[near]] for image_row in self._self_maps]
+        near = self._pair.whole.distances.between(start.images, rows).argmin(axis=1)
+        composed: list[IntArray] = [rows[image_row[near]] for image_row in self._onto_itself]
         return composed
 
-    def _unary(self) -> FloatArray:
-        """Cost (m, c) of each image of each anchor: areas of balls, and signatures."""
-        pair, radii = self._pair, np.array(self._settings.radii)
-        part, whole = pair.part, pair.whole
-        samples = part.sample_vertices
-        areas = areas_of_samples(part, samples) * pair.share
+    def _areas_of_balls(self) -> FloatArray:
+        """Areas (p, q) of the balls of all radii around all places."""
+        whole, fine = self._pair.whole, self._pair.whole.sample_vertices
+        areas, there = areas_of_samples(whole, fine), whole.distances.between(self._places, fine)
+        return np.stack([(there < r) @ areas for r in self._pair.config.parts.radii], axis=1)
+
+    def _unary_cost(self, pair: PartPair) -> FloatArray:
+        """Cost (m, p) of each image of each anchor: areas of balls, and signatures."""
+        settings, places, balls = pair.config.parts, self._places, self._balls
+        radii, samples = np.array(settings.radii), pair.part.sample_vertices
+        areas = areas_of_samples(pair.part, samples) * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)
         most = np.stack([(lower < r) @ areas for r in radii], axis=1)
         most += (radii > pair.to_boundary[pair.anchors, None]) * max(1 - pair.share, 0.0)
-        areas = areas_of_samples(whole, self._fine)
-        there = whole.distances.between(self._candidates, self._fine)
-        balls = np.stack([(there < r) @ areas for r in radii], axis=1)
-        below, above = (
-            least[:, None] * (1 - BALL_TOLERANCE) - balls,
-            balls - most[:, None] * (1 + BALL_TOLERANCE),
-        )
+        below = least[:, None] * (1 - BALL_TOLERANCE) - balls
+        above = balls - most[:, None] * (1 + BALL_TOLERANCE)
         violation = np.maximum(np.maximum(below, above), 0.0) / balls.mean(axis=0)
         cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=2))
-        of_part, of_whole, weights = self._signatures
-        apart = np.abs(of_part[pair.anchors, None] - of_whole[self._candidates]) * weights[pair.anchors, None]
-        apart /= 2 * np.abs(of_whole).mean(axis=0)
-        cost += self._settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
+        of_part, weights = (each[pair.anchors, None] for each in self._signatures.of_part(pair))
+        of_whole = self._signatures.values
+        apart = weights * np.abs(of_part - of_whole[places]) / (2 * np.abs(of_whole).mean(axis=0))
+        cost += settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
         led = np.arange(len(pair.landmarks))
         cost[led] = FORBIDDEN
-        cost[led, np.searchsorted(self._candidates, pair.landmarks)] = 0.0
+        cost[led, np.searchsorted(places, pair.landmarks)] = 0.0
         return cost
 
 

@@ -13,7 +13,7 @@ Part = Literal["source", "target"]
 def part_of(pair: ShapePair, hints: Hints) -> Part | None:
     """Tell which shape is a part, if one is.
 
-    A part has a long boundary and less area than the other shape, which has none. Only the joint refinements of maps
+    A part has a long boundary, and the other shape has none. Only the joint refinements of maps
     that preserve the orientation know of parts, without an initial map or descriptors.
     """
     config = pair.config
@@ -26,10 +26,7 @@ def part_of(pair: ShapePair, hints: Hints) -> Part | None:
     if config.part != "auto":
         return config.part
     settings = config.parts
-    open_sides = [shape.boundary_length > settings.long_boundary for shape in (pair.source, pair.target)]
-    share = (pair.source.scale / pair.target.scale) ** 2
-    if open_sides == [True, False] and share < settings.largest_share:
+    long = settings.long_boundary
+    if pair.source.boundary_length > long >= pair.target.boundary_length:
         return "source"
-    if open_sides == [False, True] and 1 / share < settings.largest_share:
-        return "target"
-    return None
+    return "target" if pair.target.boundary_length > long >= pair.source.boundary_length else None
