@@ -369,6 +369,8 @@ class PartSettings(Settings):
         Radii of the balls, in √area, whose areas are compared in the beam search.
     n_trilaterated, n_starts, n_mirrored : int
         Best assignments that are completed; best of these; the same with mirror images.
+    n_varied : int
+        Best maps after the short refinement that are composed with maps of the whole onto itself.
     n_contenders : int
         Best starts that are refined to the end, after a short refinement of all.
     function_ratio : float
@@ -391,6 +393,11 @@ class PartSettings(Settings):
         Length of the boundary, in √area, from which a shape may be a part.
     largest_share : float
         Area, over that of the other shape, up to which it may be one.
+    close : bool
+        Also match the shapes with their holes closed, as complete ones.
+    closed_score : float
+        The map with the holes closed is returned if less than this, over the score of the best map of a part, speaks
+        against it.
     cover : float
         Area of the whole that is matched to a part, over that of the part: those vertices that are nearest to images.
     poor_misfit, poor_stress : float
@@ -415,6 +422,7 @@ class PartSettings(Settings):
     n_trilaterated: int = setting(80, "chosen on cuts and holes; docs/robustness.md", least=1)
     n_starts: int = setting(16, "chosen on cuts and holes; docs/robustness.md", least=1)
     n_mirrored: int = setting(24, "chosen on cuts and holes; docs/robustness.md", least=1)
+    n_varied: int = setting(4, "chosen on cuts and holes; docs/robustness.md", least=0)
     n_contenders: int = setting(8, "chosen on cuts and holes; docs/robustness.md", least=1)
     function_ratio: float = setting(1.75, "chosen on cuts and holes; docs/robustness.md", least=1)
     sizes: tuple[int, ...] = setting((20, 40, 70), "chosen on cuts and holes; docs/robustness.md", least=4)
@@ -430,6 +438,8 @@ class PartSettings(Settings):
     untrusted_stress_exponent: float = setting(1.5, "chosen on cuts and holes; docs/robustness.md", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     largest_share: float = setting(0.95, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)
+    close: bool = setting(True, "docs/robustness.md: holes closed")
+    closed_score: float = setting(1.35, "chosen on cuts and holes; docs/robustness.md", least=0)
     cover: float = setting(
         1.1, "a vertex left unmatched by mistake costs more than one matched by mistake", least=0
     )

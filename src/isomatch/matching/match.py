@@ -1,38 +1,18 @@
-"""`match`: prepare → starts → search → select → refine → result."""
+"""`match`: prepare both shapes, and match them as complete ones, or one as a part of the other."""
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._threads import parallel_map, serial_blas
-from isomatch.correspondence import Embedding
-from isomatch.errors import SettingError
-from isomatch.matching.candidates import Candidate, Judge, extended
+from isomatch._threads import serial_blas
+from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.config import Config
 from isomatch.matching.hints import Hints
-from isomatch.matching.joint_refinement import (
-    RefinedCandidate,
-    distances_between,
-    joint_embedding,
-    refine_jointly,
-)
-from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
+from isomatch.matching.pair import prepare_pair
 from isomatch.matching.parts import part_of, part_result
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
-from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.search import (
-    Hypothesis,
-    hypotheses_from_hints,
-    no_first_map,
-    search,
-    symmetric_variants,
-)
-from isomatch.matching.select import Selection, contenders, ranked, select
+from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
-from isomatch.matching.symmetries import describe_symmetries
 from isomatch.surfaces import Surface
 
 
@@ -98,123 +78,8 @@ def match(
     with serial_blas():
         timer.start("prepare")
         pair = prepare_pair(source, target, config, seed)
-        both = pair.source, pair.target
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
         part = part_of(pair, hints)
         if part:
             return part_result(pair, hints, part, timer, seed)
-        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
-        timer.start("search")
-        may_win, only_rivals = _hypotheses(pair, hints)
-        timer.start("selection")
-        judge = Judge(pair, hints)
-        eligible = _ranked(pair, judge(may_win), hints)
-        if not eligible:
-            raise no_first_map(pair)
-        variants = judge(_symmetric_variants(pair, eligible[0]))
-        if pair.config.hypotheses == "all":
-            eligible = _ranked(pair, [*eligible, *variants], hints)
-            rivals = []
-        else:
-            rivals = _ranked(pair, [*judge(only_rivals), *variants])
-        timer.start("refinement")
-        selection = _contest(pair, eligible, rivals)
-        embedding = _embedding(pair, selection.winner)
-        points = pair.target.index.points(embedding.target, embedding.source)
-        timer.start("quality")
-        quality = measure_quality(pair, points, hints, selection)
-        order = [fit.candidate for fit in (selection.winner, *selection.rivals)]
-        alternatives = _alternatives(pair, [*order, *eligible, *rivals])
-    return MatchResult(
-        map=pair.source.correspondence(pair.target, points),
-        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any),
-        quality=quality,
-        alternatives=alternatives,
-        timings=timer.stop(),
-        notes=(
-            *pair.notes,
-            *hints.notes,
-            *_notes(pair, selection),
-            *contradicted_landmarks(pair, points, hints),
-        ),
-        engine=pair.source.distances.engine,
-        origin=selection.winner.candidate.hypothesis.origin,
-        reason=selection.reason,
-        config=pair.config,
-        seed=seed,
-        symmetries=(describe_symmetries(both[0].symmetries), describe_symmetries(both[1].symmetries)),
-    )
-
-
-def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
-    """Hypotheses that may win, and those that are searched as rivals only."""
-    config = pair.config
-    if config.hypotheses == "given" and not hints.any:
-        raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
-    given = hypotheses_from_hints(pair, hints)
-    if config.hypotheses == "all":
-        return search(pair, given), []
-    return given, search(pair, given) if config.searches_rivals else []
-
-
-def _symmetric_variants(pair: ShapePair, best: Candidate) -> list[Hypothesis]:
-    """Compose the best map with the symmetries of the target, where rivals are searched."""
-    searched = pair.config.hypotheses == "all" or pair.config.searches_rivals
-    return symmetric_variants(pair, best.target_row) if searched else []
-
-
-def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:
-    """Tell what could not be done as it was asked for."""
-    notes = []
-    if not pair.oriented and pair.config.orientation == "reverse":
-        notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
-    if np.isnan(selection.rival):
-        notes.append("no other map was tried: symmetric maps go unnoticed")
-    return notes
-
-
-def _ranked(pair: ShapePair, candidates: list[Candidate], hints: Hints | None = None) -> list[Candidate]:
-    """Rank candidates; those that may win must not contradict landmarks."""
-    landmarks = hints is not None and len(hints.landmarks) > 0
-    return ranked(candidates, pair.config.orientation, pair.config.selection, landmarks)
-
-
-def _contest(
-    pair: ShapePair, eligible: list[Candidate], rivals: list[Candidate]
-) -> Selection[RefinedCandidate]:
-    """Refine the contenders, and rivals that may not win, and select."""
-    orientation, settings = pair.config.orientation, pair.config.selection
-    fits, others = (
-        refine_jointly(pair, contenders(order, orientation, settings), both_sides=orientation == "any")
-        for order in (eligible, rivals)
-    )
-    may_win = [True] * len(fits) + [False] * len(others)
-    fits += others
-    n_tried = len(eligible) + len(rivals)
-    return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
-
-
-def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:
-    """Coordinates of all vertices in which images are nearest points, by the refinement that was asked for."""
-    refinement = pair.config.refinement
-    if refinement in ("joint", "smooth"):
-        return joint_embedding(pair, winner, smooth=refinement == "smooth")
-    embedding = descriptor_embedding(pair, winner.candidate.hypothesis.target_row)
-    return laplace_icp_embedding(pair, embedding) if refinement == "laplace_icp" else embedding
-
-
-def _alternatives(pair: ShapePair, order: list[Candidate]) -> tuple[Alternative, ...]:
-    """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
-    distinct = order[:1]
-    for candidate in order[1:]:
-        known = [c.target_row for c in distinct]
-        if pair.differs(candidate.target_row, known, pair.config.search.same_map):
-            distinct.append(candidate)
-    everywhere = np.arange(pair.source.body.n_vertices)
-
-    def alternative(candidate: Candidate) -> Alternative:
-        image = extended(pair, candidate.target_row, everywhere)
-        found = pair.source.correspondence(pair.target, image)
-        return Alternative(found, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
-
-    return tuple(parallel_map(alternative, distinct[1 : 1 + pair.config.selection.most_alternatives]))
+        return complete_result(match_complete(pair, hints, timer), timer, seed)

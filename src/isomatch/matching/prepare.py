@@ -41,7 +41,7 @@ from isomatch.matching.extremities import extremal_points
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.signatures import point_signatures
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Mesh, Surface
+from isomatch.surfaces import Graph, Mesh, Surface, capped
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -167,6 +167,13 @@ class PreparedShape:
             return 0.0
         i, j = self.triangles.boundary_edges.T
         return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
+
+    @cached_property
+    def capped(self) -> PreparedShape:
+        """The body with its holes closed, prepared: its first vertices are those of the body."""
+        if self.triangles is None or not self.boundary_length:
+            return self
+        return prepare(capped(self.triangles), self.requested, self.seed)
 
     @cached_property
     def points(self) -> SignedPoints:

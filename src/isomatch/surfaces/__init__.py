@@ -2,6 +2,7 @@
 
 from typing import TypeAlias
 
+from isomatch.surfaces.caps import capped
 from isomatch.surfaces.check import check
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
@@ -24,6 +25,7 @@ __all__ = [
     "Raster",
     "Repair",
     "Surface",
+    "capped",
     "check",
     "rasterise",
     "read_mesh",

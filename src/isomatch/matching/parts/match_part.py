@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,11 +55,14 @@ class PartMatch:
         Refined maps, best first.
     scores : tuple of float
         What speaks against each.
+    closed : float
+        What speaks against the map with the holes closed, over that against the best.
     """
 
     refining: _Refining
     fits: tuple[PartFit, ...]
     scores: tuple[float, ...]
+    closed: float = np.inf
 
     @property
     def pair(self) -> PartPair:
@@ -83,7 +86,11 @@ class PartMatch:
 
 
 def match_part(
-    part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
+    part: PreparedShape,
+    whole: PreparedShape,
+    config: Config,
+    landmarks: IntArray = NO_LANDMARKS,
+    closed: IntArray | None = None,
 ) -> PartMatch:
     """Match a part to a whole.
 
@@ -94,6 +101,8 @@ def match_part(
     config : Config
     landmarks : (l, 2) array of int
         Vertices of the bodies of part and whole that correspond.
+    closed : (n_part,) array of int, optional
+        The map that was found with the holes closed; it is refined and contends as well.
 
     Returns
     -------
@@ -112,11 +121,27 @@ def match_part(
     fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
     if not fits:
         raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
+    fits += [
+        fit
+        for fit in parallel_map(
+            lambda each: refining.varied(*each),
+            [
+                (fit, image_row)
+                for fit in sorted(fits, key=_promise)[: settings.n_varied]
+                for image_row in onto_itself
+            ],
+        )
+        if fit
+    ]
     # a map that is twisted in places may still become the right one, so the orientation only counts with its root
-    fits.sort(
-        key=lambda fit: fit.misfit * fit.stress**settings.stress_exponent / max(fit.orientation, 0.1) ** 0.5
-    )
-    fits = parallel_map(refining.fine, fits[: settings.n_contenders])
+    fits.sort(key=_promise)
+    fits = fits[: settings.n_contenders]
+    measured = None
+    if closed is not None:
+        pair = pair.with_unit(pair.unit_of(closed[pair.anchors]))
+        measured = refining.measured(pair, closed[part.sample_vertices[: config.n_refine]])
+        fits.append(replace(measured, image=closed[part.sample_vertices[: settings.n_rough]]))
+    fits = parallel_map(refining.fine, fits)
     top = max(fit.orientation for fit in fits)
 
     def score(fit: PartFit) -> float:
@@ -125,7 +150,17 @@ def match_part(
         return float(fit.misfit * fit.stress**exponent * (1 if fit.orientation >= 0.5 * top else TWISTED))
 
     fits.sort(key=score)
-    return PartMatch(refining, tuple(fits), tuple(score(fit) for fit in fits))
+    return PartMatch(
+        refining,
+        tuple(fits),
+        tuple(score(fit) for fit in fits),
+        np.inf if measured is None else score(measured) / score(fits[0]),
+    )
+
+
+def _promise(fit: PartFit) -> float:
+    exponent = fit.pair.config.parts.stress_exponent
+    return float(fit.misfit * fit.stress**exponent / max(fit.orientation, 0.1) ** 0.5)
 
 
 class _Refining:
@@ -148,7 +183,28 @@ class _Refining:
         """Refine some vertices a little; None for a mirror image."""
         pair, refinement = start.pair, self.at(start.pair, self._config.parts.n_rough)
         vertices = refinement.vertices[: self._config.n_search]
-        image = refinement.extended(vertices, start.dense(vertices), 40)
+        return self._roughly(pair, refinement.extended(vertices, start.dense(vertices), 40))
+
+    def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
+        """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
+        whole = fit.pair.whole
+        rows = whole.sample_vertices[: self._config.n_search]
+        near = whole.distances.between(fit.image, rows).argmin(axis=1)
+        return self._roughly(fit.pair, rows[image_row[near]])
+
+    def measured(self, pair: PartPair, image: IntArray) -> PartFit:
+        """Measure a map of the refinement vertices that was found otherwise, as if it were refined."""
+        refinement = self.at(pair, self._config.n_refine)
+        _, misfit = refinement.refined(image, self._config.refining.final_sizes[-1:])
+        return self._final(refinement, pair, image, misfit)
+
+    def _final(self, refinement: PartRefinement, pair: PartPair, image: IntArray, misfit: float) -> PartFit:
+        last = min(200, len(pair.whole.laplace.values))
+        anchors = completed(pair, refinement.at(image, last, pair.anchors), 2)
+        return PartFit(pair, image, misfit, pair.stress(anchors), refinement.orientation(image, 60))
+
+    def _roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
+        refinement = self.at(pair, self._config.parts.n_rough)
         if refinement.orientation(image, 40) < 0:
             return None
         image, misfit = refinement.refined(image, self._config.parts.sizes)
@@ -163,6 +219,4 @@ class _Refining:
         image = refinement.extended(rough.vertices, fit.image, 70)
         image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
         image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
-        last = min(200, len(pair.whole.laplace.values))
-        anchors = completed(pair, refinement.at(image, last, pair.anchors), 2)
-        return PartFit(pair, image, misfit, pair.stress(anchors), refinement.orientation(image, 60))
+        return self._final(refinement, pair, image, misfit)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
@@ -9,6 +11,7 @@ from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
@@ -20,11 +23,16 @@ from isomatch.matching.symmetries import describe_symmetries
 def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
     """Match a pair of which one shape is a part of the other."""
     source, target, config = pair.source, pair.target, pair.config
+    timer.start("holes closed")
+    closed = match_closed(pair, hints, timer) if config.parts.close else None
+    image = None if closed is None else closed.image_of(part)
     timer.start("parts")
     if part == "source":
-        found = match_part(source, target, config, hints.landmarks)
+        found = match_part(source, target, config, hints.landmarks, image)
     else:
-        found = match_part(target, source, config, hints.landmarks[:, ::-1])
+        found = match_part(target, source, config, hints.landmarks[:, ::-1], image)
+    if closed is not None and found.closed < config.parts.closed_score:
+        return _closed_result(closed.result(timer, seed), found, part)
     of_part, of_whole = found.embedding()
     if part == "source":
         points = target.index.points(of_whole, of_part)
@@ -55,6 +63,20 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
         config=config,
         seed=seed,
         symmetries=(describe_symmetries(source.symmetries), describe_symmetries(target.symmetries)),
+    )
+
+
+def _closed_result(result: MatchResult, found: PartMatch, part: Part) -> MatchResult:
+    """Take the map with the holes closed, which both ways support; it is no surer than a part's."""
+    sure = result.outcome is Outcome.CONVERGED
+    return replace(
+        result,
+        outcome=Outcome.PARTIAL if sure else result.outcome,
+        notes=(
+            *result.notes,
+            f"the {part} was matched as a part with its holes closed: it has {found.pair.share:.0%} of the area of the "
+            "other shape",
+        ),
     )
 
 

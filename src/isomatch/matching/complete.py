@@ -1,0 +1,191 @@
+"""The match of two complete shapes: starts → search → select → refine → result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._threads import parallel_map
+from isomatch.correspondence import Embedding
+from isomatch.errors import SettingError
+from isomatch.matching.candidates import Candidate, Judge, extended
+from isomatch.matching.hints import Hints
+from isomatch.matching.joint_refinement import (
+    RefinedCandidate,
+    distances_between,
+    joint_embedding,
+    refine_jointly,
+)
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
+from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
+from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.search import (
+    Hypothesis,
+    hypotheses_from_hints,
+    no_first_map,
+    search,
+    symmetric_variants,
+)
+from isomatch.matching.select import Selection, contenders, ranked, select
+from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.symmetries import describe_symmetries
+
+
+@dataclass(frozen=True, eq=False)
+class CompleteMatch:
+    """The map of two complete shapes that was selected, and those that were not.
+
+    Parameters
+    ----------
+    pair : ShapePair
+    hints : Hints
+    selection : Selection
+        Refined winner and its rivals.
+    order : tuple of Candidate
+        All candidates, best first.
+    embedding : Embedding
+        Coordinates of all vertices in which images are nearest points.
+    """
+
+    pair: ShapePair
+    hints: Hints
+    selection: Selection[RefinedCandidate]
+    order: tuple[Candidate, ...]
+    embedding: Embedding
+
+
+def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> CompleteMatch:
+    """Match two complete shapes.
+
+    Raises
+    ------
+    SettingError
+        If hints are asked for and none was given.
+    NotConvergedError
+        If no hypothesis could be formed at all.
+    """
+    both = pair.source, pair.target
+    parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
+    timer.start("search")
+    may_win, only_rivals = _hypotheses(pair, hints)
+    timer.start("selection")
+    judge = Judge(pair, hints)
+    eligible = _ranked(pair, judge(may_win), hints)
+    if not eligible:
+        raise no_first_map(pair)
+    variants = judge(_symmetric_variants(pair, eligible[0]))
+    if pair.config.hypotheses == "all":
+        eligible = _ranked(pair, [*eligible, *variants], hints)
+        rivals = []
+    else:
+        rivals = _ranked(pair, [*judge(only_rivals), *variants])
+    timer.start("refinement")
+    selection = _contest(pair, eligible, rivals)
+    refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
+    return CompleteMatch(
+        pair, hints, selection, (*refined, *eligible, *rivals), _embedding(pair, selection.winner)
+    )
+
+
+def complete_result(found: CompleteMatch, timer: StageTimer, seed: int) -> MatchResult:
+    """Measure a map and sum it up."""
+    pair, hints, selection = found.pair, found.hints, found.selection
+    points = pair.target.index.points(found.embedding.target, found.embedding.source)
+    timer.start("quality")
+    quality = measure_quality(pair, points, hints, selection)
+    alternatives = _alternatives(pair, found.order)
+    return MatchResult(
+        map=pair.source.correspondence(pair.target, points),
+        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any),
+        quality=quality,
+        alternatives=alternatives,
+        timings=timer.stop(),
+        notes=(
+            *pair.notes,
+            *hints.notes,
+            *_notes(pair, selection),
+            *contradicted_landmarks(pair, points, hints),
+        ),
+        engine=pair.source.distances.engine,
+        origin=selection.winner.candidate.hypothesis.origin,
+        reason=selection.reason,
+        config=pair.config,
+        seed=seed,
+        symmetries=(describe_symmetries(pair.source.symmetries), describe_symmetries(pair.target.symmetries)),
+    )
+
+
+def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    """Hypotheses that may win, and those that are searched as rivals only."""
+    config = pair.config
+    if config.hypotheses == "given" and not hints.any:
+        raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
+    given = hypotheses_from_hints(pair, hints)
+    if config.hypotheses == "all":
+        return search(pair, given), []
+    return given, search(pair, given) if config.searches_rivals else []
+
+
+def _symmetric_variants(pair: ShapePair, best: Candidate) -> list[Hypothesis]:
+    """Compose the best map with the symmetries of the target, where rivals are searched."""
+    searched = pair.config.hypotheses == "all" or pair.config.searches_rivals
+    return symmetric_variants(pair, best.target_row) if searched else []
+
+
+def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:
+    """Tell what could not be done as it was asked for."""
+    notes = []
+    if not pair.oriented and pair.config.orientation == "reverse":
+        notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
+    if np.isnan(selection.rival):
+        notes.append("no other map was tried: symmetric maps go unnoticed")
+    return notes
+
+
+def _ranked(pair: ShapePair, candidates: list[Candidate], hints: Hints | None = None) -> list[Candidate]:
+    """Rank candidates; those that may win must not contradict landmarks."""
+    landmarks = hints is not None and len(hints.landmarks) > 0
+    return ranked(candidates, pair.config.orientation, pair.config.selection, landmarks)
+
+
+def _contest(
+    pair: ShapePair, eligible: list[Candidate], rivals: list[Candidate]
+) -> Selection[RefinedCandidate]:
+    """Refine the contenders, and rivals that may not win, and select."""
+    orientation, settings = pair.config.orientation, pair.config.selection
+    fits, others = (
+        refine_jointly(pair, contenders(order, orientation, settings), both_sides=orientation == "any")
+        for order in (eligible, rivals)
+    )
+    may_win = [True] * len(fits) + [False] * len(others)
+    fits += others
+    n_tried = len(eligible) + len(rivals)
+    return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
+
+
+def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:
+    """Coordinates of all vertices in which images are nearest points, by the refinement that was asked for."""
+    refinement = pair.config.refinement
+    if refinement in ("joint", "smooth"):
+        return joint_embedding(pair, winner, smooth=refinement == "smooth")
+    embedding = descriptor_embedding(pair, winner.candidate.hypothesis.target_row)
+    return laplace_icp_embedding(pair, embedding) if refinement == "laplace_icp" else embedding
+
+
+def _alternatives(pair: ShapePair, order: tuple[Candidate, ...]) -> tuple[Alternative, ...]:
+    """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
+    distinct = [order[0]]
+    for candidate in order[1:]:
+        known = [c.target_row for c in distinct]
+        if pair.differs(candidate.target_row, known, pair.config.search.same_map):
+            distinct.append(candidate)
+    everywhere = np.arange(pair.source.body.n_vertices)
+
+    def alternative(candidate: Candidate) -> Alternative:
+        image = extended(pair, candidate.target_row, everywhere)
+        found = pair.source.correspondence(pair.target, image)
+        return Alternative(found, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
+
+    return tuple(parallel_map(alternative, distinct[1 : 1 + pair.config.selection.most_alternatives]))

@@ -1,0 +1,76 @@
+"""Caps: every hole of a mesh closed by rings of new triangles that shrink to a point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch.surfaces.mesh import Mesh
+
+
+def capped(mesh: Mesh) -> Mesh:
+    """Close every hole of an oriented mesh.
+
+    A cap is a cone over its rim, cut into rings as wide as edges are long, so that paths across it are about as long as
+    on the surface that was there.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        n vertices; consistently wound.
+
+    Returns
+    -------
+    Mesh
+        The first n vertices and the first faces are those of the mesh. Holes that touch in a vertex get
+        a cap each.
+
+    Notes
+    -----
+    O(n + new vertices).
+    """
+    vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
+    spacing = mesh.edge_lengths.mean()
+    for rim in boundary_loops(mesh):
+        corners = mesh.vertices[rim]
+        centre = corners.mean(axis=0)
+        n_rings = max(round(np.linalg.norm(corners - centre, axis=1).mean() / spacing) - 1, 0)
+        ring = rim
+        for share in np.arange(1, n_rings + 1) / (n_rings + 1):
+            inner = n + np.arange(len(rim))
+            vertices.append(corners + share * (centre - corners))
+            following, inner_following = np.roll(ring, -1), np.roll(inner, -1)
+            faces.append(np.column_stack([following, ring, inner]))
+            faces.append(np.column_stack([following, inner, inner_following]))
+            ring, n = inner, n + len(rim)
+        vertices.append(centre[None])
+        faces.append(np.column_stack([np.roll(ring, -1), ring, np.full(len(rim), n)]))
+        n += 1
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def boundary_loops(mesh: Mesh) -> list[IntArray]:
+    """Vertices along each loop of the boundary, in the direction of the faces; no loop passes a vertex twice."""
+    faces = mesh.sound_faces
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    keys = sides[:, 0] * mesh.n_vertices + sides[:, 1]
+    open_sides = sides[~np.isin(keys, sides[:, 1] * mesh.n_vertices + sides[:, 0])]
+    onward: dict[int, list[int]] = {}
+    for start, end in sorted(map(tuple, open_sides.tolist()), reverse=True):
+        onward.setdefault(start, []).append(end)
+    loops = []
+    for first in sorted(onward):
+        path, place = [first], {first: 0}
+        while onward.get(path[-1]):
+            following = onward[path[-1]].pop()
+            if following in place:
+                loop = path[place[following] :]
+                if len(loop) > 2:
+                    loops.append(np.array(loop))
+                for vertex in loop[1:]:
+                    del place[vertex]
+                del path[place[following] + 1 :]
+            else:
+                place[following] = len(path)
+                path.append(following)
+    return loops
