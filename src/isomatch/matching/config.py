@@ -387,8 +387,11 @@ class PartSettings(Settings):
     most_cost, soft : float
         Of `IntervalCost`, in √(area of the part).
     stress_exponent, untrusted_stress_exponent : float
-        Score of a refined map = misfit × stress to this power; to the second one where few distances are known, because
-        the misfit is then bought by folding.
+        Score of a refined map = misfit × stress to this power × √(local stress × curvature mismatch); to the second one
+        where few distances are known, because the misfit is then bought by folding.
+    near, most_ratio : (float, float), float
+        Distances along the part, in its √area, whose ratios to those of the images are compared, and the largest
+        logarithm that counts.
     long_boundary : float
         Length of the boundary, in √area, from which a shape may be a part.
     largest_share : float
@@ -436,6 +439,8 @@ class PartSettings(Settings):
     soft: float = setting(0.18, "chosen on cuts and holes; docs/robustness.md", least=0)
     stress_exponent: float = setting(0.25, "chosen on cuts and holes; docs/robustness.md", least=0)
     untrusted_stress_exponent: float = setting(1.5, "chosen on cuts and holes; docs/robustness.md", least=0)
+    near: tuple[float, ...] = setting((0.08, 0.35), "chosen on cuts and holes; docs/robustness.md", least=0)
+    most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     largest_share: float = setting(0.95, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)
     close: bool = setting(True, "docs/robustness.md: holes closed")

@@ -56,8 +56,15 @@ class ClosedMatch:
         rows = slice(source.body.n_vertices)
         n_target = target.body.n_vertices
         vertices, corners, weights = closed.vertices[rows], closed.faces[rows], closed.barycentric[rows]
-        matched = (vertices >= 0) & (vertices < n_target)
-        points = PrecisePoints.at_vertices(np.where(matched, vertices, 0))
+        capped = target.capped.triangles
+        assert capped is not None
+        gap, owner = distance_along_edges_to_nearest(capped, target.capped.body_vertex[:n_target])
+        gap, owner = (
+            target.capped.lift(values, missing)[vertices] for values, missing in ((gap, np.inf), (owner, 0))
+        )
+        matched = (vertices >= 0) & (gap < capped.edge_lengths.mean())  # an edge beyond the rim is no miss
+        nearest = target.capped.user_vertex[owner]
+        points = PrecisePoints.at_vertices(np.where(matched, nearest, 0))
         inside = matched & (corners < n_target).all(axis=1)
         points.corners[inside], points.barycentric[inside] = corners[inside], weights[inside]
         return source.correspondence(target, points, matched)

@@ -35,6 +35,8 @@ class PartFit:
         Mean cost of the images of the anchors, see `PartPair.stress`.
     orientation : float
         Mean cosine of the normals.
+    local_stress, curvature_mismatch : float
+        See `PartRefinement`.
     """
 
     pair: PartPair
@@ -42,6 +44,17 @@ class PartFit:
     misfit: float
     stress: float
     orientation: float
+    local_stress: float
+    curvature_mismatch: float
+
+    @property
+    def score(self) -> float:
+        """What speaks against the map."""
+        settings = self.pair.config.parts
+        trusted = self.pair.trusted > settings.least_trusted
+        exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
+        shape = np.sqrt(self.local_stress * self.curvature_mismatch)
+        return float(self.misfit * self.stress**exponent * shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +146,6 @@ def match_part(
         )
         if fit
     ]
-    # a map that is twisted in places may still become the right one, so the orientation only counts with its root
     fits.sort(key=_promise)
     fits = fits[: settings.n_contenders]
     measured = None
@@ -145,9 +157,7 @@ def match_part(
     top = max(fit.orientation for fit in fits)
 
     def score(fit: PartFit) -> float:
-        trusted = fit.pair.trusted > settings.least_trusted
-        exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
-        return float(fit.misfit * fit.stress**exponent * (1 if fit.orientation >= 0.5 * top else TWISTED))
+        return fit.score * (1 if fit.orientation >= 0.5 * top else TWISTED)
 
     fits.sort(key=score)
     return PartMatch(
@@ -158,9 +168,24 @@ def match_part(
     )
 
 
+def _fit(
+    refinement: PartRefinement, pair: PartPair, image: IntArray, misfit: float, anchors: IntArray, k: int
+) -> PartFit:
+    """Gather the evidence for a map, and for the images that it gives the anchors."""
+    return PartFit(
+        pair,
+        image,
+        misfit,
+        pair.stress(anchors),
+        refinement.orientation(image, k),
+        refinement.local_stress(image),
+        refinement.curvature_mismatch(image),
+    )
+
+
 def _promise(fit: PartFit) -> float:
-    exponent = fit.pair.config.parts.stress_exponent
-    return float(fit.misfit * fit.stress**exponent / max(fit.orientation, 0.1) ** 0.5)
+    # a map that is twisted in places may still become the right one, so the orientation only counts with its root
+    return float(fit.score / np.sqrt(max(fit.orientation, 0.1)))
 
 
 class _Refining:
@@ -201,15 +226,15 @@ class _Refining:
     def _final(self, refinement: PartRefinement, pair: PartPair, image: IntArray, misfit: float) -> PartFit:
         last = min(200, len(pair.whole.laplace.values))
         anchors = completed(pair, refinement.at(image, last, pair.anchors), 2)
-        return PartFit(pair, image, misfit, pair.stress(anchors), refinement.orientation(image, 60))
+        return _fit(refinement, pair, image, misfit, anchors, 60)
 
     def _roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
         refinement = self.at(pair, self._config.parts.n_rough)
         if refinement.orientation(image, 40) < 0:
             return None
         image, misfit = refinement.refined(image, self._config.parts.sizes)
-        stress = pair.stress(refinement.at(image, 70, pair.anchors))
-        return PartFit(pair, image, misfit, stress, refinement.orientation(image, 40))
+        anchors = refinement.at(image, 70, pair.anchors)
+        return _fit(refinement, pair, image, misfit, anchors, 40)
 
     def fine(self, fit: PartFit) -> PartFit:
         """Refine a roughly refined map to the end."""

@@ -11,7 +11,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_signatures import PartSignatures, WholeSignatures
+from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import vertex_normals
 
@@ -110,6 +110,24 @@ class PartRefinement:
         k_part = min(self.n_functions(k), len(basis.vertices) // 3)
         drawn = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
         return self._pair.whole.index.vertices(functions, drawn)
+
+    def local_stress(self, image: IntArray) -> float:
+        """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
+        settings, pair = self._pair.config.parts, self._pair
+        vertices, image = self.vertices[: pair.config.n_search], image[: pair.config.n_search]
+        along = pair.part.distances.between(vertices, vertices)
+        near = (along > settings.near[0]) & (along < settings.near[1])
+        there = np.maximum(pair.whole.distances.between(image, image)[near], settings.near[0] / 100)
+        ratio = np.abs(np.log(there / (pair.unit * along[near])))
+        return float(np.minimum(ratio, settings.most_ratio).mean())
+
+    def curvature_mismatch(self, image: IntArray) -> float:
+        """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""
+        fine = slice(N_ENERGIES + 1, None)
+        there = self._whole.signatures.values[:, fine]
+        here, weights = (each[self.vertices][:, fine] for each in self._signatures)
+        apart = (weights * np.abs(here - there[image])).sum(axis=0) / weights.sum(axis=0)
+        return float((apart / np.abs(there).mean(axis=0)).mean())
 
     def orientation(self, image: IntArray, k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy drawn on the part."""
