@@ -439,7 +439,7 @@ class PartSettings(Settings):
     soft: float = setting(0.18, "chosen on cuts and holes; docs/robustness.md", least=0)
     stress_exponent: float = setting(0.25, "chosen on cuts and holes; docs/robustness.md", least=0)
     untrusted_stress_exponent: float = setting(1.5, "chosen on cuts and holes; docs/robustness.md", least=0)
-    near: tuple[float, ...] = setting((0.08, 0.35), "chosen on cuts and holes; docs/robustness.md", least=0)
+    near: tuple[float, ...] = setting((0.08, 0.3), "chosen on cuts and holes; docs/robustness.md", least=0)
     most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     largest_share: float = setting(0.95, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)

@@ -91,6 +91,12 @@ class PartMatch:
                 return score / self.scores[0]
         return np.inf
 
+    @property
+    def share(self) -> float:
+        """Area of the part over that of the whole, by the best map."""
+        refinement = self.refining.at(self.pair, self.pair.config.n_refine)
+        return refinement.local_unit(self.fits[0].image) ** 2
+
     def embedding(self) -> Embedding:
         """Coordinates of all vertices of part and whole under the best map."""
         everywhere = np.arange(self.pair.part.body.n_vertices)
@@ -238,9 +244,9 @@ class _Refining:
 
     def fine(self, fit: PartFit) -> PartFit:
         """Refine a roughly refined map to the end."""
-        settings, pair = self._config.refining, fit.pair
+        settings, rough = self._config.refining, self.at(fit.pair, self._config.parts.n_rough)
+        pair = fit.pair.with_unit(rough.local_unit(fit.image))
         refinement = self.at(pair, self._config.n_refine)
-        rough = self.at(pair, self._config.parts.n_rough)
         image = refinement.extended(rough.vertices, fit.image, 70)
         image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
         image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))

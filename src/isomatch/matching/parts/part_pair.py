@@ -136,12 +136,17 @@ class PartPair:
         """Measure the unit by images (m,) of the anchors whose distances on the whole are known, where it may change."""
         lower, upper = self.anchor_intervals
         known = (lower >= TRUSTED * upper) & (upper > LONG * self.unit)
-        if self.config.scale in ("same", "area") or known.sum() < FEWEST_KNOWN:
+        if known.sum() < FEWEST_KNOWN:
             return self.unit
         distances = self.whole.distances.between(images, images)
-        change = np.log(np.median(distances[known] / upper[known]))
-        unit = self.unit * float(np.exp(UNIT_GRID * np.round(change / UNIT_GRID)))
-        return min(unit, LARGEST_UNIT)
+        return self.restricted(self.unit * float(np.median(distances[known] / upper[known])))
+
+    def restricted(self, unit: float) -> float:
+        """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
+        if self.config.scale in ("same", "area"):
+            return self.unit
+        steps = np.round(np.log(unit / self.unit) / UNIT_GRID)
+        return min(self.unit * float(np.exp(UNIT_GRID * steps)), LARGEST_UNIT)
 
 
 TRUSTED = 0.97  # lower over upper bound from which a distance counts as known

@@ -111,15 +111,23 @@ class PartRefinement:
         drawn = basis.functions[vertices, :k_part] @ basis.fit(functions[image], k_part)
         return self._pair.whole.index.vertices(functions, drawn)
 
+    def local_unit(self, image: IntArray) -> float:
+        """Measure the unit by images (r,): the median ratio of distances between them and along the part."""
+        return self._pair.restricted(float(np.median(self._ratios(image))))
+
     def local_stress(self, image: IntArray) -> float:
         """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
-        settings, pair = self._pair.config.parts, self._pair
-        vertices, image = self.vertices[: pair.config.n_search], image[: pair.config.n_search]
-        along = pair.part.distances.between(vertices, vertices)
-        near = (along > settings.near[0]) & (along < settings.near[1])
-        there = np.maximum(pair.whole.distances.between(image, image)[near], settings.near[0] / 100)
-        ratio = np.abs(np.log(there / (pair.unit * along[near])))
-        return float(np.minimum(ratio, settings.most_ratio).mean())
+        stretch = np.abs(np.log(self._ratios(image) / self._pair.unit))
+        return float(np.minimum(stretch, self._pair.config.parts.most_ratio).mean())
+
+    def _ratios(self, image: IntArray) -> FloatArray:
+        """Ratios of distances between images and along the part, over pairs of near vertices."""
+        pair, (least, most) = self._pair, self._pair.config.parts.near
+        few = slice(pair.config.n_search)
+        along = pair.part.distances.between(self.vertices[few], self.vertices[few])
+        near = (along > least) & (along < most)
+        there: FloatArray = pair.whole.distances.between(image[few], image[few])[near]
+        return np.maximum(there, least / 100) / along[near]
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""

@@ -44,7 +44,7 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
         matched = covered
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
-    share = found.pair.share
+    share = found.share
     return MatchResult(
         map=source.correspondence(target, points, matched),
         outcome=_outcome(found, quality),
@@ -74,7 +74,7 @@ def _closed_result(result: MatchResult, found: PartMatch, part: Part) -> MatchRe
         outcome=Outcome.PARTIAL if sure else result.outcome,
         notes=(
             *result.notes,
-            f"the {part} was matched as a part with its holes closed: it has {found.pair.share:.0%} of the area of the "
+            f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
             "other shape",
         ),
     )
@@ -90,7 +90,7 @@ def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:
     gap, _ = distance_along_edges_to_nearest(whole, np.unique(image))
     spacing = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
     order = np.argsort(gap, kind="stable")
-    filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * pair.share * whole.area
+    filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * found.share * whole.area
     reach = max(spacing, gap[order[filled]].max(initial=0.0))
     return gap <= reach, float(whole.vertex_areas[gap <= spacing].sum() / whole.area)
 
