@@ -10,6 +10,7 @@ from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.raster import Raster, rasterise
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
+from isomatch.surfaces.sheets import Separation, separate_sheets
 
 Surface: TypeAlias = Mesh | PointCloud | Graph
 """Any of the three: a space with geodesic distances that can be matched."""
@@ -23,12 +24,14 @@ __all__ = [
     "PointCloud",
     "Raster",
     "Repair",
+    "Separation",
     "Surface",
     "check",
     "rasterise",
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "separate_sheets",
     "vertex_normals",
     "write_mesh",
 ]
