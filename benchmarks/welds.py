@@ -3,8 +3,8 @@
     python benchmarks/welds.py --data DIR -o OUT
 
 writes ``welds.csv``, one row for each map, and prints a table. Every pair is matched as it is, welded (vertices within a
-gap merged in pairs), and remeshed (one watertight surface around voxels, which fuses what is nearer than the gap), without
-hints and with five true landmarks.
+gap merged in pairs), and remeshed (one watertight surface around voxels, which fuses what is nearer than the gap),
+without hints and with five true landmarks.
 """
 
 from __future__ import annotations
@@ -47,9 +47,11 @@ PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("tosca_iso_r", "david0", "david13", 0.04, "source"),
     ("tosca_iso_r", "david10", "david11", 0.02, "target"),
     ("tosca_iso_r", "cat0", "cat7", 0.02, "target"),
-    ("tosca_iso_r", "cat3", "cat2", 0.04, "target"),
+    ("tosca_iso_r", "cat3", "cat2", 0.05, "target"),
     ("tosca_iso_r", "cat6", "cat1", 0.04, "source"),
     ("tosca_iso_r", "centaur0", "centaur2", 0.04, "target"),
+    ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_3_3000", 0.08, "target"),
+    ("creatures", "quadruped_asymmetric_1_3_3000", "quadruped_asymmetric_1_1_3000", 0.08, "source"),
 )
 KINDS = ("none", "weld", "remesh")
 VOXEL = 0.01  # √area

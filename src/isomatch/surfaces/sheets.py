@@ -1,4 +1,4 @@
-"""Sheets that were glued together, such as limbs that touch in a scan: which faces belong together, and their separation."""
+"""Sheets that were glued together, such as limbs that touch in a scan: which faces belong together, their separation."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import EdgeTable, edge_table, linked
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces.mesh import Mesh
 
-LARGEST_LOSS = 3.9  # cosines; a change of partners between two flat sheets loses four
+LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 
 
@@ -87,9 +87,10 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     faces = _with_all_layers(mesh.vertices, mesh.faces)
     partners = _Partners(mesh.vertices, faces)
     partners.heal()
-    fan, vertex = _without_islands(mesh, *partners.fans())
+    fan, vertex = partners.fans()
     if (np.bincount(vertex, minlength=1) < 2).all():
         return whole
+    fan, vertex = _without_islands(mesh, fan, vertex)
     apart = Mesh(mesh.vertices[vertex], fan)
     seams = [seam for seam in _seams(faces, vertex) if _is_far(apart, vertex, seam, least_distance)]
     if not seams:
@@ -113,32 +114,35 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     faces = faces[~(bad.any & ~bad.duplicate)]
     edges = edge_table(faces, len(vertices))
     side, edge, direction = _sides_of(edges, faces)
-    excess = np.zeros(faces.size)  # of the traversals in the direction of each side
-    excess[side] = np.bincount(edge, direction, len(edges.ends))[edge] * direction
-    excess = excess.reshape(-1, 3)
+    surplus = np.bincount(edge, direction, len(edges.ends))  # of traversals from the smaller vertex
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
-    is_repeated = (first_equal(turned) != np.arange(len(faces))) & (excess > 0).all(axis=1)
+    too_often = np.bincount(side // 3, surplus[edge] * direction > 0) == 3
+    is_repeated = (first_equal(turned) != np.arange(len(faces))) & too_often
     if is_repeated.any():
         return _with_all_layers(vertices, faces[~is_repeated])
-    if not excess[side[(edges.n_faces > 2)[edge]] // 3].any():
+    if not surplus[edges.n_faces > 2].any():
         return faces
     plain = edges.is_pair & ~edges.same_direction
     n_pieces, piece = linked(edges.meetings[plain] // 3, len(faces))
-    rim = np.ones(faces.size, dtype=bool)
-    rim[edges.meetings[plain]] = False
-    of = np.repeat(piece, 3)[rim]
-    n_rim = np.bincount(of, minlength=n_pieces)
-    share = np.bincount(piece, Mesh(vertices, faces).face_areas, n_pieces)
-    small = share < share.sum() / 2
-    too_often, too_rarely = (
-        small & (n_rim > 0) & (np.bincount(of, sign * excess.ravel()[rim] > 0, n_pieces) == n_rim)
-        for sign in (1, -1)
-    )
-    has_boundary = np.zeros(n_pieces, dtype=bool)
-    has_boundary[piece[side[(edges.n_faces == 1)[edge]] // 3]] = True
-    reversed_layer, layer = (faces[(mask & ~has_boundary)[piece]] for mask in (too_often, too_rarely))
-    return np.concatenate([faces, reversed_layer[:, ::-1], layer])
+    is_rim = np.ones(faces.size, dtype=bool)
+    is_rim[edges.meetings[plain]] = False
+    rim = side[is_rim[side]]
+    edge_of, direction_of = edge[is_rim[side]], direction[is_rim[side]]
+    owner = piece[rim // 3]
+    signs = surplus[edge_of] * direction_of * (edges.n_faces[edge_of] > 1)
+    one_sign = np.abs(np.bincount(owner, np.sign(signs), n_pieces)) == np.bincount(owner, minlength=n_pieces)
+    area = np.bincount(piece, Mesh(vertices, faces).face_areas, n_pieces)
+    layers = [faces]
+    for i in np.flatnonzero(one_sign)[
+        area[one_sign].argsort(kind="stable")
+    ]:  # a wall before the rooms beside it
+        mine = np.flatnonzero(owner == i)
+        sign = np.sign(surplus[edge_of[mine]] * direction_of[mine])
+        if len(mine) and abs(sign.sum()) == len(mine):
+            np.subtract.at(surplus, edge_of[mine], sign * direction_of[mine])
+            layers.append(faces[piece == i][:, :: -int(sign[0])])
+    return np.concatenate(layers)
 
 
 def _sides_of(edges: EdgeTable, faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -153,8 +157,9 @@ class _Partners:
     """Which sides of m faces continue one another on a sheet: ``partner`` (3 m,), −1 where none does.
 
     Side 3 f + i of face f goes from its corner i to the next. Where directions do not cancel, all sides of an edge stay
-    together, by ``chained`` (k, 2). ``change`` has, for each crowded edge (vertex, vertex), the least loss of cosines by
-    an exchange of partners, and the two sides that exchange theirs.
+    together, by ``chained`` (k, 2). ``change`` has, for each crowded edge (vertex, vertex), the least loss of
+    likeness, ((1 + cos) / 2)² of the angle between normals, by an exchange of partners, and the two sides that exchange
+    theirs.
     """
 
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
@@ -172,10 +177,10 @@ class _Partners:
         for e in np.flatnonzero(balanced & (edges.n_faces > 2)):
             here = slice(first[e], first[e] + edges.n_faces[e])
             along, against = (side[here][direction[here] == sign] for sign in (1, -1))
-            cosines = normals[along // 3] @ normals[against // 3].T
-            _, chosen = linear_sum_assignment(cosines, maximize=True)
+            likeness = (1 + normals[along // 3] @ normals[against // 3].T) ** 2 / 4
+            _, chosen = linear_sum_assignment(likeness, maximize=True)
             self.partner[along], self.partner[against[chosen]] = against[chosen], along
-            kept = cosines[:, chosen]
+            kept = likeness[:, chosen]
             loss = np.diag(kept)[:, None] + np.diag(kept) - kept - kept.T
             loss[np.diag_indices(len(loss))] = np.inf
             i, j = divmod(int(loss.argmin()), len(loss))
@@ -263,7 +268,7 @@ def _without_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntAr
 
 
 def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
-    """Connected sets of vertices that have several fans, given the vertex of each fan."""
+    """List connected sets of vertices that have several fans, given the vertex of each fan."""
     glued = np.flatnonzero(np.bincount(vertex, minlength=int(faces.max()) + 1) > 1)
     number = np.full(int(faces.max()) + 1, -1, dtype=np.int64)
     number[glued] = np.arange(len(glued))
