@@ -3,8 +3,9 @@
     python benchmarks/welds.py --data DIR -o OUT
 
 writes ``welds.csv``, one row for each map, and prints a table. Every pair is matched as it is, welded (vertices within a
-gap merged in pairs), and remeshed (one watertight surface around voxels, which fuses what is nearer than the gap),
-without hints and with five true landmarks.
+gap merged in pairs), stitched (welded, and where both sheets have the same face, both removed: a tube between limbs) and
+remeshed (one watertight surface around voxels, which fuses what is nearer than one), without hints and with five true
+landmarks.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_3_3000", 0.08, "target"),
     ("creatures", "quadruped_asymmetric_1_3_3000", "quadruped_asymmetric_1_1_3000", 0.08, "source"),
 )
-KINDS = ("none", "weld", "remesh")
+KINDS = ("none", "weld", "stitched", "remesh")
 VOXEL = 0.01  # √area
 SEED = 0
 SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
@@ -96,27 +97,38 @@ def fused_pair(
     whole = benchmark_set(name, data).load(source, target)
     if kind == "none":
         return damaged_pair(whole)
-    fuse = {"weld": weld, "remesh": remesh}[kind]
+    fuse = {"weld": weld, "stitched": stitched, "remesh": remesh}[kind]
     sides = ("source", "target") if side == "both" else (side,)
     return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})
 
 
+def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
+    """Weld a mesh, and remove the faces that two sheets have in common."""
+    glued = weld(mesh, gap, seed=seed)
+    _, name, count = np.unique(
+        np.sort(glued.mesh.faces, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    kept = count[name.ravel()] == 1
+    used = np.unique(glued.mesh.faces[kept])
+    number = np.zeros(glued.mesh.n_vertices, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    assert glued.twin is not None
+    tube = Mesh(glued.mesh.vertices[used], number[glued.mesh.faces[kept]])
+    return Damaged(mesh, tube, glued.original[used], glued.twin[used])
+
+
 def remesh(mesh: Mesh, gap: float, seed: int) -> Damaged:
-    """Make one watertight surface around a closed mesh, as of its voxels, that fuses what is nearer than the gap.
+    """Make one watertight surface around a closed mesh, as of its voxels; that fuses what is nearer than one.
 
     A vertex of either surface stands for the nearest one of the other whose normal is less than 60° off.
     """
     step = VOXEL * np.sqrt(mesh.area)
-    reach = int(np.ceil(gap / VOXEL)) + 3
-    origin = mesh.vertices.min(axis=0) - reach * step
-    shape = np.ceil((mesh.vertices.max(axis=0) - origin) / step).astype(int) + reach + 1
+    origin = mesh.vertices.min(axis=0) - 4 * step
+    shape = np.ceil((mesh.vertices.max(axis=0) - origin) / step).astype(int) + 4
     inside = _inside((mesh.vertices - origin) / step, mesh.faces, tuple(shape))
-    widened = distance_transform_edt(~inside) <= gap / VOXEL / 2
-    closed = inside | (distance_transform_edt(widened) > gap / VOXEL / 2 + 0.5)
-    depth = distance_transform_edt(closed) - distance_transform_edt(~closed)
-    vertices, faces, _, _ = marching_cubes(
-        gaussian_filter(depth, 0.8).astype(np.float32), 0.0, gradient_direction="ascent"
-    )
+    depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
+    field = gaussian_filter(depth, 0.8).astype(np.float32)
+    vertices, faces, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
     skin = isomatch.repair(Mesh(origin + vertices * step, faces.astype(np.int64))).mesh
     skin = skin.submesh(skin.components == np.bincount(skin.components).argmax())[0]
     skin = decimate(skin, 5000 / skin.n_vertices, seed=seed).mesh

@@ -17,6 +17,7 @@ from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces.mesh import Mesh
 
 LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
+HEALING_ROUNDS = 3  # most that were needed in 54 welded shapes is two
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 
 
@@ -216,20 +217,13 @@ class _Partners:
         ends = np.array(usable)
         losses = np.array([self.change[edge][0] for edge in usable])
         graph = coo_array((losses + 1e-3, tuple(ends.T)), shape=(self._n, self._n)).tocsr()
-        n_fans = np.bincount(self.fans()[1], minlength=self._n)
-        single = np.unique(ends[n_fans[ends] == 1])
-        if len(single) < 2:
-            return
-        lengths, before = dijkstra(graph, directed=False, indices=single, return_predecessors=True)
-        between = lengths[:, single]
-        between[np.tril_indices(len(single))] = np.inf
-        met: set[int] = set()
-        for flat in between.argsort(axis=None, kind="stable"):
-            i, j = divmod(int(flat), len(single))
-            if between[i, j] == np.inf:
-                break
-            if i not in met and j not in met:
-                met |= {i, j}
+        for _ in range(HEALING_ROUNDS):
+            n_fans = np.bincount(self.fans()[1], minlength=self._n)
+            single = np.unique(ends[n_fans[ends] == 1])
+            if len(single) < 2:
+                return
+            lengths, before = dijkstra(graph, directed=False, indices=single, return_predecessors=True)
+            for i, j in _nearest_pairs(lengths[:, single]):
                 for edge in _path(before[i], int(single[j])):
                     _, p, q = self.change[edge]
                     self._exchange(p, q)
@@ -237,6 +231,19 @@ class _Partners:
     def _exchange(self, p: int, q: int) -> None:
         of_p, of_q = self.partner[[p, q]]
         self.partner[[p, of_q, q, of_p]] = of_q, p, of_p, q
+
+
+def _nearest_pairs(lengths: FloatArray) -> Iterator[tuple[int, int]]:
+    """Pair rows of a symmetric matrix, the nearest two first; those without a path to another stay alone."""
+    lengths[np.tril_indices(len(lengths))] = np.inf
+    met: set[int] = set()
+    for flat in lengths.argsort(axis=None, kind="stable"):
+        i, j = divmod(int(flat), len(lengths))
+        if lengths[i, j] == np.inf:
+            return
+        if i not in met and j not in met:
+            met |= {i, j}
+            yield i, j
 
 
 def _path(before: IntArray, end: int) -> Iterator[tuple[int, int]]:
