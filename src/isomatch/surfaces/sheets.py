@@ -17,7 +17,7 @@ from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces.mesh import Mesh
 
 LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
-HEALING_ROUNDS = 3  # most that were needed in 54 welded shapes is two
+HEALING_ROUNDS = 3
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 
 
