@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch._arrays import FloatArray, IntArray
@@ -68,8 +68,8 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     Two faces with the same corners and opposite winding lie on two sheets. If one of them has been removed, it is put
     back. A wrong choice of partners at an edge joins the fans at both ends, and several in a row those at the ends of the
     row. So vertices with only one fan are connected by paths of edges along which a change of partners costs the normals
-    least, and the partners are changed. What would fall off the
-    rest stays glued, or is left out if it has no vertices for itself.
+    least, and the partners are changed. What would fall off the rest stays glued, or is left out if it has no vertices
+    for itself.
 
     O(n log n) time, and about 0.1 ms for each edge of more than two faces.
 
@@ -86,14 +86,20 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     """
     whole = Separation(mesh, np.arange(mesh.n_vertices), ())
     faces = _with_all_layers(mesh.vertices, mesh.faces)
-    partners = _Partners(mesh.vertices, faces)
+    used = np.zeros((mesh.n_vertices, 1), dtype=bool)
+    used[faces] = True
+    points = np.where(used, mesh.vertices, 0.0)
+    points /= np.abs(points).max(initial=0.0) or 1.0  # keeps squares and products from overflowing
+    partners = _Partners(points, faces)
     partners.heal()
     fan, vertex = partners.fans()
     if (np.bincount(vertex, minlength=1) < 2).all():
         return whole
     fan, vertex = _without_islands(mesh, fan, vertex)
-    apart = Mesh(mesh.vertices[vertex], fan)
-    seams = [seam for seam in _seams(faces, vertex) if _is_far(apart, vertex, seam, least_distance)]
+    apart = Mesh(points[vertex], fan)
+    lengths = coo_array((apart.edge_lengths, tuple(apart.edges.T)), shape=(len(vertex),) * 2).tocsr()
+    limit = least_distance * np.sqrt(apart.area)
+    seams = [seam for seam in _seams(faces, vertex) if _is_far(lengths, vertex, seam, limit)]
     if not seams:
         return whole
     fans = np.arange(len(vertex))
@@ -135,9 +141,8 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     one_sign = np.abs(np.bincount(owner, np.sign(signs), n_pieces)) == np.bincount(owner, minlength=n_pieces)
     area = np.bincount(piece, Mesh(vertices, faces).face_areas, n_pieces)
     layers = [faces]
-    for i in np.flatnonzero(one_sign)[
-        area[one_sign].argsort(kind="stable")
-    ]:  # a wall before the rooms beside it
+    # the smallest first: a wall before the rooms beside it
+    for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
         mine = np.flatnonzero(owner == i)
         sign = np.sign(surplus[edge_of[mine]] * direction_of[mine])
         if len(mine) and abs(sign.sum()) == len(mine):
@@ -284,12 +289,9 @@ def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
     return [glued[label == i] for i in range(count)]
 
 
-def _is_far(apart: Mesh, vertex: IntArray, seam: IntArray, least: float) -> bool:
-    """Whether copies of some of the vertices of a seam are so far from each other along edges, in √area."""
+def _is_far(lengths: csr_array, vertex: IntArray, seam: IntArray, limit: float) -> bool:
+    """Whether copies of some vertices of a seam are farther apart than a limit, given the lengths of the edges."""
     probed = seam[np.unique(np.linspace(0, len(seam) - 1, MOST_PROBED).astype(int))]
-    i, j = apart.edges.T
-    lengths = coo_array((apart.edge_lengths, (i, j)), shape=(apart.n_vertices,) * 2).tocsr()
-    limit = least * np.sqrt(apart.area)
     for copies in (np.flatnonzero(vertex == v) for v in probed):
         if (dijkstra(lengths, directed=False, indices=copies[0], limit=limit)[copies[1:]] > limit).any():
             return True
