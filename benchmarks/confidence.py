@@ -16,11 +16,10 @@ from zlib import crc32
 import numpy as np
 
 import isomatch
-from isomatch import Config, Correspondence
-from isomatch.datasets import BenchmarkPair, DamageChoice, DamagedPair, benchmark_set
-from isomatch.evaluation import counted, geodesic_errors
+from isomatch import Config
+from isomatch.datasets import BenchmarkPair, DamageChoice, benchmark_set
 from isomatch.matching import SearchSettings
-from studies import asked_for, in_parallel, mean_error
+from studies import asked_for, error_after, in_parallel, mean_error
 
 RIGHT, WRONG = 3.0, 10.0
 SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
@@ -104,14 +103,6 @@ def judged(job: Job) -> dict[str, Any]:
         error = mean_error(whole, found.map, kind == "either side")
     row |= {"outcome": found.outcome.name, "error": error}
     return row | {key: found.to_dict()["quality"][key] for key in EVIDENCE}
-
-
-def error_after(damaged: DamagedPair, found: Correspondence) -> float:
-    """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
-    target = damaged.whole.target
-    lifted = [Correspondence(image, target.n_vertices) for image in damaged.lifted(found.vertices)]
-    errors = [geodesic_errors(target, image, damaged.whole.truth, 400) for image in lifted]
-    return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
 def loaded_pair(data: str, kind: str, name: str, a: str, b: str) -> BenchmarkPair:

@@ -13,7 +13,15 @@ from typing import TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
-from isomatch.datasets import BenchmarkPair, benchmark_set, creature, ground_truth, noise, relabelled
+from isomatch.datasets import (
+    BenchmarkPair,
+    DamagedPair,
+    benchmark_set,
+    creature,
+    ground_truth,
+    noise,
+    relabelled,
+)
 from isomatch.evaluation import counted, geodesic_errors
 
 T = TypeVar("T")
@@ -35,6 +43,14 @@ def mean_error(pair: BenchmarkPair, found: Correspondence, either_side: bool = F
     truths = [pair.truth] if pair.mirrored is None or not either_side else [pair.truth, pair.mirrored]
     errors = [geodesic_errors(pair.target, found, truth, 400) for truth in truths]
     return float(100 * min(counted(each).mean() for each in errors))
+
+
+def error_after(damaged: DamagedPair, found: Correspondence) -> float:
+    """Mean error × 100 / √area of a map of damaged shapes, on the whole target."""
+    target = damaged.whole.target
+    lifted = [Correspondence(image, target.n_vertices) for image in damaged.lifted(found.vertices)]
+    errors = [geodesic_errors(target, image, damaged.whole.truth, 400) for image in lifted]
+    return float(100 * counted(np.min(errors, axis=0)).mean())
 
 
 Job = tuple[str, str, tuple[str, str]]  # folder of the sets, set, names of the pair

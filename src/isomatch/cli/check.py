@@ -21,7 +21,7 @@ Verb = Literal["distance", "basis", "match"]
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: basis_domain(mesh, n_columns=N_COLUMNS),
-    "match": lambda mesh: body_of(mesh, isomatch.Config().preparation.graph_average_distance),
+    "match": lambda mesh: body_of(mesh, isomatch.Config().preparation),
 }
 
 

@@ -9,9 +9,11 @@ import numpy as np
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair
+from isomatch.matching.config import PreparationSettings
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair, separate_sheets
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
+SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,13 +23,14 @@ class Body:
     Parameters
     ----------
     surface : Mesh, PointCloud or Graph
-        The largest connected component; a mesh welded and wound outward; centred, of unit area.
+        The largest connected component; a mesh welded, its glued sheets separated, wound outward; centred, of unit
+        area.
     scale : float
         What a length of 1 is worth in the units of the shape.
     body_vertex : (n,) array of int
         Body vertex of each vertex of the shape; −1 for those left out.
     user_vertex : (n_body,) array of int
-        Vertex of the shape of each body vertex.
+        Vertex of the shape of each body vertex; where sheets were separated, several have the same.
     left_out : float
         Share of the area in other components, or of the vertices in those of them that could be matched by themselves,
         if that is larger: the vertices of debris do not count.
@@ -43,7 +46,7 @@ class Body:
     notes: tuple[str, ...]
 
 
-def body_of(shape: Surface, graph_average_distance: float) -> Body:
+def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     """Take the largest component, mend it, and give it unit area; or to a graph, which has none, an average distance.
 
     Raises
@@ -51,7 +54,7 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
     MeshError
         If the shape cannot be used.
     """
-    whole, unit, new_index, old_index, notes = _repaired(shape)
+    whole, unit, new_index, old_index, notes = _repaired(shape, settings.sheet_distance)
     if not whole.n_vertices:
         raise MeshError("no vertices, so there is nothing to match; give a shape with vertices")
     labels = whole.components
@@ -72,7 +75,7 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
             f"the largest component has {len(vertices)} vertices, at least {FEWEST_VERTICES} are needed; "
             "subdivide the mesh, or weld its triangles if they share no vertices"
         )
-    surface, length = _normalised(whole, kept, graph_average_distance)
+    surface, length = _normalised(whole, kept, settings.graph_average_distance)
     to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
     to_body[vertices] = np.arange(len(vertices))
     return Body(
@@ -85,8 +88,10 @@ def body_of(shape: Surface, graph_average_distance: float) -> Body:
     )
 
 
-def _repaired(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
-    """Mend a mesh; returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
+def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
+    """Mend a mesh and separate glued sheets.
+
+    Returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
 
     Nothing is mended of points and graphs.
     """
@@ -104,9 +109,26 @@ def _repaired(shape: Surface) -> tuple[Surface, float, IntArray, IntArray, list[
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
     repaired = repair(shape)
+    new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
+    if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
+        glued = repair(shape, remove_duplicates=False, orient=False)
+        apart = separate_sheets(glued.mesh, sheet_distance)
+        if apart.seams:
+            repaired = repair(apart.mesh, weld=False)
+            new_index = np.append(repaired.new_index, -1)[glued.new_index]
+            old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
+            notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, glued.vertex_index)]
     unit = float(np.abs(repaired.mesh.vertices).max())
-    mesh = Mesh(repaired.mesh.vertices / unit, repaired.mesh.faces)
-    return mesh, unit, repaired.new_index, repaired.vertex_index, list(repaired.changes)
+    return Mesh(repaired.mesh.vertices / unit, repaired.mesh.faces), unit, new_index, old_index, notes
+
+
+def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
+    largest = max(seams, key=len)
+    return (
+        f"separated sheets that were glued together at {sum(map(len, seams))} vertices, in {len(seams)} "
+        f"{'seam' if len(seams) == 1 else 'seams'}; the largest has {len(largest)}, one of them vertex "
+        f"{vertex_index[largest[len(largest) // 2]]}; if they belong together, set preparation.sheet_distance = inf"
+    )
 
 
 def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) -> tuple[Surface, float]:

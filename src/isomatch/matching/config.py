@@ -62,6 +62,9 @@ class PreparationSettings(Settings):
         Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
     block_diagonal : bool
         Whether descriptor columns of different sign are never mixed by an alignment.
+    sheet_distance : float
+        Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
+        apart along the surface, in √area; ``inf`` leaves them together.
     """
 
     extremity_spacing: float = setting(
@@ -85,6 +88,7 @@ class PreparationSettings(Settings):
     graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
+    sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -60,7 +60,7 @@ class PreparedShape:
     body_vertex : (n,) array of int
         Body vertex of each vertex of ``surface``; −1 for those left out.
     user_vertex : (n_body,) array of int
-        Vertex of ``surface`` of each body vertex.
+        Vertex of ``surface`` of each body vertex; where glued sheets were separated, several have the same.
     scale : float
         What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
         over ``graph_average_distance``.
@@ -305,7 +305,10 @@ def prepare(
     started = time.perf_counter()
     config = config or Config()
     generator(seed)  # refuses what is no seed
-    found = body_of(surface, config.preparation.graph_average_distance)
+    glued = distances is not None  # given distances decide what is connected
+    found = body_of(
+        surface, replace(config.preparation, sheet_distance=np.inf) if glued else config.preparation
+    )
     body, notes = found.surface, found.notes
     requested, config = config, config.for_size(body.n_vertices)
     if config != requested:

@@ -11,6 +11,7 @@ from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.raster import Raster, rasterise
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
+from isomatch.surfaces.sheets import Separation, separate_sheets
 
 Surface: TypeAlias = Mesh | PointCloud | Graph
 """Any of the three: a space with geodesic distances that can be matched."""
@@ -24,6 +25,7 @@ __all__ = [
     "PointCloud",
     "Raster",
     "Repair",
+    "Separation",
     "Surface",
     "capped",
     "check",
@@ -31,6 +33,7 @@ __all__ = [
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "separate_sheets",
     "vertex_normals",
     "write_mesh",
 ]

@@ -41,7 +41,14 @@ class Repair:
         return f"Repair({self.mesh!r}, changes={list(self.changes)})"
 
 
-def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient: bool = True) -> Repair:
+def repair(
+    mesh: Mesh,
+    *,
+    weld: bool = True,
+    remove_duplicates: bool = True,
+    remove_unused: bool = True,
+    orient: bool = True,
+) -> Repair:
     """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
 
     The steps are, in this order:
@@ -62,6 +69,9 @@ def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient:
     weld : bool
         Whether to weld coincident vertices, such as the seams of texture maps. Two sheets that touch at a vertex are
         joined there.
+    remove_duplicates : bool
+        Whether to remove faces with the vertices of an earlier face. Where sheets are glued together, such faces are of
+        both sheets; see `separate_sheets`.
     remove_unused : bool
         Whether to remove finite vertices that no face uses.
     orient : bool
@@ -96,7 +106,7 @@ def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient:
     faces[in_range] = survivor[faces[in_range]]
 
     bad = unsound_faces(mesh.vertices, faces)
-    face_index = np.flatnonzero(~bad.any)
+    face_index = np.flatnonzero(~bad.any | (bad.duplicate & ~remove_duplicates))
     faces = faces[face_index]
 
     finite = np.isfinite(mesh.vertices).all(axis=1)
@@ -116,7 +126,7 @@ def repair(mesh: Mesh, *, weld: bool = True, remove_unused: bool = True, orient:
         ("removed {} with a vertex index out of range", "face", bad.out_of_range),
         ("removed {} with a non-finite vertex", "face", bad.non_finite),
         ("removed {} with a repeated vertex", "face", bad.repeated_index),
-        ("removed {} with the vertices of an earlier face", "face", bad.duplicate),
+        ("removed {} with the vertices of an earlier face", "face", bad.duplicate & remove_duplicates),
         ("removed {} with non-finite coordinates", "vertex", ~finite),
         ("removed {} that no face used", "vertex", unused),
         ("rewound {}", "face", rewound),

@@ -51,11 +51,12 @@ _SURVIVABLE = {
     "non_manifold_edges": (
         "edges of more than two faces",
         "paths may cross from one sheet to another there, which makes distances shorter; "
-        "separate the sheets in a mesh editor",
+        "match separates sheets that are far apart along the surface, others need a mesh editor",
     ),
     "non_manifold_vertices": (
         "vertices where several fans of faces meet",
-        "sheets touch at a single point there, and paths pass through it; split these vertices in a mesh editor",
+        "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others need a mesh "
+        "editor",
     ),
     "inconsistent_edges": (
         "edges whose two faces have opposite winding",

@@ -1,0 +1,192 @@
+"""What do limbs that touch and are fused do to maps? Pairs in which one shape, or both, have such limbs.
+
+    python benchmarks/welds.py --data DIR -o OUT
+
+writes ``welds.csv``, one row for each map, and prints a table. Every pair is matched as it is, welded (vertices within a
+gap merged in pairs), stitched (welded, and where both sheets have the same face, both removed: a tube between limbs) and
+remeshed (one watertight surface around voxels, which fuses what is nearer than one), without hints and with five true
+landmarks.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial import KDTree
+from skimage.measure import marching_cubes
+
+import isomatch
+from isomatch import Mesh
+from isomatch.datasets import Damaged, DamagedPair, benchmark_set, damaged_pair, decimate, weld
+from isomatch.evaluation import true_landmarks
+from studies import asked_for, error_after, in_parallel
+
+PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
+    ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),
+    ("faust_r", "tr_reg_000", "tr_reg_017", 0.02, "target"),
+    ("faust_r", "tr_reg_021", "tr_reg_027", 0.04, "target"),
+    ("faust_r", "tr_reg_020", "tr_reg_006", 0.02, "target"),
+    ("faust_r", "tr_reg_007", "tr_reg_001", 0.02, "source"),
+    ("faust_r", "tr_reg_037", "tr_reg_024", 0.04, "source"),
+    ("faust_r", "tr_reg_041", "tr_reg_042", 0.04, "target"),
+    ("faust_r", "tr_reg_017", "tr_reg_027", 0.02, "both"),
+    ("tosca_iso_r", "victoria0", "victoria7", 0.02, "target"),
+    ("tosca_iso_r", "victoria1", "victoria25", 0.02, "target"),
+    ("tosca_iso_r", "victoria12", "victoria21", 0.02, "target"),
+    ("tosca_iso_r", "victoria0", "victoria23", 0.02, "target"),
+    ("tosca_iso_r", "victoria12", "victoria17", 0.04, "target"),
+    ("tosca_iso_r", "victoria10", "victoria24", 0.02, "target"),
+    ("tosca_iso_r", "victoria4", "victoria0", 0.02, "source"),
+    ("tosca_iso_r", "victoria1", "victoria12", 0.04, "source"),
+    ("tosca_iso_r", "victoria21", "victoria2", 0.02, "both"),
+    ("tosca_iso_r", "david1", "david12", 0.04, "target"),
+    ("tosca_iso_r", "david0", "david13", 0.04, "source"),
+    ("tosca_iso_r", "david10", "david11", 0.02, "target"),
+    ("tosca_iso_r", "cat0", "cat7", 0.02, "target"),
+    ("tosca_iso_r", "cat3", "cat2", 0.05, "target"),
+    ("tosca_iso_r", "cat6", "cat1", 0.04, "source"),
+    ("tosca_iso_r", "centaur0", "centaur2", 0.04, "target"),
+    ("creatures", "quadruped_asymmetric_0_1_3000", "quadruped_asymmetric_0_3_3000", 0.08, "target"),
+    ("creatures", "quadruped_asymmetric_1_3_3000", "quadruped_asymmetric_1_1_3000", 0.08, "source"),
+)
+KINDS = ("none", "weld", "stitched", "remesh")
+VOXEL = 0.01  # √area
+SEED = 0
+SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
+COLUMNS = ("pair", "side", "gap", "kind", "landmarks", "error", "outcome", "notes")
+Job = tuple[str, str, bool, tuple[str, str, str, float, str]]  # folder of the sets, kind, landmarks, pair
+
+
+def jobs(data: str) -> Iterator[Job]:
+    """List every pair with each kind of damage, without and with landmarks."""
+    for landmarks in (False, True):
+        for kind in KINDS:
+            for pair in PAIRS:
+                yield data, kind, landmarks, pair
+
+
+def judged(job: Job) -> dict[str, Any]:
+    """Match one pair, and measure the error on the whole target."""
+    data, kind, landmarks, (name, source, target, gap, side) = job
+    damaged = fused_pair(data, kind, name, source, target, gap, side)
+    hints = true_landmarks(damaged.given) if landmarks else None
+    found = isomatch.match(damaged.given.source, damaged.given.target, hints)
+    return {
+        "pair": f"{source}-{target}",
+        "side": side,
+        "gap": gap,
+        "kind": kind,
+        "landmarks": 5 * landmarks,
+        "error": error_after(damaged, found.map),
+        "outcome": found.outcome.name,
+        "notes": "; ".join(found.notes),
+        "quality": found.quality,
+    }
+
+
+@functools.lru_cache(maxsize=1)
+def fused_pair(
+    data: str, kind: str, name: str, source: str, target: str, gap: float, side: str
+) -> DamagedPair:
+    """Load a pair and fuse limbs of one shape, or of both."""
+    whole = benchmark_set(name, data).load(source, target)
+    if kind == "none":
+        return damaged_pair(whole)
+    fuse = {"weld": weld, "stitched": stitched, "remesh": remesh}[kind]
+    sides = ("source", "target") if side == "both" else (side,)
+    return damaged_pair(whole, **{each: fuse(getattr(whole, each), gap, seed=SEED) for each in sides})
+
+
+def stitched(mesh: Mesh, gap: float, seed: int) -> Damaged:
+    """Weld a mesh, and remove the faces that two sheets have in common."""
+    glued = weld(mesh, gap, seed=seed)
+    _, name, count = np.unique(
+        np.sort(glued.mesh.faces, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    kept = count[name.ravel()] == 1
+    used = np.unique(glued.mesh.faces[kept])
+    number = np.zeros(glued.mesh.n_vertices, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    assert glued.twin is not None
+    tube = Mesh(glued.mesh.vertices[used], number[glued.mesh.faces[kept]])
+    return Damaged(mesh, tube, glued.original[used], glued.twin[used])
+
+
+def remesh(mesh: Mesh, gap: float, seed: int) -> Damaged:
+    """Make one watertight surface around a closed mesh, as of its voxels; that fuses what is nearer than one.
+
+    A vertex of either surface stands for the nearest one of the other whose normal is less than 60° off.
+    """
+    step = VOXEL * np.sqrt(mesh.area)
+    origin = mesh.vertices.min(axis=0) - 4 * step
+    shape = np.ceil((mesh.vertices.max(axis=0) - origin) / step).astype(int) + 4
+    inside = _inside((mesh.vertices - origin) / step, mesh.faces, tuple(shape))
+    depth = distance_transform_edt(inside) - distance_transform_edt(~inside)
+    field = gaussian_filter(depth, 0.8).astype(np.float32)
+    vertices, faces, _, _ = marching_cubes(field, 0.0, gradient_direction="ascent")
+    skin = isomatch.repair(Mesh(origin + vertices * step, faces.astype(np.int64))).mesh
+    skin = skin.submesh(skin.components == np.bincount(skin.components).argmax())[0]
+    skin = decimate(skin, 5000 / skin.n_vertices, seed=seed).mesh
+    original, _ = _counterpart(skin, mesh)
+    stand_in, away = _counterpart(mesh, skin)
+    stand_in[away > 2 * step] = -1
+    return Damaged(mesh, skin, original, stand_in=stand_in)
+
+
+def _inside(vertices: Any, faces: Any, shape: tuple[int, ...]) -> Any:
+    """Which points (x, y, z) of the integer grid a closed mesh encloses: signed crossings along each line in z."""
+    crossings = np.zeros((shape[0], shape[1], shape[2] + 1), dtype=np.int32)
+    shift = np.array([1e-4, 2.3e-4, 0.0])  # no line meets a vertex
+    for a, b, c in (vertices + shift)[faces]:
+        low, high = np.ceil(np.min([a, b, c], axis=0)[:2]), np.floor(np.max([a, b, c], axis=0)[:2])
+        x, y = np.mgrid[low[0] : high[0] + 1, low[1] : high[1] + 1].reshape(2, -1)
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if not len(x) or area == 0:
+            continue
+        u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+        v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1)
+        z = np.ceil(a[2] + u[hit] * (b[2] - a[2]) + v[hit] * (c[2] - a[2])).astype(int)
+        np.add.at(crossings, (x[hit].astype(int), y[hit].astype(int), z), -1 if area > 0 else 1)
+    return crossings.cumsum(axis=2)[:, :, :-1] > 0
+
+
+def _counterpart(here: Mesh, there: Mesh) -> tuple[Any, Any]:
+    """Nearest vertex of another mesh whose normal is less than 60° off, of each vertex; and how far it is."""
+    apart, near = KDTree(there.vertices).query(here.vertices, k=30)
+    alike = np.einsum("nj,nkj->nk", here.vertex_normals, there.vertex_normals[near]) > 0.5
+    first = alike.argmax(axis=1)
+    rows = np.arange(len(near))
+    return near[rows, first], np.where(alike.any(axis=1), apart[rows, first], np.inf)
+
+
+def table(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """Lines of a table: mean, median and worst error of each kind, wrong maps, and outcomes."""
+    for landmarks in (0, 5):
+        for kind in KINDS:
+            found = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
+            if found:
+                errors = np.array([row["error"] for row in found])
+                sure = [row["error"] for row in found if row["outcome"] in SURE]
+                yield (
+                    f"| {kind} | {landmarks} | {errors.mean():.2f} | {np.median(errors):.2f} | {errors.max():.1f} | "
+                    f"{(errors > 10).sum()} of {len(errors)} | {len(sure)}, {max(sure, default=0):.1f} |"
+                )
+
+
+if __name__ == "__main__":
+    asked = asked_for(__doc__, "welds.csv")
+    rows = []
+    with (asked.output / "welds.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
+        writer.writeheader()
+        for row in in_parallel(judged, jobs(asked.data)):
+            rows.append(row)
+            writer.writerow(row)
+            file.flush()
+    print(*table(rows), sep="\n")
