@@ -26,7 +26,6 @@ from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
     Hypothesis,
     hypotheses_from_hints,
-    no_first_map,
     search,
     symmetric_variants,
 )
@@ -79,7 +78,7 @@ def match(
     SettingError
         If shapes were prepared with other settings, or hints are asked for and none was given.
     NotConvergedError
-        If no hypothesis could be formed at all.
+        If no map of a part keeps the orientation.
 
     Notes
     -----
@@ -109,8 +108,6 @@ def match(
         timer.start("selection")
         judge = Judge(pair, hints)
         eligible = _ranked(pair, judge(may_win), hints)
-        if not eligible:
-            raise no_first_map(pair)
         variants = judge(_symmetric_variants(pair, eligible[0]))
         if pair.config.hypotheses == "all":
             eligible = _ranked(pair, [*eligible, *variants], hints)
@@ -149,7 +146,7 @@ def match(
 def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Hypotheses that may win, and those that are searched as rivals only."""
     config = pair.config
-    if config.hypotheses == "given" and not hints.any:
+    if config.hypotheses == "given" and not hints.any and config.start == "auto":
         raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
     given = hypotheses_from_hints(pair, hints)
     if config.hypotheses == "all":

@@ -79,7 +79,7 @@ def find_symmetries(
     n = min(settings.n_samples, len(distances))
     largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
-    anchors = _farthest_rows(between, settings.n_anchors)
+    anchors = farthest_rows(between, settings.n_anchors)
     assigned = _assignments(between, anchors, settings)
     if not len(assigned):
         return ()
@@ -126,7 +126,7 @@ def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
     return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 
 
-def _farthest_rows(distances: FloatArray, count: int) -> IntArray:
+def farthest_rows(distances: FloatArray, count: int) -> IntArray:
     """Rows far from each other, from the most remote one."""
     rows = [int(distances.mean(axis=1).argmax())]
     while len(rows) < min(count, len(distances)):
