@@ -156,7 +156,7 @@ def _creatures() -> BenchmarkSet:
 
 
 def _organs() -> BenchmarkSet:
-    """Make 40 pairs of eight kinds of organ: 24 asymmetric, 8 mirror-symmetric, 8 that half a turn carries onto themselves."""
+    """Make 40 pairs of eight kinds of organ: 24 without symmetry, 8 with a mirror image, 8 with half a turn."""
 
     def load(source: str, target: str) -> BenchmarkPair:
         a, b = _organ(source), _organ(target)

@@ -38,12 +38,12 @@ def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
     """Let the signatures move a map (m_s,) of the search vertices.
 
     Of a shape that is round, many maps keep distances, and iterative closest points stop at any of them. Few functions
-    leave a map free to move along these directions; in each step, images are nearest neighbours among these functions
-    and signatures.
+    leave a map free to move along these directions; in each step, images are nearest neighbours in these functions and
+    the signatures together.
     """
-    spectra, signatures = pair.search_spectra, pair.search_signatures
-    for k in pair.config.anchors.slide_sizes:
-        k = min(k, pair.n_functions)
+    spectra, signatures, settings = pair.search_spectra, pair.search_signatures, pair.config.anchors
+    k = min(settings.slide_functions, pair.n_functions)
+    for _ in range(settings.slide_steps):
         carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
         target_row = nearest_rows(
             np.hstack([carried / np.sqrt(k), signatures.target]),

@@ -227,8 +227,8 @@ class AnchorSettings(Settings):
         Best assignments that become first maps.
     eccentricity_weight, signature_weight : float
         Weights of differences of average distance and of signatures in the cost of an assignment.
-    slide_sizes : tuple of int
-        Functions in the steps by which signatures move a first map.
+    slide_functions, slide_steps : int
+        Functions, and steps, by which signatures move a first map.
     n_hypotheses : int
         Most hypotheses: the residuals of round shapes tell little, so many are kept until curvature has been compared.
     """
@@ -240,9 +240,8 @@ class AnchorSettings(Settings):
     n_starts: int = setting(48, "docs/robustness.md, shapes without limbs", least=1)
     eccentricity_weight: float = setting(0.3, "as search.eccentricity_weight", least=0)
     signature_weight: float = setting(0.25, "docs/robustness.md, shapes without limbs", least=0)
-    slide_sizes: tuple[int, ...] = setting(
-        (6,) * 6 + (10,) * 6 + (20,) * 4, "docs/robustness.md, shapes without limbs", least=4, empty=True
-    )
+    slide_functions: int = setting(20, "the first of selection.sizes", least=4)
+    slide_steps: int = setting(10, "docs/robustness.md, shapes without limbs", least=0)
     n_hypotheses: int = setting(40, "docs/robustness.md, shapes without limbs", least=1)
 
 
