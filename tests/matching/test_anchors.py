@@ -12,7 +12,7 @@ from shapes import box, cylinder, disguised, flat_grid, icosphere
 from zoo.made import mobius_strip
 
 
-def organ_pair(kind, symmetry="none", n=1800):
+def organ_pair(kind, symmetry="none", n=1500):
     source, target = (organ(kind, n, symmetry=symmetry, pose=pose) for pose in (1, 2))
     mesh, new = relabelled(target.mesh, 0)
     return source.mesh, mesh, new[organ_truth(source, target).vertices]
@@ -23,7 +23,7 @@ def error(target, found, truth):
     return whole.mean_distance(whole.body_vertex[found.map.vertices], whole.body_vertex[truth])
 
 
-@pytest.mark.parametrize("kind", ["kidney", "hippocampus", "face"])
+@pytest.mark.parametrize("kind", ["kidney", "face"])
 def test_organs_are_matched(kind):
     source, target, truth = organ_pair(kind)
     found = match(source, target)
