@@ -235,9 +235,11 @@ class AnchorSettings(Settings):
 
     n_anchors: int = setting(6, "three points determine an isometry, three more its errors", least=3)
     n_candidates: int = setting(200, "as symmetry.n_samples", least=20)
-    beam: int = setting(200, "docs/robustness.md, shapes without limbs", least=1)
-    apart: float = setting(0.15, "selection.rival_distance", least=0)
-    n_starts: int = setting(48, "docs/robustness.md, shapes without limbs", least=1)
+    beam: int = setting(200, "chosen, not measured", least=1)
+    apart: float = setting(
+        0.15, "chosen, near selection.rival_distance; 0.1 with 80 starts is no better", least=0
+    )
+    n_starts: int = setting(48, "chosen: of the most that extremities give", least=1)
     eccentricity_weight: float = setting(0.3, "as search.eccentricity_weight", least=0)
     signature_weight: float = setting(0.25, "docs/robustness.md, shapes without limbs", least=0)
     slide_functions: int = setting(20, "the first of selection.sizes", least=4)

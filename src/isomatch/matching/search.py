@@ -26,7 +26,8 @@ class Hypothesis:
     alignment : Alignment
         Target row of each source row, rotation and residual after iterative closest points.
     origin : str
-        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "flip" or "symmetry".
+        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip" or
+        "symmetry".
     """
 
     alignment: Alignment
