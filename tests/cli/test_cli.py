@@ -251,12 +251,11 @@ def test_match_names_the_file_that_it_refuses(shapes, tmp_path, capsys, side):
     assert f"isomatch: {side} {files[side]}: the largest component has 42 vertices" in one_line(capsys)
 
 
-def test_match_names_the_files_without_a_first_map(tmp_path, capsys):
+def test_match_starts_from_the_pose(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "strip.off", flat_grid(2, 60))
-    file = str(tmp_path / "strip.off")
-    assert main(["match", file, file, "-o", str(tmp_path / "out")]) == 1
-    words = f"source {file}: 2 extremities, fewer than 4; target {file}: 2 extremities, fewer than 4; no first map"
-    assert words in one_line(capsys)
+    file, out = str(tmp_path / "strip.off"), tmp_path / "out"
+    assert main(["match", file, file, "--start", "pose", "-o", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["config"]["start"] == "pose"
 
 
 def test_repair_writes_mesh_and_index(tmp_path, capsys):

@@ -75,8 +75,6 @@ def gmds(
     ------
     MeshError, LandmarkError, MapError, DescriptorError, SettingError
         As `match` does; a `SettingError` also if the target has no triangles.
-    NotConvergedError
-        If nothing is given and no automatic start could be formed.
 
     Notes
     -----

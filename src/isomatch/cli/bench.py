@@ -33,12 +33,13 @@ def bench(
     Parameters
     ----------
     sets : str
-        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures, example; several with commas.
+        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures, organs, example; several with commas.
     output : Path
         Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves. Rows that are already
         there are not computed again, unless isomatch or the settings of the method have changed.
     data : Path
-        Folder of the sets, each in a folder of its name, as archives or as published; creatures and example need none.
+        Folder of the sets, each in a folder of its name, as archives or as published; creatures, organs and example need
+        none.
     methods : str
         isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
         gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are

@@ -12,7 +12,7 @@ import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
-from isomatch.matching import Orientation, Refinement
+from isomatch.matching import Orientation, Refinement, Start
 
 
 def match(
@@ -25,6 +25,7 @@ def match(
     initial_map: Path | None = None,
     refinement: Refinement | None = None,
     orientation: Orientation | None = None,
+    start: Start | None = None,
     config: Path | None = None,
     seed: int = 0,
     json: bool = False,
@@ -49,6 +50,8 @@ def match(
         How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
     orientation : str
         Whether the map preserves orientation: preserve (default), reverse (a mirror image), or any.
+    start : str
+        "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
     config : Path
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
     seed : int
@@ -60,17 +63,17 @@ def match(
     """
     folder = ResultFolder(output)
     settings = read_config(config) or isomatch.Config()
-    options: dict[str, Any] = {"refinement": refinement, "orientation": orientation}
+    options: dict[str, Any] = {"refinement": refinement, "orientation": orientation, "start": start}
     settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
     pairs = None if landmarks is None else read_landmarks(landmarks)
     with progress() as stage:
         stage("reading")
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
-        start = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
+        first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
             with naming_files(source=source, target=target):
                 result = isomatch.match(
-                    *shapes, landmarks=pairs, initial_map=start, config=settings, seed=seed, progress=stage
+                    *shapes, landmarks=pairs, initial_map=first, config=settings, seed=seed, progress=stage
                 )
             stage("writing")
             given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}

@@ -16,6 +16,7 @@ from isomatch._arrays import IntArray
 from isomatch._settings import generator
 from isomatch.datasets.creatures import Creature, creature, ground_truth
 from isomatch.datasets.example import example_pair
+from isomatch.datasets.organs import PLANS, Organ, organ, organ_truth
 from isomatch.datasets.published import faust, remeshed, scape, tosca
 from isomatch.datasets.shape_set import BenchmarkPair, ShapeSet
 from isomatch.errors import MissingFileError, SettingError
@@ -70,12 +71,12 @@ def benchmark_set(
 
     Parameters
     ----------
-    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures", "example"}
+    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures", "organs", "example"}
         Name of the set. The remeshed sets have their published test pairs. The others have every ordered pair of poses
         within a class, unless a ``test_pairs.txt`` lists others; `BenchmarkSet.chosen` draws some.
     folder : path_like, optional
         Folder of the sets, each in a folder of its name, as archives or as published: see `tosca`, `scape`, `faust` and
-        `remeshed`. "creatures" and "example" need none.
+        `remeshed`. "creatures", "organs" and "example" need none.
     landmarks : path_like, optional
         Folder of hand-picked landmarks, which then are the truth, see `ShapeSet.with_landmarks`.
 
@@ -154,6 +155,29 @@ def _creatures() -> BenchmarkSet:
     return BenchmarkSet("creatures", tuple((a, b) for a, b in names), load)
 
 
+def _organs() -> BenchmarkSet:
+    """Make 40 pairs of eight kinds of organ: 24 without symmetry, 8 with a mirror image, 8 with half a turn."""
+
+    def load(source: str, target: str) -> BenchmarkPair:
+        a, b = _organ(source), _organ(target)
+        mesh, new = relabelled(b.mesh, crc32(target.encode()))
+
+        def truth(symmetric: bool) -> IntArray:
+            image = new[organ_truth(a, b, symmetric=symmetric).vertices]
+            return np.column_stack([np.arange(len(image)), image])
+
+        other = truth(True) if a.symmetry != "none" else None
+        return BenchmarkPair(f"{source}-{target}", a.mesh, mesh, truth(False), other)
+
+    variants = [*(("none", style) for style in range(3)), ("mirror", 3), ("turn", 4)]
+    names = [
+        tuple(f"{kind}_{symmetry}_{style}_{2 * style + j + 1}" for j in range(2))
+        for kind in PLANS
+        for symmetry, style in variants
+    ]
+    return BenchmarkSet("organs", tuple((a, b) for a, b in names), load)
+
+
 def _example() -> BenchmarkSet:
     """Make a set of the shipped pair, whose triangulations differ."""
 
@@ -172,5 +196,12 @@ def _creature(name: str) -> Creature:
     return creature(int(size), pose=int(pose), triangulation=int(pose), **options)
 
 
-MADE = {"creatures": _creatures, "example": _example}
+def _organ(name: str) -> Organ:
+    """Make the organ of a name: kind, symmetry, style, pose (also the triangulation)."""
+    kind, symmetry, style, pose = name.split("_")
+    options: dict[str, Any] = {"symmetry": symmetry, "style": int(style), "pose": int(pose)}
+    return organ(kind, **options)
+
+
+MADE = {"creatures": _creatures, "organs": _organs, "example": _example}
 """Sets that need no folder."""

@@ -30,10 +30,13 @@ class Skin:
         Start point, end point, start radius and end radius of each bone.
     owner : (m,) array of int
         Limb that each bone belongs to.
+    blend : float
+        b, the width of the fillets.
     """
 
     cones: FloatArray
     owner: IntArray
+    blend: float = BLEND
 
     @classmethod
     def of(cls, limbs: tuple[Limb, ...]) -> Skin:
@@ -43,7 +46,9 @@ class Skin:
 
     def field(self, points: FloatArray) -> FloatArray:
         """Value and gradient, (n, 4), of the field at (n, 3) points, in O(n m)."""
-        return np.concatenate(parallel_map(lambda part: _field(part, self.cones, BLEND), _chunks(points)))
+        return np.concatenate(
+            parallel_map(lambda part: _field(part, self.cones, self.blend), _chunks(points))
+        )
 
     def project(self, points: FloatArray, steps: int = 3) -> FloatArray:
         """Move (n, 3) points near the surface onto it by Newton steps along the gradient."""

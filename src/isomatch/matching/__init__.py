@@ -2,6 +2,7 @@
 
 from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import (
+    AnchorSettings,
     Config,
     MatchSettings,
     Orientation,
@@ -11,6 +12,7 @@ from isomatch.matching.config import (
     RefinementSettings,
     SearchSettings,
     SelectionSettings,
+    Start,
     SymmetrySettings,
 )
 from isomatch.matching.first_map import first_map
@@ -24,6 +26,7 @@ from isomatch.matching.stage_timer import StageTimer
 
 __all__ = [
     "Alternative",
+    "AnchorSettings",
     "Body",
     "Config",
     "Hints",
@@ -41,6 +44,7 @@ __all__ = [
     "SelectionSettings",
     "ShapePair",
     "StageTimer",
+    "Start",
     "SymmetrySettings",
     "body_of",
     "contradicted_landmarks",

@@ -24,7 +24,6 @@ from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
     Hypothesis,
     hypotheses_from_hints,
-    no_first_map,
     search,
     symmetric_variants,
 )
@@ -63,8 +62,6 @@ def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> Complete
     ------
     SettingError
         If hints are asked for and none was given.
-    NotConvergedError
-        If no hypothesis could be formed at all.
     """
     both = pair.source, pair.target
     parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
@@ -73,8 +70,6 @@ def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> Complete
     timer.start("selection")
     judge = Judge(pair, hints)
     eligible = _ranked(pair, judge(may_win), hints)
-    if not eligible:
-        raise no_first_map(pair)
     variants = judge(_symmetric_variants(pair, eligible[0]))
     if pair.config.hypotheses == "all":
         eligible = _ranked(pair, [*eligible, *variants], hints)
@@ -120,7 +115,7 @@ def complete_result(found: CompleteMatch, timer: StageTimer, seed: int) -> Match
 def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Hypotheses that may win, and those that are searched as rivals only."""
     config = pair.config
-    if config.hypotheses == "given" and not hints.any:
+    if config.hypotheses == "given" and not hints.any and config.start == "auto":
         raise SettingError("hypotheses = 'given', but no landmarks, initial map or descriptors were given")
     given = hypotheses_from_hints(pair, hints)
     if config.hypotheses == "all":

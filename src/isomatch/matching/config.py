@@ -17,6 +17,7 @@ Orientation = Literal["preserve", "reverse", "any"]
 Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
+Start = Literal["auto", "pose"]
 PartRole = Literal["auto", "source", "target", "none"]
 Scale = Literal["auto", "same", "area", "free"]
 
@@ -213,6 +214,42 @@ class SearchSettings(Settings):
     flip_landmarks: bool = setting(
         True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
     )
+
+
+@dataclass(frozen=True)
+class AnchorSettings(Settings):
+    """Settings of first maps where a shape has too few extremities, or both have a long boundary.
+
+    Parameters
+    ----------
+    n_anchors : int
+        Points of the source, far from each other, that are assigned.
+    n_candidates : int
+        Search vertices of the target among which their images are sought.
+    beam, apart : int, float
+        Partial assignments that are kept, and the mean distance, in units of the average distance, by which they differ.
+    n_starts : int
+        Best assignments that become first maps.
+    eccentricity_weight, signature_weight : float
+        Weights of differences of average distance and of signatures in the cost of an assignment.
+    slide_functions, slide_steps : int
+        Functions, and steps, by which signatures move a first map.
+    n_hypotheses : int
+        Most hypotheses: the residuals of round shapes tell little, so many are kept until curvature has been compared.
+    """
+
+    n_anchors: int = setting(6, "three points determine an isometry, three more its errors", least=3)
+    n_candidates: int = setting(200, "as symmetry.n_samples", least=20)
+    beam: int = setting(200, "chosen, not measured", least=1)
+    apart: float = setting(
+        0.15, "chosen, near selection.rival_distance; 0.1 with 80 starts is no better", least=0
+    )
+    n_starts: int = setting(48, "chosen: of the most that extremities give", least=1)
+    eccentricity_weight: float = setting(0.3, "as search.eccentricity_weight", least=0)
+    signature_weight: float = setting(0.25, "docs/robustness.md, shapes without limbs", least=0)
+    slide_functions: int = setting(20, "the first of selection.sizes", least=4)
+    slide_steps: int = setting(10, "docs/robustness.md, shapes without limbs", least=0)
+    n_hypotheses: int = setting(40, "docs/robustness.md, shapes without limbs", least=1)
 
 
 @dataclass(frozen=True)
@@ -537,6 +574,10 @@ class Config(Settings):
     orientation : {"preserve", "reverse", "any"}
         Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
         better.
+    start : {"auto", "pose"}
+        Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
+        shapes as they are, and that of both centred and scaled to equal area. With ``hypotheses="given"``, no others may
+        win but those from hints.
     part : {"auto", "source", "target", "none"}
         Which shape is a part of the other. "auto" takes a shape with a long boundary and less area, in the units of the
         files, for a part of one without. Parts are matched where automatic hypotheses, a joint refinement and the
@@ -547,6 +588,7 @@ class Config(Settings):
     preparation : PreparationSettings
     symmetry : SymmetrySettings
     search : SearchSettings
+    anchors : AnchorSettings
     selection : SelectionSettings
     refining : RefinementSettings
     parts : PartSettings
@@ -584,11 +626,13 @@ class Config(Settings):
         "preserve",
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
+    start: Start = setting("auto", "shapes need not be aligned")
     part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
     preparation: PreparationSettings = setting(PreparationSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
+    anchors: AnchorSettings = setting(AnchorSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
     parts: PartSettings = setting(PartSettings())

@@ -7,7 +7,7 @@ from isomatch.matching.candidates import Judge, extended
 from isomatch.matching.config import Orientation
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.search import hypotheses_from_hints, no_first_map, search
+from isomatch.matching.search import hypotheses_from_hints, search
 from isomatch.matching.select import ranked
 
 
@@ -22,14 +22,7 @@ def first_map(
         Vertices of the target's body.
     origin : str
         Where the hypothesis came from.
-
-    Raises
-    ------
-    NotConvergedError
-        If no hypothesis could be formed.
     """
     found = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
     order = ranked(Judge(pair, hints)(found), orientation, pair.config.selection, bool(len(hints.landmarks)))
-    if not order:
-        raise no_first_map(pair)
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin

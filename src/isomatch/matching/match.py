@@ -59,7 +59,7 @@ def match(
     SettingError
         If shapes were prepared with other settings, or hints are asked for and none was given.
     NotConvergedError
-        If no hypothesis could be formed at all.
+        If no map of a part keeps the orientation.
 
     Notes
     -----

@@ -65,6 +65,13 @@ class ShapePair:
         return Embedding(of_source[:, :common], of_target[:, :common])
 
     @cached_property
+    def search_signatures(self) -> Embedding:
+        """The signatures at the search vertices: (m_s, q) and (m_t, q)."""
+        return Embedding(
+            self.signatures.source[self.source_vertices], self.signatures.target[self.target_vertices]
+        )
+
+    @cached_property
     def search_spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from search vertices to search vertices: rows."""
         source = SampledBasis(self.source.laplace.vectors, self.source_vertices)
@@ -85,6 +92,11 @@ class ShapePair:
     def oriented(self) -> bool:
         """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
         return self.source.triangles is not None and self.target.triangles is not None
+
+    @property
+    def both_open(self) -> bool:
+        """Whether both shapes have a long boundary, as patches and tubes have."""
+        return min(self.source.boundary_length, self.target.boundary_length) > self.config.parts.long_boundary
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, iterative_closest_points
-from isomatch.errors import NotConvergedError
+from isomatch.matching.anchors import starts_from_anchors
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.starts import starts_from_extremities, starts_from_hints
@@ -26,7 +26,8 @@ class Hypothesis:
     alignment : Alignment
         Target row of each source row, rotation and residual after iterative closest points.
     origin : str
-        Where it came from: "extremities", "landmarks", "initial map", "descriptors", "flip" or "symmetry".
+        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip" or
+        "symmetry".
     """
 
     alignment: Alignment
@@ -61,7 +62,7 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> l
 
     They are its mirror images, and of a thin body the map that exchanges front and back.
     """
-    pool = _Pool(pair)
+    pool = _Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
     return [flip for flip in pool.hypotheses if _is_new(pair, flip, known)]
@@ -99,28 +100,20 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
     Returns
     -------
     list of Hypothesis
-        Those given, maps from extremal points, and flips of the best of them, which exchange left and right or front
-        and back.
+        Those given, maps from extremal points, of shapes without limbs also maps from anchors, and flips of the best of
+        them, which exchange left and right or front and back.
     """
-    settings, pool = pair.config.search, _Pool(pair)
+    settings = pair.config.search
+    extremal = starts_from_extremities(pair)
+    limbless = not extremal or pair.both_open
+    pool = _Pool(pair, pair.config.anchors.n_hypotheses if limbless else settings.n_hypotheses)
     pool.merge(given)
-    pool.add(starts_from_extremities(pair), settings.start_steps, "extremities")
-    if pool.hypotheses:
-        pool.flip(pool.hypotheses[: settings.flipped], "flip")
+    pool.add(extremal, settings.start_steps, "extremities")
+    if limbless:
+        anchored = iterative_closest_points(*pair.search_points, np.array(starts_from_anchors(pair)), 0)
+        pool.merge([Hypothesis(alignment, "anchors") for alignment in anchored])
+    pool.flip(pool.hypotheses[: settings.flipped], "flip")
     return pool.hypotheses
-
-
-def no_first_map(pair: ShapePair) -> NotConvergedError:
-    """Return the error for a pair without any hypothesis, which says which shape has too few extremities."""
-    needed = min(pair.config.search.extremity_counts, default=0)
-    counts = {"source": len(pair.source.extremities), "target": len(pair.target.extremities)}
-    few = [
-        f"{side}: {count} extremities, fewer than {needed}"
-        for side, count in counts.items()
-        if count < needed
-    ]
-    why = "; ".join([*few, "no first map could be formed, as for a sphere or a flat patch"])
-    return NotConvergedError(f"{why}; give landmarks, an initial map or descriptors")
 
 
 def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:
@@ -128,10 +121,11 @@ def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) ->
 
 
 class _Pool:
-    """The best distinct hypotheses so far."""
+    """The best distinct hypotheses so far, at most so many."""
 
-    def __init__(self, pair: ShapePair) -> None:
+    def __init__(self, pair: ShapePair, most: int) -> None:
         self._pair = pair
+        self._most = most
         self._settings = pair.config.search
         self.hypotheses: list[Hypothesis] = []
 
@@ -139,7 +133,7 @@ class _Pool:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
         kept: list[Hypothesis] = []
         for hypothesis in sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual):
-            if len(kept) < self._settings.n_hypotheses and _is_new(self._pair, hypothesis, kept):
+            if len(kept) < self._most and _is_new(self._pair, hypothesis, kept):
                 kept.append(hypothesis)
         self.hypotheses = kept
 

@@ -1,4 +1,4 @@
-"""First maps: from hints, and from extremities of the shapes alone."""
+"""First maps: from hints, from the pose, and from extremities of the shapes alone."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from scipy.spatial import cKDTree
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
+from isomatch.errors import SettingError
 from isomatch.matching.config import SearchSettings
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
+from isomatch.surfaces import Graph
 
 
 def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray, str]]:
@@ -27,6 +29,9 @@ def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray,
         yield start_from_known(pair, hints.known), "initial map"
     if hints.functions[0].shape[1]:
         yield start_from_functions(pair, *hints.functions), "descriptors"
+    if pair.config.start == "pose":
+        for start in starts_from_pose(pair):
+            yield start, "pose"
 
 
 def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
@@ -39,6 +44,28 @@ def starts_from_extremities(pair: ShapePair) -> list[IntArray]:
         if group:
             starts += _from_points(pair, np.array(group), settings.off_diagonal[0])
     return starts
+
+
+def starts_from_pose(pair: ShapePair) -> list[IntArray]:
+    """First maps to the nearest point in space: target rows (m_s,) of the search vertices.
+
+    Of the bodies, which are centred and of unit area, and of the shapes as they are.
+
+    Raises
+    ------
+    SettingError
+        If a shape is a graph.
+    """
+    sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
+    bodies, shapes = [], []
+    for shape, vertices in sides:
+        if isinstance(shape.surface, Graph) or isinstance(shape.body, Graph):
+            raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")
+        bodies.append(shape.body.vertices[vertices])
+        shapes.append(shape.surface.vertices[shape.user_vertex[vertices]])
+    return [
+        np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
+    ]
 
 
 def start_from_known(pair: ShapePair, known: IntArray) -> IntArray:

@@ -79,7 +79,7 @@ def find_symmetries(
     n = min(settings.n_samples, len(distances))
     largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
-    anchors = _farthest_rows(between, settings.n_anchors)
+    anchors = farthest_rows(between, settings.n_anchors)
     assigned = _assignments(between, anchors, settings)
     if not len(assigned):
         return ()
@@ -118,15 +118,15 @@ def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
     """Count the symmetries in words; empty if there are none. Groups are not always found whole."""
     sides = np.sign([symmetry.orientation for symmetry in symmetries])
     counts = [
-        ((sides > 0).sum(), "rotation"),
-        ((sides < 0).sum(), "mirror image"),
-        ((sides == 0).sum(), "map onto itself"),
+        ((sides > 0).sum(), "rotation", "rotations"),
+        ((sides < 0).sum(), "mirror image", "mirror images"),
+        ((sides == 0).sum(), "map onto itself", "maps onto itself"),
     ]
-    named = [f"{n} {what}{'s' if n > 1 else ''}" for n, what in counts if n]
+    named = [f"{n} {several if n > 1 else one}" for n, one, several in counts if n]
     return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 
 
-def _farthest_rows(distances: FloatArray, count: int) -> IntArray:
+def farthest_rows(distances: FloatArray, count: int) -> IntArray:
     """Rows far from each other, from the most remote one."""
     rows = [int(distances.mean(axis=1).argmax())]
     while len(rows) < min(count, len(distances)):

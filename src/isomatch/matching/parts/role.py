@@ -21,7 +21,7 @@ def part_of(pair: ShapePair, hints: Hints) -> Part | None:
         return None
     known = len(hints.known) or hints.functions[0].shape[1]
     automatic = config.hypotheses == "all" and config.refinement in ("joint", "smooth")
-    if known or not automatic or config.orientation != "preserve":
+    if known or config.start == "pose" or not automatic or config.orientation != "preserve":
         return None
     if config.part != "auto":
         return config.part

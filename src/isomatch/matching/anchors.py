@@ -1,0 +1,52 @@
+"""First maps of shapes without limbs: points far from each other, and then the signatures of all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch._threads import parallel_map
+from isomatch.correspondence import assign_points, nearest_rows
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.symmetries import EXACTLY, farthest_rows
+
+
+def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
+    """First maps that need no extremities: target rows (m_s,) of the search vertices.
+
+    Points of the source that are far from each other are assigned to target points, one after the other, so that
+    distances and signatures agree. All other vertices go where their distances to these fit best. Such a map is then
+    slid to where the signatures agree; see `slid`.
+    """
+    settings = pair.config.anchors
+    source, target = pair.source, pair.target
+    here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
+    there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
+    signatures = pair.search_signatures
+    n = settings.n_candidates
+    anchors = farthest_rows(here[:n, :n], settings.n_anchors)
+    exact = here[np.ix_(anchors, anchors)]
+    remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
+    unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
+    unary = settings.eccentricity_weight * remoteness + settings.signature_weight * unlike
+    assigned = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, settings.beam, settings.apart)
+    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[: settings.n_starts]]
+    return parallel_map(lambda start: slid(pair, start), starts)
+
+
+def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
+    """Let the signatures move a map (m_s,) of the search vertices.
+
+    Of a shape that is round, many maps keep distances, and iterative closest points stop at any of them. Few functions
+    leave a map free to move along these directions; in each step, images are nearest neighbours in these functions and
+    the signatures together.
+    """
+    spectra, signatures, settings = pair.search_spectra, pair.search_signatures, pair.config.anchors
+    k = min(settings.slide_functions, pair.n_functions)
+    for _ in range(settings.slide_steps):
+        carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
+        target_row = nearest_rows(
+            np.hstack([carried / np.sqrt(k), signatures.target]),
+            np.hstack([spectra.source.at_samples[:, :k] / np.sqrt(k), signatures.source]),
+        )
+    return target_row
