@@ -433,6 +433,48 @@ class PartSettings(Settings):
 
 
 @dataclass(frozen=True)
+class ElasticSettings(Settings):
+    """Settings of the match of shapes that are far from isometric.
+
+    Parameters
+    ----------
+    """
+
+    n_coordinates: int = setting(8, "x", least=3)
+    mirror_functions: int = setting(50, "x", least=4)
+    mirror_residual: float = setting(5.0, "x", least=0)
+    mirror_orientation: float = setting(0.3, "x", least=0, most=1)
+    n_anchors: int = setting(12, "x", least=4)
+    n_candidates: int = setting(150, "x", least=20)
+    forgiven: float = setting(0.3, "x", least=0, most=1)
+    inside: float = setting(0.3, "x", least=0)
+    most_cost: float = setting(0.6, "x", least=0)
+    soft: float = setting(0.2, "x", least=0)
+    signature_cost: float = setting(0.1, "x", least=0)
+    remoteness_cost: float = setting(0.5, "x", least=0)
+    width: int = setting(600, "x", least=1)
+    apart: float = setting(0.12, "x", least=0)
+    n_starts: int = setting(100, "x", least=1)
+    n_coarse: int = setting(300, "x", least=50)
+    coarse_functions: tuple[int, ...] = setting((20, 30), "x", least=4)
+    coarse_smoothness: tuple[float, ...] = setting((0.01, 0.007), "x", least=0)
+    coarse_iterations: int = setting(4, "x", least=1)
+    fine_functions: tuple[int, ...] = setting((40, 70, 100, 150, 200), "x", least=4)
+    fine_smoothness: tuple[float, ...] = setting((0.01, 0.005, 0.0025, 0.001, 0.0005), "x", least=0)
+    fine_iterations: int = setting(3, "x", least=1)
+    free_functions: int = setting(100, "x", least=4)
+    n_contenders: int = setting(8, "x", least=1)
+    same_map: float = setting(0.05, "x", least=0)
+    signature_weight: float = setting(0.05, "x", least=0)
+    normal_weight: float = setting(0.05, "x", least=0)
+    landmark_weight: float = setting(30.0, "x", least=0)
+    least_orientation: float = setting(0.3, "x", least=-1, most=1)
+    curvature_exponent: float = setting(0.5, "x", least=0)
+    asymmetry_unit: float = setting(0.1, "x", least=0)
+    asymmetry_exponent: float = setting(0.25, "x", least=0)
+
+
+@dataclass(frozen=True)
 class OutcomeSettings(Settings):
     """Bounds of the measures that make an outcome.
 
@@ -520,6 +562,7 @@ class Config(Settings):
     selection : SelectionSettings
     refining : RefinementSettings
     parts : PartSettings
+    elastic : ElasticSettings
     outcome : OutcomeSettings
         Fine settings of each stage.
 
@@ -561,6 +604,7 @@ class Config(Settings):
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
     parts: PartSettings = setting(PartSettings())
+    elastic: ElasticSettings = setting(ElasticSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 
     def __post_init__(self) -> None:

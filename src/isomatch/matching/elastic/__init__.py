@@ -1,0 +1,5 @@
+"""Matching of shapes that are far from isometric: starts → coarse fits → fine fits → choice, with limbs that stretch."""
+
+from isomatch.matching.elastic.match_elastic import ElasticMatch, match_elastically
+
+__all__ = ["ElasticMatch", "match_elastically"]
