@@ -443,7 +443,7 @@ class ElasticSettings(Settings):
     n_coordinates: int = setting(8, "x", least=3)
     mirror_functions: int = setting(50, "x", least=4)
     mirror_residual: float = setting(5.0, "x", least=0)
-    mirror_orientation: float = setting(0.3, "x", least=0, most=1)
+    mirror_orientation: float = setting(0.55, "x", least=0, most=1)
     n_anchors: int = setting(12, "x", least=4)
     n_candidates: int = setting(150, "x", least=20)
     forgiven: float = setting(0.3, "x", least=0, most=1)
@@ -652,6 +652,12 @@ class Config(Settings):
             return cls.from_dict(values)
         except SettingError as error:
             raise SettingError(f"{path}: {error}") from None
+
+    @property
+    def looks_further(self) -> bool:
+        """Whether maps of other kinds, of parts or elastic ones, are sought where they seem to be called for."""
+        automatic = self.hypotheses == "all" and self.refinement in ("joint", "smooth")
+        return automatic and self.orientation == "preserve"
 
     @property
     def searches_rivals(self) -> bool:

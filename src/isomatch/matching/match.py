@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -10,6 +12,7 @@ from isomatch.correspondence import Embedding
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.config import Config
+from isomatch.matching.elastic import FAR, ElasticMatch, far_from_isometric, match_elastically
 from isomatch.matching.hints import Hints
 from isomatch.matching.joint_refinement import (
     RefinedCandidate,
@@ -123,11 +126,18 @@ def match(
         points = pair.target.index.points(embedding.target, embedding.source)
         timer.start("quality")
         quality = measure_quality(pair, points, hints, selection)
+        elastic = None
+        if far_from_isometric(pair, hints, quality):
+            timer.start("elastic match")
+            elastic = _elastic(pair, hints, selection.winner, eligible)
+        if elastic:
+            points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
+            quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
         order = [fit.candidate for fit in (selection.winner, *selection.rivals)]
         alternatives = _alternatives(pair, [*order, *eligible, *rivals])
     return MatchResult(
         map=pair.source.correspondence(pair.target, points),
-        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any),
+        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
         quality=quality,
         alternatives=alternatives,
         timings=timer.stop(),
@@ -135,11 +145,12 @@ def match(
             *pair.notes,
             *hints.notes,
             *_notes(pair, selection),
+            *([FAR] if elastic else []),
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=pair.source.distances.engine,
-        origin=selection.winner.candidate.hypothesis.origin,
-        reason=selection.reason,
+        origin="anchors" if elastic else selection.winner.candidate.hypothesis.origin,
+        reason=elastic.reason if elastic else selection.reason,
         config=pair.config,
         seed=seed,
         symmetries=(describe_symmetries(both[0].symmetries), describe_symmetries(both[1].symmetries)),
@@ -192,6 +203,19 @@ def _contest(
     fits += others
     n_tried = len(eligible) + len(rivals)
     return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
+
+
+def _elastic(
+    pair: ShapePair, hints: Hints, winner: RefinedCandidate, eligible: list[Candidate]
+) -> ElasticMatch | None:
+    """Match elastically, from the winner and all candidates too."""
+    ordinary = np.column_stack([pair.refinement_vertices, winner.target_vertex])
+    others = [
+        np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]])
+        for candidate in eligible
+        if candidate.orientation > 0
+    ]
+    return match_elastically(pair, hints.landmarks, ordinary, others)
 
 
 def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:

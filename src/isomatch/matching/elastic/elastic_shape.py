@@ -66,7 +66,11 @@ class ElasticShape:
             largest_residual=self.settings.mirror_residual,
             least_orientation=self.settings.mirror_orientation,
         )
-        reversing = [each for each in self.prepared.symmetries_within(nearly) if each.orientation < 0]
+        reversing = [
+            each
+            for each in self.prepared.symmetries_within(nearly)
+            if each.orientation < -self.settings.mirror_orientation
+        ]
         if not reversing:
             return None
         vertices = self.prepared.sample_vertices[: self.prepared.config.n_search]

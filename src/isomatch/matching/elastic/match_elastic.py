@@ -31,23 +31,19 @@ class ElasticMatch:
     ----------
     embedding : Embedding
         Coordinates of all vertices of both bodies, in which images are nearest points.
-    score : float
-        What speaks against the map: misfit × stretch × powers of curvature mismatch and asymmetry.
     rival : float
         Score of the best map that differs, over that of the best; inf if none does.
-    n_tried, n_refined : int
-        First maps, and those that were fitted to the end.
+    reason : str
+        One sentence.
     """
 
     embedding: Embedding
-    score: float
     rival: float
-    n_tried: int
-    n_refined: int
+    reason: str
 
 
 def match_elastically(
-    pair: ShapePair, landmarks: IntArray, known: Sequence[IntArray]
+    pair: ShapePair, landmarks: IntArray, ordinary: IntArray, others: Sequence[IntArray]
 ) -> ElasticMatch | None:
     """Match two meshes whose distances do not agree.
 
@@ -56,78 +52,107 @@ def match_elastically(
     pair : ShapePair
         Two meshes.
     landmarks : (l, 2) array of int
-        Vertices that correspond.
-    known : sequence of (q, 2) arrays of int
-        Other first maps: vertices of source and target.
+        Vertices of source and target that correspond.
+    ordinary : (q, 2) array of int
+        The map found otherwise, as vertices of source and target.
+    others : sequence of (q, 2) arrays of int
+        Further first maps.
 
     Returns
     -------
     ElasticMatch or None
-        None if no map keeps the orientation of the faces.
+        None if the ordinary map scores best.
+
+    Notes
+    -----
+    Maps are scored by misfit × stretch × powers of the curvature mismatch and of the asymmetry, see `ElasticFit`. The
+    ordinary map is scored as it is, drawn by as many functions.
     """
-    settings = pair.config.elastic
-    shapes = ElasticShape(pair.source, settings), ElasticShape(pair.target, settings)
-
-    def fit(count: int, everywhere: bool) -> ElasticFit:
-        samples = [shape.sampled(count, everywhere) for shape in shapes]
-        return ElasticFit(samples[0], samples[1], pair.signatures, landmarks, settings)
-
-    coarse, fine = fit(settings.n_coarse, False), fit(pair.config.n_refine, True)
-    first = Step(settings.coarse_functions[0], settings.coarse_smoothness[0], 0, True)
-    steps = tuple(
-        Step(k, smoothness, settings.coarse_iterations, True)
-        for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
+    search = _Search(pair, landmarks)
+    starts = [*anchor_starts(pair, landmarks, pair.config.elastic), ordinary, *others]
+    rough = [found for found in parallel_map(search.roughly, starts) if found]
+    rough.sort(key=lambda found: found.score)
+    fits = sorted(parallel_map(search.finely, search.distinct(rough)), key=lambda found: found.score)
+    if not fits or fits[0].score >= search.unchanged(ordinary).score:
+        return None
+    best = fits[0]
+    apart = pair.config.selection.rival_distance
+    rivals = [
+        found.score
+        for found in fits[1:]
+        if pair.target.mean_distance(found.images.forth, best.images.forth) > apart
+    ]
+    rival = min(rivals, default=np.inf) / best.score
+    return ElasticMatch(
+        search.fine.embedding(best.coefficients),
+        rival,
+        f"least misfit × stretch of {len(starts)} elastic maps, {len(fits)} fitted to the end",
     )
 
-    def roughly(start: IntArray) -> _Found | None:
-        found = coarse.from_pairs(start, first)
+
+class _Search:
+    """Fits first maps coarsely, among few samples, and then finely, among all vertices."""
+
+    def __init__(self, pair: ShapePair, landmarks: IntArray) -> None:
+        self._pair, self._settings = pair, pair.config.elastic
+        shapes = [ElasticShape(shape, self._settings) for shape in (pair.source, pair.target)]
+
+        def fit(count: int, everywhere: bool) -> ElasticFit:
+            source, target = (shape.sampled(count, everywhere) for shape in shapes)
+            return ElasticFit(source, target, pair.signatures, landmarks, self._settings)
+
+        settings = self._settings
+        self.coarse, self.fine = fit(settings.n_coarse, False), fit(pair.config.n_refine, True)
+        self._coarse_steps = tuple(
+            Step(k, smoothness, settings.coarse_iterations, True)
+            for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
+        )
+        self._fine_steps = tuple(
+            Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
+            for k, smoothness in zip(settings.fine_functions, settings.fine_smoothness)
+        )
+
+    def roughly(self, start: IntArray) -> _Found | None:
+        """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
+        coarse = self.coarse
+        found = coarse.from_pairs(start, self._coarse_steps[0])
         if coarse.orientation(found, coarse.images(found)) < 0:
             return None
-        found, images = coarse.run(found, steps)
-        if coarse.orientation(found, images) < settings.least_orientation:
+        found, images = coarse.run(found, self._coarse_steps)
+        if coarse.orientation(found, images) < self._settings.least_orientation:
             return None
-        return _Found(found, images, images.misfit * coarse_penalty(coarse.asymmetry(images)))
+        return _Found(found, images, images.misfit * self._penalty(coarse.asymmetry(images)))
 
-    def coarse_penalty(asymmetry: float) -> float:
+    def distinct(self, order: list[_Found]) -> list[_Found]:
+        """The first ones that differ from each other."""
+        settings, kept = self._settings, list[_Found]()
+
+        def vertices(found: _Found) -> IntArray:
+            return self.coarse.target.targets[found.images.forth]
+
+        for found in order:
+            if len(kept) < settings.n_contenders and all(
+                self._pair.target.mean_distance(vertices(found), vertices(other)) > settings.same_map
+                for other in kept
+            ):
+                kept.append(found)
+        return kept
+
+    def finely(self, start: _Found) -> _Found:
+        """Fit with all functions."""
+        return self._scored(*self.fine.run(start.coefficients, self._fine_steps))
+
+    def unchanged(self, ordinary: IntArray) -> _Found:
+        """Score a map (q, 2) as it is."""
+        found = self.fine.from_pairs(ordinary, self._fine_steps[-1])
+        return self._scored(found, self.fine.images(found))
+
+    def _scored(self, found: Coefficients, images: Images) -> _Found:
+        fine = self.fine
+        mismatch = fine.curvature_mismatch(images) ** self._settings.curvature_exponent
+        score = images.misfit * fine.stretch(found) * mismatch * self._penalty(fine.asymmetry(images))
+        return _Found(found, images, score)
+
+    def _penalty(self, asymmetry: float) -> float:
+        settings = self._settings
         return float((settings.asymmetry_unit + asymmetry) ** settings.asymmetry_exponent)
-
-    starts = [*anchor_starts(pair, landmarks, settings), *known]
-    rough = [found for found in parallel_map(roughly, starts) if found]
-    rough.sort(key=lambda found: found.score)
-    kept: list[_Found] = []
-    for found in rough:
-        if len(kept) < settings.n_contenders and all(
-            pair.target.mean_distance(
-                coarse.target.targets[found.images.forth], coarse.target.targets[other.images.forth]
-            )
-            > settings.same_map
-            for other in kept
-        ):
-            kept.append(found)
-    if not kept:
-        return None
-    steps = tuple(
-        Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
-        for k, smoothness in zip(settings.fine_functions, settings.fine_smoothness)
-    )
-
-    def finely(start: _Found) -> _Found:
-        found, images = fine.run(start.coefficients, steps)
-        score = images.misfit * fine.stretch(found) * fine.curvature_mismatch(images) ** settings.curvature_exponent
-        return _Found(found, images, score * coarse_penalty(fine.asymmetry(images)))
-
-    fits = sorted(parallel_map(finely, kept), key=lambda found: found.score)
-    best = fits[0]
-    rivals = [
-        other.score
-        for other in fits[1:]
-        if pair.target.mean_distance(other.images.forth, best.images.forth)
-        > pair.config.selection.rival_distance
-    ]
-    return ElasticMatch(
-        fine.embedding(best.coefficients),
-        best.score,
-        min(rivals, default=np.inf) / best.score,
-        len(starts),
-        len(fits),
-    )
