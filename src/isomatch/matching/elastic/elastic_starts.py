@@ -6,21 +6,20 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import IntervalCost, assign_points
-from isomatch.matching.config import ElasticSettings
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 
 FORBIDDEN = 50.0  # cost of another image of a landmark
 
 
-def anchor_starts(pair: ShapePair, landmarks: IntArray, settings: ElasticSettings) -> list[IntArray]:
+def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     """Assign anchors of the source to points of the target: arrays (m, 2) of vertices, least cost first.
 
     Distances, in units of the average, may differ by a factor before they cost anything, and cost no more than a bound:
     a tail that is twice as long must not outweigh everything else. Anchors are landmarks, extremities, then points far
     from these.
     """
-    source, target = pair.source, pair.target
+    source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, landmarks[:, 0], settings.n_anchors)
     candidates = np.unique(
         np.concatenate(

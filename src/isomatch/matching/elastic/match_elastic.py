@@ -69,7 +69,8 @@ def match_elastically(
     ordinary map is scored as it is, drawn by as many functions.
     """
     search = _Search(pair, landmarks)
-    starts = [*anchor_starts(pair, landmarks, pair.config.elastic), ordinary, *others]
+    back = anchor_starts(ShapePair(pair.target, pair.source, pair.config), landmarks[:, ::-1])
+    starts = [*anchor_starts(pair, landmarks), *(start[:, ::-1] for start in back), ordinary, *others]
     rough = [found for found in parallel_map(search.roughly, starts) if found]
     rough.sort(key=lambda found: found.score)
     fits = sorted(parallel_map(search.finely, search.distinct(rough)), key=lambda found: found.score)
