@@ -441,9 +441,10 @@ class ElasticSettings(Settings):
     """
 
     n_coordinates: int = setting(8, "x", least=3)
-    mirror_functions: int = setting(50, "x", least=4)
-    mirror_residual: float = setting(5.0, "x", least=0)
-    mirror_orientation: float = setting(0.55, "x", least=0, most=1)
+    mirror_starts: int = setting(24, "x", least=1)
+    mirror_forgiven: float = setting(0.1, "x", least=0, most=1)
+    mirror_misfit: float = setting(0.26, "x", least=0)
+    mirror_orientation: float = setting(0.5, "x", least=0, most=1)
     n_anchors: int = setting(12, "x", least=4)
     n_candidates: int = setting(150, "x", least=20)
     forgiven: float = setting(0.3, "x", least=0, most=1)

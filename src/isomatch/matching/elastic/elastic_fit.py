@@ -33,6 +33,14 @@ class Step(NamedTuple):
     symmetric: bool
 
 
+def coarse_steps(settings: ElasticSettings) -> tuple[Step, ...]:
+    """Steps with few functions."""
+    return tuple(
+        Step(k, smoothness, settings.coarse_iterations, True)
+        for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
+    )
+
+
 class Images(NamedTuple):
     """Images of the samples both ways, as rows of the vertices sought, and their mean distance."""
 
@@ -53,6 +61,8 @@ class ElasticFit:
     landmarks : (l, 2) array of int
         Vertices of source and target that correspond.
     settings : ElasticSettings
+    side : float
+        1 for maps that preserve the orientation of the faces, −1 for those that reverse it.
 
     Notes
     -----
@@ -67,6 +77,7 @@ class ElasticFit:
     signatures: Embedding
     landmarks: IntArray
     settings: ElasticSettings
+    side: float = 1.0
 
     def from_pairs(self, pairs: IntArray, step: Step) -> Coefficients:
         """Fit smooth maps to pairs (q, 2) of vertices alone."""
@@ -127,7 +138,7 @@ class ElasticFit:
                     target_here,
                     source.shape.canonical[on_source],
                     settings.signature_weight * self.signatures.source[on_source],
-                    weight * its_normals,
+                    self.side * weight * its_normals,
                     weight * source.shape.mesh.vertex_normals[on_source],
                 ]
             ),
@@ -137,7 +148,7 @@ class ElasticFit:
                     source_there,
                     settings.signature_weight * self.signatures.target[on_target],
                     weight * target.shape.mesh.vertex_normals[on_target],
-                    weight * own_normals,
+                    self.side * weight * own_normals,
                 ]
             ),
         )
@@ -152,7 +163,7 @@ class ElasticFit:
         return Images(forth, back, float(misfit))
 
     def orientation(self, found: Coefficients, images: Images) -> float:
-        """Mean cosine between the normals of either shape and of its copy drawn on the other."""
+        """Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side."""
         cosines = []
         for onto, other, coefficients, image in (
             (self.source, self.target, found.source, images.forth),
@@ -161,7 +172,7 @@ class ElasticFit:
             _, normals = _drawn(onto, coefficients)
             there = other.shape.mesh.vertex_normals[other.targets[image]]
             cosines.append(np.einsum("ij,ij->i", normals[onto.row], there).mean())
-        return float(np.mean(cosines))
+        return self.side * float(np.mean(cosines))
 
     def asymmetry(self, images: Images) -> float:
         """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.correspondence import SampledBasis, nearest_rows
+from isomatch.correspondence import nearest_rows
 from isomatch.matching.config import ElasticSettings
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import Mesh
@@ -23,10 +23,13 @@ class ElasticShape:
     prepared : PreparedShape
         The shape; its body is a mesh of n vertices.
     settings : ElasticSettings
+    mirrored : (n, d + 3) array of float, optional
+        ``drawn`` of the mirror image of each vertex, smoothed; none if the shape is not nearly symmetric.
     """
 
     prepared: PreparedShape
     settings: ElasticSettings
+    mirrored: FloatArray | None = None
 
     @property
     def mesh(self) -> Mesh:
@@ -57,28 +60,6 @@ class ElasticShape:
     def drawn(self) -> FloatArray:
         """(n, d + 3) what a map to this shape pulls back: canonical coordinates, and positions in space."""
         return np.hstack([self.canonical, self.mesh.vertices])
-
-    @cached_property
-    def mirrored(self) -> FloatArray | None:
-        """(n, d + 3) the same of the mirror image of each vertex, smoothed; None if the shape is not nearly symmetric."""
-        nearly = replace(
-            self.prepared.config.symmetry,
-            largest_residual=self.settings.mirror_residual,
-            least_orientation=self.settings.mirror_orientation,
-        )
-        reversing = [
-            each
-            for each in self.prepared.symmetries_within(nearly)
-            if each.orientation < -self.settings.mirror_orientation
-        ]
-        if not reversing:
-            return None
-        vertices = self.prepared.sample_vertices[: self.prepared.config.n_search]
-        basis = SampledBasis(self.prepared.laplace.vectors, vertices)
-        k = min(self.settings.mirror_functions, basis.functions.shape[1])
-        images = self.drawn[vertices[reversing[0].image_row]]
-        mirrored: FloatArray = basis.functions[:, :k] @ basis.fit(images, k)
-        return mirrored
 
     def sampled(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; their images are sought among samples, or everywhere."""

@@ -10,9 +10,9 @@ import numpy as np
 from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
-from isomatch.matching.elastic.elastic_fit import Coefficients, ElasticFit, Images, Step
-from isomatch.matching.elastic.elastic_shape import ElasticShape
+from isomatch.matching.elastic.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.elastic.elastic_starts import anchor_starts
+from isomatch.matching.elastic.mirror import with_mirror
 from isomatch.matching.pair import ShapePair
 
 
@@ -96,7 +96,7 @@ class _Search:
 
     def __init__(self, pair: ShapePair, landmarks: IntArray) -> None:
         self._pair, self._settings = pair, pair.config.elastic
-        shapes = [ElasticShape(shape, self._settings) for shape in (pair.source, pair.target)]
+        shapes = parallel_map(lambda shape: with_mirror(shape, pair.config), (pair.source, pair.target))
 
         def fit(count: int, everywhere: bool) -> ElasticFit:
             source, target = (shape.sampled(count, everywhere) for shape in shapes)
@@ -104,10 +104,7 @@ class _Search:
 
         settings = self._settings
         self.coarse, self.fine = fit(settings.n_coarse, False), fit(pair.config.n_refine, True)
-        self._coarse_steps = tuple(
-            Step(k, smoothness, settings.coarse_iterations, True)
-            for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
-        )
+        self._coarse_steps = coarse_steps(settings)
         self._fine_steps = tuple(
             Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
             for k, smoothness in zip(settings.fine_functions, settings.fine_smoothness)
