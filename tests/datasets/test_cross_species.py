@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import FormatError, Mesh, MissingFileError, SettingError
+from isomatch import FormatError, MissingFileError, SettingError
 from isomatch.datasets import benchmark_set
 from shapes import icosphere
 
@@ -19,7 +19,9 @@ def folder(tmp_path):
         (tmp_path / name).mkdir()
     np.savez(tmp_path / "tosca" / "cat.npz", faces=BALL.faces, cat0=BALL.vertices, cat1=2 * BALL.vertices)
     np.savez(tmp_path / "tosca" / "wolf.npz", faces=SMALL.faces, wolf0=SMALL.vertices)
-    np.savez(tmp_path / "scape" / "scape.npz", faces=SMALL.faces, mesh000=SMALL.vertices, mesh001=SMALL.vertices)
+    np.savez(
+        tmp_path / "scape" / "scape.npz", faces=SMALL.faces, mesh000=SMALL.vertices, mesh001=SMALL.vertices
+    )
     np.savez(tmp_path / "cross" / "truth.npz", **{"cat|wolf": ONTO, "cat|scape": ONTO})
     return tmp_path
 
@@ -49,7 +51,7 @@ def test_what_is_missing_is_named(folder):
     with pytest.raises(MissingFileError, match="'wolf', of which there are no shapes"):
         benchmark_set("cross", folder)
     (folder / "cross" / "truth.npz").unlink()
-    with pytest.raises(MissingFileError, match="truth.npz"):
+    with pytest.raises(MissingFileError, match=r"truth\.npz"):
         benchmark_set("cross", folder)
 
 

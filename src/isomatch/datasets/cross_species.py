@@ -38,9 +38,7 @@ class CrossSpecies:
         for key in arrays(self.truth):
             a, b = (self._poses(name) for name in key.split("|"))
             for k in range(POSES_PER_DIRECTION):
-                chosen.append(
-                    (a[k * len(a) // POSES_PER_DIRECTION], b[k * len(b) // POSES_PER_DIRECTION])
-                )
+                chosen.append((a[k * len(a) // POSES_PER_DIRECTION], b[k * len(b) // POSES_PER_DIRECTION]))
         return tuple(chosen)
 
     def pair(self, source: str, target: str) -> BenchmarkPair:
@@ -64,7 +62,9 @@ class CrossSpecies:
                 f"{self.truth}: {key!r} has {len(image)} entries up to {image.max(initial=-1)}, which do not map the "
                 f"{mesh.n_vertices} vertices of {source} to the {onto.n_vertices} of {target}; obtain both from one source"
             )
-        return BenchmarkPair(f"{source}-{target}", mesh, onto, np.column_stack([np.arange(len(image)), image]))
+        return BenchmarkPair(
+            f"{source}-{target}", mesh, onto, np.column_stack([np.arange(len(image)), image])
+        )
 
     def _poses(self, name: str) -> tuple[str, ...]:
         if name not in self.classes or not self.classes[name][1]:
@@ -75,7 +75,9 @@ class CrossSpecies:
         for name, (shapes, poses) in self.classes.items():
             if shape in poses:
                 return shapes, name
-        raise MissingFileError(f"{self.truth}: no shape {shape!r}; choose from {', '.join(self.classes)} by pose")
+        raise MissingFileError(
+            f"{self.truth}: no shape {shape!r}; choose from {', '.join(self.classes)} by pose"
+        )
 
 
 def cross_species(root: str | Path) -> CrossSpecies:
@@ -95,7 +97,9 @@ def cross_species(root: str | Path) -> CrossSpecies:
     root = Path(root)
     truth = root / "truth.npz"
     if not truth.exists():
-        raise MissingFileError(f"{truth}: no truth between classes; docs/benchmarks.md describes its contents")
+        raise MissingFileError(
+            f"{truth}: no truth between classes; docs/benchmarks.md describes its contents"
+        )
     named = {name for key in arrays(truth) for name in key.split("|")}
     classes: dict[str, tuple[ShapeSet, tuple[str, ...]]] = {}
     if "scape" in named:

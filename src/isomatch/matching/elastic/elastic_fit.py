@@ -15,6 +15,7 @@ from isomatch.matching.elastic.elastic_shape import ElasticShape, Samples
 from isomatch.surfaces import vertex_normals
 
 RIDGE = 1e-9
+LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded
 
 
 class Coefficients(NamedTuple):
@@ -84,7 +85,12 @@ class ElasticFit:
 
         def fitted(onto: Samples, other: Samples, here: IntArray, there: IntArray) -> FloatArray:
             return _smooth(
-                onto.shape, here, other.shape.drawn[there], np.ones(len(here)), step.n_functions, step.smoothness
+                onto.shape,
+                here,
+                other.shape.drawn[there],
+                np.ones(len(here)),
+                step.n_functions,
+                step.smoothness,
             )
 
         return Coefficients(
@@ -105,7 +111,9 @@ class ElasticFit:
         source, target = self.source, self.target
         symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
 
-        def one(onto: Samples, other: Samples, forth: IntArray, back: IntArray, sides: IntArray) -> FloatArray:
+        def one(
+            onto: Samples, other: Samples, forth: IntArray, back: IntArray, sides: IntArray
+        ) -> FloatArray:
             here = [onto.vertices, onto.targets[back], sides[:, 0]]
             there = [other.targets[forth], other.vertices, sides[:, 1]]
             drawn = [other.shape.drawn[v] for v in there]
@@ -209,9 +217,6 @@ class ElasticFit:
         return float(forth + back) / 2
 
 
-LEAST_STRETCH = 1e-3
-
-
 def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
     if len(candidates) == among.shape.mesh.n_vertices:
         return among.shape.prepared.index.vertices(candidates, queries)
@@ -219,13 +224,18 @@ def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> Int
 
 
 def _drawn(onto: Samples, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The other shape drawn on the vertices sought: canonical coordinates (c, d), and normals (c, 3)."""
+    """Draw the other shape on the vertices sought: canonical coordinates (c, d), and normals (c, 3)."""
     drawn = onto.functions[:, : len(coefficients)] @ coefficients
     return drawn[onto.sought, :-3], vertex_normals(drawn[:, -3:], onto.faces)[onto.sought]
 
 
 def _smooth(
-    shape: ElasticShape, vertices: IntArray, values: FloatArray, weights: FloatArray, k: int, smoothness: float
+    shape: ElasticShape,
+    vertices: IntArray,
+    values: FloatArray,
+    weights: FloatArray,
+    k: int,
+    smoothness: float,
 ) -> FloatArray:
     """Coefficients that minimise the mean weighted squared error + smoothness × Dirichlet energy."""
     laplace = shape.prepared.laplace

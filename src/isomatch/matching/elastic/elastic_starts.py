@@ -22,9 +22,7 @@ def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, landmarks[:, 0], settings.n_anchors)
     candidates = np.unique(
-        np.concatenate(
-            [landmarks[:, 1], target.extremities, target.sample_vertices[: settings.n_candidates]]
-        )
+        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[: settings.n_candidates]])
     )
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)

@@ -122,7 +122,7 @@ class _Search:
         return _Found(found, images, images.misfit * self._penalty(coarse.asymmetry(images)))
 
     def distinct(self, order: list[_Found]) -> list[_Found]:
-        """The first ones that differ from each other."""
+        """Keep the first ones that differ from each other."""
         settings, kept = self._settings, list[_Found]()
 
         def vertices(found: _Found) -> IntArray:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.matching.config import Config
@@ -28,20 +28,21 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     fit = ElasticFit(samples, samples, signatures, NONE, settings, side=-1.0)
     steps = coarse_steps(settings)
 
-    def fitted(start: IntArray) -> tuple[float, object]:
+    def fitted(start: IntArray) -> tuple[float, FloatArray]:
         found = fit.from_pairs(start, steps[0])
         if fit.orientation(found, fit.images(found)) < 0:
-            return np.inf, None
+            return np.inf, found.source
         found, images = fit.run(found, steps)
-        right = fit.orientation(found, images) >= settings.mirror_orientation
-        return (images.misfit, found) if right else (np.inf, None)
+        clear = fit.orientation(found, images) >= settings.mirror_orientation
+        return images.misfit if clear else np.inf, found.source
 
-    few = replace(config, elastic=replace(settings, forgiven=settings.mirror_forgiven, n_starts=settings.mirror_starts))
+    few = replace(
+        config, elastic=replace(settings, forgiven=settings.mirror_forgiven, n_starts=settings.mirror_starts)
+    )
     rows = prepared.sample_vertices[: prepared.config.n_search]
     known = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
     starts = [*anchor_starts(ShapePair(prepared, prepared, few), NONE), *known]
-    misfit, found = min(parallel_map(fitted, starts), key=lambda each: each[0], default=(np.inf, None))
+    misfit, drawn = min(parallel_map(fitted, starts), key=lambda each: each[0])
     if misfit > settings.mirror_misfit:
         return shape
-    functions = prepared.laplace.vectors[:, : len(found.source)]
-    return replace(shape, mirrored=functions @ found.source)
+    return replace(shape, mirrored=prepared.laplace.vectors[:, : len(drawn)] @ drawn)
