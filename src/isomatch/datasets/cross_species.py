@@ -34,12 +34,13 @@ class CrossSpecies:
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Two pairs of poses for each direction: the first ones, and a later one of either."""
-        chosen = []
-        for key in arrays(self.truth):
-            a, b = (self._poses(name) for name in key.split("|"))
-            for k in range(POSES_PER_DIRECTION):
-                chosen.append((a[k * len(a) // POSES_PER_DIRECTION], b[k * len(b) // POSES_PER_DIRECTION]))
-        return tuple(chosen)
+
+        def spread(name: str) -> list[str]:
+            poses = self._poses(name)
+            return [poses[k * len(poses) // POSES_PER_DIRECTION] for k in range(POSES_PER_DIRECTION)]
+
+        directions = (key.split("|") for key in arrays(self.truth))
+        return tuple(pair for a, b in directions for pair in zip(spread(a), spread(b)))
 
     def pair(self, source: str, target: str) -> BenchmarkPair:
         """Read two shapes and the truth between them, in the order of the files.
@@ -60,7 +61,7 @@ class CrossSpecies:
         if len(image) != mesh.n_vertices or image.max(initial=-1) >= onto.n_vertices:
             raise FormatError(
                 f"{self.truth}: {key!r} has {len(image)} entries up to {image.max(initial=-1)}, which do not map the "
-                f"{mesh.n_vertices} vertices of {source} to the {onto.n_vertices} of {target}; obtain both from one source"
+                f"{mesh.n_vertices} vertices of {source} to the {onto.n_vertices} of {target}; take both from one source"
             )
         return BenchmarkPair(
             f"{source}-{target}", mesh, onto, np.column_stack([np.arange(len(image)), image])

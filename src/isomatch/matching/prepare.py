@@ -36,7 +36,7 @@ from isomatch.geodesics import (
     peripheral_vertex,
 )
 from isomatch.matching.body import Body, body_of
-from isomatch.matching.config import Config, SymmetrySettings
+from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.signatures import point_signatures
@@ -198,10 +198,7 @@ class PreparedShape:
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
         """Maps of the shape onto itself, by rows of its search vertices; see `find_symmetries`."""
-        return self.symmetries_within(self.config.symmetry)
-
-    def symmetries_within(self, settings: SymmetrySettings) -> tuple[Symmetry, ...]:
-        """Find symmetries by other settings than those of the shape."""
+        settings = self.config.symmetry
         vertices = self.sample_vertices[: self.config.n_search]
         basis = SampledBasis(self.laplace.vectors, vertices)
         k = min(self.config.selection.normal_functions, len(self.laplace.values))

@@ -19,7 +19,7 @@ LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded
 
 
 class Coefficients(NamedTuple):
-    """Each shape drawn on the other by its first functions: (k_s, d_t + 3) of the target, (k_t, d_s + 3) of the source."""
+    """Each shape drawn on the other by its first functions: (k_s, d_t + 3) and (k_t, d_s + 3)."""
 
     source: FloatArray
     target: FloatArray
@@ -35,7 +35,7 @@ class Step(NamedTuple):
 
 
 def coarse_steps(settings: ElasticSettings) -> tuple[Step, ...]:
-    """Steps with few functions."""
+    """Return the steps with few functions."""
     return tuple(
         Step(k, smoothness, settings.coarse_iterations, True)
         for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
