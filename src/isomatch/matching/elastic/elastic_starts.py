@@ -26,7 +26,7 @@ def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     )
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
-    unary = settings.signature_cost * np.minimum(unlike / unlike.mean(), 2.0)
+    unary = settings.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
     unary += settings.remoteness_cost * np.abs(remote[0] - remote[1])
     led = np.arange(len(landmarks))
