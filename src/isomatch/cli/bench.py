@@ -33,7 +33,7 @@ def bench(
     Parameters
     ----------
     sets : str
-        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, creatures, organs, example; several with commas.
+        faust_r, tosca_iso_r, scape_r, faust, scape, tosca, cross, creatures, organs, example; several with commas.
     output : Path
         Folder for rows.jsonl, index.html, pairs.csv, summary.csv, improvements.csv and curves. Rows that are already
         there are not computed again, unless isomatch or the settings of the method have changed.

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from isomatch._arrays import IntArray
 from isomatch._settings import generator
 from isomatch.datasets.creatures import Creature, creature, ground_truth
+from isomatch.datasets.cross_species import CrossSpecies, cross_species
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.organs import PLANS, Organ, organ, organ_truth
 from isomatch.datasets.published import faust, remeshed, scape, tosca
@@ -54,13 +55,14 @@ class BenchmarkSet:
         return (self.load(*pair) for pair in self.pairs)
 
 
-OPENERS: dict[str, Callable[[Path], ShapeSet]] = {
+OPENERS: dict[str, Callable[[Path], ShapeSet | CrossSpecies]] = {
     "faust_r": remeshed,
     "tosca_iso_r": remeshed,
     "scape_r": remeshed,
     "faust": faust,
     "scape": scape,
     "tosca": tosca,
+    "cross": cross_species,
 }
 
 
@@ -71,9 +73,10 @@ def benchmark_set(
 
     Parameters
     ----------
-    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "creatures", "organs", "example"}
+    name : {"faust_r", "tosca_iso_r", "scape_r", "faust", "scape", "tosca", "cross", "creatures", "organs", "example"}
         Name of the set. The remeshed sets have their published test pairs. The others have every ordered pair of poses
-        within a class, unless a ``test_pairs.txt`` lists others; `BenchmarkSet.chosen` draws some.
+        within a class, unless a ``test_pairs.txt`` lists others; `BenchmarkSet.chosen` draws some. "cross" has two pairs
+        for each two classes whose correspondence is known.
     folder : path_like, optional
         Folder of the sets, each in a folder of its name, as archives or as published: see `tosca`, `scape`, `faust` and
         `remeshed`. "creatures", "organs" and "example" need none.
@@ -103,14 +106,16 @@ def benchmark_set(
         raise MissingFileError(f"benchmark set {name!r} not found in {folder}; {EXPECTED}")
     shapes = OPENERS[name](Path(folder) / name)
     if landmarks is not None:
+        if not isinstance(shapes, ShapeSet):
+            raise SettingError(f"the set {name!r} has no hand-picked landmarks; leave them out")
         shapes = shapes.with_landmarks(landmarks)
     return BenchmarkSet(name, shapes.pairs, partial(_relabelled_pair, shapes))
 
 
-def _relabelled_pair(shapes: ShapeSet, source: str, target: str) -> BenchmarkPair:
-    """Read a pair; a target with the same triangulation as its source is relabelled and rotated."""
+def _relabelled_pair(shapes: ShapeSet | CrossSpecies, source: str, target: str) -> BenchmarkPair:
+    """Read a pair; a target is relabelled and rotated unless the shapes were remeshed independently."""
     pair = shapes.pair(source, target)
-    if not shapes.shared:
+    if isinstance(shapes, ShapeSet) and not shapes.shared:
         return pair
     mesh, new = relabelled(pair.target, crc32(pair.name.encode()))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
+from isomatch.matching.elastic import FAR, ElasticMatch, far_from_isometric, match_elastically
 from isomatch.matching.hints import Hints
 from isomatch.matching.joint_refinement import (
     RefinedCandidate,
@@ -42,8 +43,10 @@ class CompleteMatch:
     hints : Hints
     selection : Selection
         Refined winner and its rivals.
-    order : tuple of Candidate
-        All candidates, best first.
+    eligible : tuple of Candidate
+        Candidates that might win, best first.
+    rivals : tuple of Candidate
+        Those that might not.
     embedding : Embedding
         Coordinates of all vertices in which images are nearest points.
     """
@@ -51,7 +54,8 @@ class CompleteMatch:
     pair: ShapePair
     hints: Hints
     selection: Selection[RefinedCandidate]
-    order: tuple[Candidate, ...]
+    eligible: tuple[Candidate, ...]
+    rivals: tuple[Candidate, ...]
     embedding: Embedding
 
 
@@ -78,22 +82,30 @@ def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> Complete
         rivals = _ranked(pair, [*judge(only_rivals), *variants])
     timer.start("refinement")
     selection = _contest(pair, eligible, rivals)
-    refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
-    return CompleteMatch(
-        pair, hints, selection, (*refined, *eligible, *rivals), _embedding(pair, selection.winner)
-    )
+    embedding = _embedding(pair, selection.winner)
+    return CompleteMatch(pair, hints, selection, tuple(eligible), tuple(rivals), embedding)
 
 
-def complete_result(found: CompleteMatch, timer: StageTimer, seed: int) -> MatchResult:
-    """Measure a map and sum it up."""
+def complete_result(
+    found: CompleteMatch, timer: StageTimer, seed: int, may_stretch: bool = True
+) -> MatchResult:
+    """Measure a map and sum it up; if it fits badly, and limbs may stretch, an elastic one takes its place."""
     pair, hints, selection = found.pair, found.hints, found.selection
     points = pair.target.index.points(found.embedding.target, found.embedding.source)
     timer.start("quality")
     quality = measure_quality(pair, points, hints, selection)
-    alternatives = _alternatives(pair, found.order)
+    elastic = None
+    if may_stretch and far_from_isometric(pair, hints, quality):
+        timer.start("elastic match")
+        elastic = _elastic(found)
+    if elastic:
+        points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
+        quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
+    refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
+    alternatives = _alternatives(pair, [*refined, *found.eligible, *found.rivals])
     return MatchResult(
         map=pair.source.correspondence(pair.target, points),
-        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any),
+        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
         quality=quality,
         alternatives=alternatives,
         timings=timer.stop(),
@@ -101,15 +113,28 @@ def complete_result(found: CompleteMatch, timer: StageTimer, seed: int) -> Match
             *pair.notes,
             *hints.notes,
             *_notes(pair, selection),
+            *([FAR] if elastic else []),
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=pair.source.distances.engine,
-        origin=selection.winner.candidate.hypothesis.origin,
-        reason=selection.reason,
+        origin="anchors" if elastic else selection.winner.candidate.hypothesis.origin,
+        reason=elastic.reason if elastic else selection.reason,
         config=pair.config,
         seed=seed,
         symmetries=(describe_symmetries(pair.source.symmetries), describe_symmetries(pair.target.symmetries)),
     )
+
+
+def _elastic(found: CompleteMatch) -> ElasticMatch | None:
+    """Match elastically, from the winner and all candidates too."""
+    pair, winner = found.pair, found.selection.winner
+    ordinary = np.column_stack([pair.refinement_vertices, winner.target_vertex])
+    others = [
+        np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]])
+        for candidate in found.eligible
+        if candidate.orientation > 0
+    ]
+    return match_elastically(pair, found.hints.landmarks, ordinary, others)
 
 
 def _hypotheses(pair: ShapePair, hints: Hints) -> tuple[list[Hypothesis], list[Hypothesis]]:
@@ -169,9 +194,9 @@ def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:
     return laplace_icp_embedding(pair, embedding) if refinement == "laplace_icp" else embedding
 
 
-def _alternatives(pair: ShapePair, order: tuple[Candidate, ...]) -> tuple[Alternative, ...]:
+def _alternatives(pair: ShapePair, order: list[Candidate]) -> tuple[Alternative, ...]:
     """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
-    distinct = [order[0]]
+    distinct = order[:1]
     for candidate in order[1:]:
         known = [c.target_row for c in distinct]
         if pair.differs(candidate.target_row, known, pair.config.search.same_map):

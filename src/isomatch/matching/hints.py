@@ -91,6 +91,11 @@ class Hints:
         return cls(points, known, on_bodies, tuple(notes))
 
     @property
+    def only_landmarks(self) -> bool:
+        """Whether nothing but landmarks is known, if anything."""
+        return not len(self.known) and not self.functions[0].shape[1]
+
+    @property
     def any(self) -> bool:
         """Whether anything is known."""
         return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])

@@ -118,7 +118,9 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
     return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
 
 
-def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False) -> Outcome:
+def outcome_of(
+    pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
+) -> Outcome:
     """Sum up the evidence; of several outcomes the first one in the order of `Outcome` holds.
 
     Parameters
@@ -130,6 +132,8 @@ def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: b
         What the map should do with the orientation of the faces.
     hinted : bool
         Whether hints were given: they may have led to the orientation that was not wanted.
+    far : bool
+        Whether the shapes are far from isometric, so that the measures cannot tell a right map from a wrong one.
     """
     bounds = pair.config.outcome
     if quality.landmark_error > bounds.contradiction or quality.initial_map_error > bounds.contradiction:
@@ -138,7 +142,8 @@ def outcome_of(pair: ShapePair, quality: Quality, wanted: Orientation, hinted: b
     kept = sign * quality.orientation
     turned = hinted and kept < -bounds.poor_orientation
     poor = (
-        quality.misfit > bounds.poor_misfit
+        far
+        or quality.misfit > bounds.poor_misfit
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
         or (kept < bounds.poor_orientation and not turned)

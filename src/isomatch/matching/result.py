@@ -57,7 +57,8 @@ class Quality:
     misfit : float
         Mean distance of refinement vertices from their images in the joint coordinates (spectrum, signatures, positions,
         normals) after the joint refinement: 0 for the same shape, about 0.4 for the right map of two people. With another
-        refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline.
+        refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline and
+        for a map between shapes that are far from isometric.
     rival : float
         What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
         over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among

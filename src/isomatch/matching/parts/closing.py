@@ -44,7 +44,7 @@ class ClosedMatch:
 
     def result(self, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
-        closed = complete_result(self.found, timer, seed)
+        closed = complete_result(self.found, timer, seed, may_stretch=False)
         found = self._opened(closed.map)
         alternatives = tuple(replace(each, map=self._opened(each.map)) for each in closed.alternatives)
         quality = replace(closed.quality, matched=float(found.matched.mean()))

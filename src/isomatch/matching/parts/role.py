@@ -19,9 +19,7 @@ def part_of(pair: ShapePair, hints: Hints) -> Part | None:
     config = pair.config
     if config.part not in ("auto", "source", "target") or not pair.oriented:
         return None
-    known = len(hints.known) or hints.functions[0].shape[1]
-    automatic = config.hypotheses == "all" and config.refinement in ("joint", "smooth")
-    if known or config.start == "pose" or not automatic or config.orientation != "preserve":
+    if not (config.looks_further and hints.only_landmarks and config.start == "auto"):
         return None
     if config.part != "auto":
         return config.part

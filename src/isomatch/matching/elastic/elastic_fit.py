@@ -1,0 +1,247 @@
+"""The fit of two shapes to each other: smooth maps both ways that become inverse to one another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import Embedding, nearest_rows
+from isomatch.matching.config import ElasticSettings
+from isomatch.matching.elastic.elastic_shape import ElasticShape, Samples
+from isomatch.surfaces import vertex_normals
+
+RIDGE = 1e-9
+LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded
+
+
+class Coefficients(NamedTuple):
+    """Each shape drawn on the other by its first functions: (k_s, d_t + 3) and (k_t, d_s + 3)."""
+
+    source: FloatArray
+    target: FloatArray
+
+
+class Step(NamedTuple):
+    """A step of the fit: functions, smoothness, iterations, and whether maps are made to respect the symmetries."""
+
+    n_functions: int
+    smoothness: float
+    iterations: int
+    symmetric: bool
+
+
+def coarse_steps(settings: ElasticSettings) -> tuple[Step, ...]:
+    """Return the steps with few functions."""
+    return tuple(
+        Step(k, smoothness, settings.coarse_iterations, True)
+        for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
+    )
+
+
+class Images(NamedTuple):
+    """Images of the samples both ways, as rows of the vertices sought, and their mean distance."""
+
+    forth: IntArray
+    back: IntArray
+    misfit: float
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticFit:
+    """Alternates images both ways and the smooth functions that fit them.
+
+    Parameters
+    ----------
+    source, target : Samples
+    signatures : Embedding
+        Signatures of all vertices of both.
+    landmarks : (l, 2) array of int
+        Vertices of source and target that correspond.
+    settings : ElasticSettings
+    side : float
+        1 for maps that preserve the orientation of the faces, −1 for those that reverse it.
+
+    Notes
+    -----
+    The energy is that of Ezuz, Solomon & Ben-Chen, *Reversible harmonic maps between discrete surfaces*, 2019: Dirichlet
+    energy of both maps into canonical coordinates, and their distance from being inverse to each other. Here each map is
+    a combination of few Laplace–Beltrami functions, for which the Dirichlet energy is diagonal, and signatures, normals
+    and symmetries take part.
+    """
+
+    source: Samples
+    target: Samples
+    signatures: Embedding
+    landmarks: IntArray
+    settings: ElasticSettings
+    side: float = 1.0
+
+    def from_pairs(self, pairs: IntArray, step: Step) -> Coefficients:
+        """Fit smooth maps to pairs (q, 2) of vertices alone."""
+
+        def fitted(onto: Samples, other: Samples, here: IntArray, there: IntArray) -> FloatArray:
+            return _smooth(
+                onto.shape,
+                here,
+                other.shape.drawn[there],
+                np.ones(len(here)),
+                step.n_functions,
+                step.smoothness,
+            )
+
+        return Coefficients(
+            fitted(self.source, self.target, pairs[:, 0], pairs[:, 1]),
+            fitted(self.target, self.source, pairs[:, 1], pairs[:, 0]),
+        )
+
+    def run(self, start: Coefficients, steps: tuple[Step, ...]) -> tuple[Coefficients, Images]:
+        """Take some steps from a start."""
+        found, images = start, self.images(start)
+        for step in steps:
+            for _ in range(step.iterations):
+                found = self._fitted(images, step)
+                images = self.images(found)
+        return found, images
+
+    def _fitted(self, images: Images, step: Step) -> Coefficients:
+        source, target = self.source, self.target
+        symmetric = step.symmetric and source.mirror_row is not None and target.mirror_row is not None
+
+        def one(
+            onto: Samples, other: Samples, forth: IntArray, back: IntArray, sides: IntArray
+        ) -> FloatArray:
+            here = [onto.vertices, onto.targets[back], sides[:, 0]]
+            there = [other.targets[forth], other.vertices, sides[:, 1]]
+            drawn = [other.shape.drawn[v] for v in there]
+            if symmetric:  # the mirror image of where the mirror image goes
+                mirrored = other.shape.mirrored
+                assert mirrored is not None
+                here += [onto.vertices]
+                drawn += [mirrored[other.targets[forth[onto.mirror_row]]]]
+            weights = np.concatenate([np.ones(len(v)) for v in here])
+            first = len(here[0]) + len(here[1])
+            weights[first : first + len(sides)] = self.settings.landmark_weight
+            return _smooth(
+                onto.shape, np.concatenate(here), np.vstack(drawn), weights, step.n_functions, step.smoothness
+            )
+
+        return Coefficients(
+            one(source, target, images.forth, images.back, self.landmarks),
+            one(target, source, images.back, images.forth, self.landmarks[:, ::-1]),
+        )
+
+    def embedding(self, found: Coefficients) -> Embedding:
+        """Coordinates of the vertices sought of both shapes, in which images are nearest."""
+        settings, (source, target) = self.settings, (self.source, self.target)
+        target_here, its_normals = _drawn(source, found.source)
+        source_there, own_normals = _drawn(target, found.target)
+        weight, on_source, on_target = settings.normal_weight, source.targets, target.targets
+        return Embedding(
+            np.hstack(
+                [
+                    target_here,
+                    source.shape.canonical[on_source],
+                    settings.signature_weight * self.signatures.source[on_source],
+                    self.side * weight * its_normals,
+                    weight * source.shape.mesh.vertex_normals[on_source],
+                ]
+            ),
+            np.hstack(
+                [
+                    target.shape.canonical[on_target],
+                    source_there,
+                    settings.signature_weight * self.signatures.target[on_target],
+                    weight * target.shape.mesh.vertex_normals[on_target],
+                    self.side * weight * own_normals,
+                ]
+            ),
+        )
+
+    def images(self, found: Coefficients) -> Images:
+        """Nearest images both ways."""
+        source, target, (a, b) = self.source, self.target, self.embedding(found)
+        from_source, from_target = a[source.row], b[target.row]
+        forth, back = _nearest(target, b, from_source), _nearest(source, a, from_target)
+        misfit = np.linalg.norm(from_source - b[forth], axis=1).mean()
+        misfit += np.linalg.norm(from_target - a[back], axis=1).mean()
+        return Images(forth, back, float(misfit))
+
+    def orientation(self, found: Coefficients, images: Images) -> float:
+        """Mean cosine between the normals of either shape and of its copy drawn on the other, of the wanted side."""
+        cosines = []
+        for onto, other, coefficients, image in (
+            (self.source, self.target, found.source, images.forth),
+            (self.target, self.source, found.target, images.back),
+        ):
+            _, normals = _drawn(onto, coefficients)
+            there = other.shape.mesh.vertex_normals[other.targets[image]]
+            cosines.append(np.einsum("ij,ij->i", normals[onto.row], there).mean())
+        return self.side * float(np.mean(cosines))
+
+    def asymmetry(self, images: Images) -> float:
+        """How far the maps are from exchanging mirror images: a mean distance; 0 unless both are nearly symmetric."""
+        apart = []
+        for onto, other, image in (
+            (self.source, self.target, images.forth),
+            (self.target, self.source, images.back),
+        ):
+            if onto.mirror_row is None or other.shape.mirrored is None:
+                return 0.0
+            d = other.shape.canonical.shape[1]
+            mirrored = other.shape.mirrored[other.targets[image], :d]
+            there = other.shape.canonical[other.targets[image[onto.mirror_row]]]
+            apart.append(np.linalg.norm(mirrored - there, axis=1).mean())
+        return float(np.mean(apart))
+
+    def stretch(self, found: Coefficients) -> float:
+        """Mean |log| of the squared stretch of edges, both ways, in canonical coordinates; images sought everywhere."""
+        total = 0.0
+        for onto, coefficients in ((self.source, found.source), (self.target, found.target)):
+            i, j = onto.shape.mesh.edges.T
+            drawn, _ = _drawn(onto, coefficients)
+            own = onto.shape.canonical
+            after, before = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (drawn, own))
+            total += float(np.abs(np.log(after / np.maximum(before, 1e-12) + LEAST_STRETCH)).mean())
+        return total
+
+    def curvature_mismatch(self, images: Images) -> float:
+        """Mean difference of the standardised mean curvatures, both ways."""
+        source, target = self.source, self.target
+        on_source, on_target = source.shape.prepared.curvature, target.shape.prepared.curvature
+        forth = np.abs(on_source[source.vertices] - on_target[target.targets[images.forth]]).mean()
+        back = np.abs(on_target[target.vertices] - on_source[source.targets[images.back]]).mean()
+        return float(forth + back) / 2
+
+
+def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
+    if len(candidates) == among.shape.mesh.n_vertices:
+        return among.shape.prepared.index.vertices(candidates, queries)
+    return nearest_rows(candidates, queries)
+
+
+def _drawn(onto: Samples, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Draw the other shape on the vertices sought: canonical coordinates (c, d), and normals (c, 3)."""
+    drawn = onto.functions[:, : len(coefficients)] @ coefficients
+    return drawn[onto.sought, :-3], vertex_normals(drawn[:, -3:], onto.faces)[onto.sought]
+
+
+def _smooth(
+    shape: ElasticShape,
+    vertices: IntArray,
+    values: FloatArray,
+    weights: FloatArray,
+    k: int,
+    smoothness: float,
+) -> FloatArray:
+    """Coefficients that minimise the mean weighted squared error + smoothness × Dirichlet energy."""
+    laplace = shape.prepared.laplace
+    functions = laplace.vectors[vertices, :k]
+    weighted = functions * (weights / weights.sum())[:, None]
+    gram = weighted.T @ functions
+    gram[np.diag_indices_from(gram)] += smoothness * laplace.values[:k] + RIDGE
+    coefficients: FloatArray = solve(gram, weighted.T @ values, assume_a="pos")
+    return coefficients

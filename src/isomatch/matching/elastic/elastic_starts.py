@@ -1,0 +1,63 @@
+"""First maps between shapes that are far from isometric: a beam search over anchors with a cost that forgives stretch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence import IntervalCost, assign_points
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+
+FORBIDDEN = 50.0  # cost of another image of a landmark
+
+
+def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
+    """Assign anchors of the source to points of the target: arrays (m, 2) of vertices, least cost first.
+
+    Distances, in units of the average, may differ by a factor before they cost anything, and cost no more than a bound:
+    a tail that is twice as long must not outweigh everything else. Anchors are landmarks, extremities, then points far
+    from these.
+    """
+    source, target, settings = pair.source, pair.target, pair.config.elastic
+    anchors, between = _anchors(source, landmarks[:, 0], settings.n_anchors)
+    candidates = np.unique(
+        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[: settings.n_candidates]])
+    )
+    of_source, of_target = pair.signatures
+    unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
+    unary = settings.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
+    remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
+    unary += settings.remoteness_cost * np.abs(remote[0] - remote[1])
+    led = np.arange(len(landmarks))
+    unary[led] = FORBIDDEN
+    unary[led, np.searchsorted(candidates, landmarks[:, 1])] = 0.0
+    assigned = assign_points(
+        target.distances_between(candidates) / target.intrinsic_scale,
+        between,
+        between,
+        unary,
+        IntervalCost(settings.forgiven, settings.inside, settings.most_cost, settings.soft),
+        settings.width,
+        settings.apart,
+    )
+    return [np.column_stack([anchors, candidates[row]]) for row in assigned[: settings.n_starts]]
+
+
+def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArray, FloatArray]:
+    """Vertices far from each other, and their distances in units of the average."""
+    wanted = np.concatenate([first, shape.extremities, shape.column_vertices])
+    wanted = wanted[np.sort(np.unique(wanted, return_index=True)[1])]
+    distances = shape.distances_between(wanted)
+    kept = list(range(min(len(np.union1d(first, shape.extremities)), max(count, len(first)))))
+    while len(kept) < min(count, len(wanted)):
+        kept.append(int(distances[kept].min(axis=0).argmax()))
+    return wanted[kept], distances[np.ix_(kept, kept)] / shape.intrinsic_scale
+
+
+def _remoteness(shape: PreparedShape) -> FloatArray:
+    """(n,) share of the area that is less remote than each vertex: it does not depend on how long limbs are."""
+    order = np.argsort(shape.average_distance, kind="stable")
+    share = np.zeros(len(order))
+    share[order] = np.cumsum(shape.body.vertex_areas[order]) / shape.body.area
+    return share

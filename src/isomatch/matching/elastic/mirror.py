@@ -1,0 +1,48 @@
+"""The mirror image of a shape that is nearly symmetric: an elastic match of the shape to itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
+from isomatch.correspondence import Embedding
+from isomatch.matching.config import Config
+from isomatch.matching.elastic.elastic_fit import ElasticFit, coarse_steps
+from isomatch.matching.elastic.elastic_shape import ElasticShape
+from isomatch.matching.elastic.elastic_starts import anchor_starts
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+
+NONE = np.zeros((0, 2), dtype=np.int64)
+
+
+def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
+    """Find the map of a shape to itself that reverses its orientation and fits best, if any fits well."""
+    settings = config.elastic
+    shape = ElasticShape(prepared, settings)
+    samples = shape.sampled(settings.n_coarse, False)
+    signatures = Embedding(prepared.signatures, prepared.signatures)
+    fit = ElasticFit(samples, samples, signatures, NONE, settings, side=-1.0)
+    steps = coarse_steps(settings)
+
+    def fitted(start: IntArray) -> tuple[float, FloatArray]:
+        found = fit.from_pairs(start, steps[0])
+        if fit.orientation(found, fit.images(found)) < 0:
+            return np.inf, found.source
+        found, images = fit.run(found, steps)
+        clear = fit.orientation(found, images) >= settings.mirror_orientation
+        return images.misfit if clear else np.inf, found.source
+
+    few = replace(
+        config, elastic=replace(settings, forgiven=settings.mirror_forgiven, n_starts=settings.mirror_starts)
+    )
+    rows = prepared.sample_vertices[: prepared.config.n_search]
+    known = [np.column_stack([rows, rows[each.image_row]]) for each in prepared.symmetries]
+    starts = [*anchor_starts(ShapePair(prepared, prepared, few), NONE), *known]
+    misfit, drawn = min(parallel_map(fitted, starts), key=lambda each: each[0])
+    if misfit > settings.mirror_misfit:
+        return shape
+    return replace(shape, mirrored=prepared.laplace.vectors[:, : len(drawn)] @ drawn)

@@ -1,0 +1,124 @@
+"""Shapes that are far from isometric: limbs of other lengths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Mesh, Outcome, SettingError, match, prepare
+from isomatch.correspondence import Embedding
+from isomatch.datasets import creature, ground_truth, relabelled
+from isomatch.matching import Hints, ShapePair, prepare_pair
+from isomatch.matching.config import ElasticSettings
+from isomatch.matching.elastic.elastic_fit import ElasticFit, Step
+from isomatch.matching.elastic.elastic_shape import ElasticShape
+from isomatch.matching.elastic.elastic_starts import anchor_starts
+from isomatch.matching.elastic.far import far_from_isometric
+from isomatch.matching.elastic.mirror import with_mirror
+
+NONE = np.zeros((0, 2), dtype=np.int64)
+
+
+def other_species(made):
+    """A creature in its rest pose with a tail and hind legs of twice the length and half the head."""
+    _, y, z = made.rest.T
+    forward = -np.maximum(-0.4 - y, 0) - 0.5 * np.maximum(y - 0.4, 0)
+    up = -0.9 * np.maximum(0.45 - z, 0) * (y < 0)
+    return Mesh(made.rest + np.column_stack([0 * y, forward, up]), made.mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def animals():
+    return [creature(2000, triangulation=i, symmetric=True) for i in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def species(animals):
+    """Two shapes, prepared, and the true image of every vertex of the first."""
+    target, new = relabelled(other_species(animals[1]), 0)
+    return prepare(animals[0].mesh), prepare(target), new[ground_truth(*animals).vertices]
+
+
+@pytest.fixture(scope="module")
+def found(species):
+    return match(*species[:2])
+
+
+def mean_error(shape, images, truth):
+    return shape.mean_distance(shape.body_vertex[images], shape.body_vertex[truth])
+
+
+def test_limbs_stretch(species, found):
+    _, target, truth = species
+    assert found.origin == "anchors"
+    assert any("far from isometric" in note for note in found.notes)
+    assert mean_error(target, found.map.vertices, truth) < 0.07
+
+
+def test_a_map_between_species_is_never_sure(found):
+    assert found.outcome is Outcome.LOW_CONFIDENCE
+    assert found.quality.rival > 1
+
+
+@pytest.mark.long
+def test_landmarks_lead_the_map(species):
+    source, target, truth = species
+    vertices = source.user_vertex[source.column_vertices[:5]]
+    led = match(source, target, landmarks=np.column_stack([vertices, truth[vertices]]))
+    assert led.quality.landmark_error < 0.06
+    assert mean_error(target, led.map.vertices, truth) < 0.07
+
+
+def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, found):
+    pair = ShapePair(*species[:2], Config())
+    none = Hints.of(pair, None, None, None)
+    poor = replace(found.quality, misfit=0.9)
+    assert far_from_isometric(pair, none, poor)
+    assert not far_from_isometric(pair, none, replace(poor, misfit=0.4, residual=0.2, stretch=1.0))
+    known = Hints.of(pair, None, np.zeros(len(species[2]), dtype=int), None)
+    assert not far_from_isometric(pair, known, poor)
+    for config in (Config(orientation="any"), Config(refinement="none"), Config(hypotheses="given")):
+        assert not far_from_isometric(replace(pair, config=config), none, poor)
+
+
+def test_canonical_coordinates_keep_distances(species):
+    shape = ElasticShape(species[0], replace(ElasticSettings(), n_coordinates=20))
+    vertices = species[0].sample_vertices[:100]
+    apart = np.linalg.norm(shape.canonical[vertices, None] - shape.canonical[vertices], axis=2)
+    assert np.abs(apart - species[0].distances_between(vertices)).mean() < 0.1 * apart.mean()
+
+
+def test_the_mirror_image_of_a_stretched_creature_is_found(animals, species):
+    _, new = relabelled(other_species(animals[1]), 0)
+    there = new[ground_truth(animals[1], animals[1], mirrored=True).vertices][np.argsort(new)]
+    shape = with_mirror(species[1], Config())
+    found = species[1].index.vertices(shape.drawn, shape.mirrored)
+    truth = species[1].body_vertex[there[species[1].user_vertex]]
+    assert species[1].mean_distance(found, truth) < 0.08
+
+
+def test_a_fit_from_the_identity_stays_there(species):
+    settings = ElasticSettings()
+    shape = ElasticShape(species[0], settings)
+    samples = shape.sampled(400, True)
+    signatures = Embedding(species[0].signatures, species[0].signatures)
+    fit = ElasticFit(samples, samples, signatures, NONE, settings)
+    pairs = np.column_stack([samples.vertices, samples.vertices])
+    step = Step(100, 0.0, 2, False)
+    drawn, images = fit.run(fit.from_pairs(pairs, step), (step,))
+    assert (images.forth == samples.vertices).mean() > 0.95
+    assert (images.back == samples.vertices).mean() > 0.95
+    assert fit.orientation(drawn, images) > 0.9
+    assert fit.curvature_mismatch(images) < 0.02
+
+
+def test_starts_respect_landmarks(species):
+    pair = prepare_pair(*species[:2])
+    landmarks = np.column_stack([pair.source.column_vertices[:3], pair.target.column_vertices[[4, 2, 6]]])
+    for start in anchor_starts(pair, landmarks):
+        np.testing.assert_array_equal(start[:3], landmarks)
+
+
+def test_steps_need_a_smoothness_each():
+    with pytest.raises(SettingError, match="fine_functions has 1 steps"):
+        ElasticSettings(fine_functions=(40,))
