@@ -55,8 +55,8 @@ _SURVIVABLE = {
     ),
     "non_manifold_vertices": (
         "vertices where several fans of faces meet",
-        "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others need a mesh "
-        "editor",
+        "sheets touch at a single point there, and paths pass through it; match splits those that shorten paths, others "
+        "need a mesh editor",
     ),
     "inconsistent_edges": (
         "edges whose two faces have opposite winding",
