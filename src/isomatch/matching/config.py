@@ -423,6 +423,8 @@ class PartSettings(Settings):
         Functions of the whole in the short refinement.
     largest_unit_change, unit_step : float
         Most that the unit of the files may be off, as a factor, and the ratio of the units that are tried.
+    unit_cost : float
+        Cost of a start in another unit than that of the files: this times the square of the logarithm of their ratio.
     least_share : float
         Least area of a part over that of the whole, where the units of the files say nothing.
     most_cost, soft : float
@@ -475,6 +477,7 @@ class PartSettings(Settings):
         1.4, "FAUST remeshed: bodies of one person differ by up to 1.2", least=1
     )
     unit_step: float = setting(1.1, "tolerance of the intervals", least=1.01)
+    unit_cost: float = setting(0.05, "docs/robustness.md: views", least=0)
     least_share: float = setting(0.1, "views show 16 % and more", least=0.01, most=1)
     most_cost: float = setting(0.6, "chosen on cuts and holes; docs/robustness.md", least=0)
     soft: float = setting(0.18, "chosen on cuts and holes; docs/robustness.md", least=0)

@@ -35,6 +35,7 @@ def capped(mesh: Mesh) -> Mesh:
         corners = mesh.vertices[rim]
         centre = corners.mean(axis=0)
         n_rings = max(round(np.linalg.norm(corners - centre, axis=1).mean() / spacing) - 1, 0)
+        n_rings = min(n_rings, mesh.n_vertices // (2 * len(rim)))  # a long rim must not outweigh the mesh
         ring = rim
         for share in np.arange(1, n_rings + 1) / (n_rings + 1):
             inner = n + np.arange(len(rim))

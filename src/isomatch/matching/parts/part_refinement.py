@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import Embedding, SampledBasis
-from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
 from isomatch.matching.prepare import PreparedShape
 from isomatch.surfaces import vertex_normals
@@ -112,8 +112,11 @@ class PartRefinement:
         return self._pair.whole.index.vertices(functions, drawn)
 
     def local_unit(self, image: IntArray) -> float:
-        """Measure the unit by images (r,): the median ratio of distances between them and along the part."""
-        return self._pair.restricted(float(np.median(self._ratios(image))))
+        """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
+        known = self._near[1]
+        if known.sum() < FEWEST_KNOWN:
+            return self._pair.unit
+        return self._pair.restricted(float(np.median(self._ratios(image)[known])))
 
     def local_stress(self, image: IntArray) -> float:
         """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
@@ -122,12 +125,20 @@ class PartRefinement:
 
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
+        near, _, along = self._near
+        image = image[: len(near)]
+        there: FloatArray = self._pair.whole.distances.between(image, image)[near]
+        return np.maximum(there, 1e-3) / along
+
+    @cached_property
+    def _near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
+        """Near vertices (q, q), which of these pairs have a known distance on the whole, and distances along the part."""
         pair, (least, most) = self._pair, self._pair.config.parts.near
-        few = slice(pair.config.n_search)
-        along = pair.part.distances.between(self.vertices[few], self.vertices[few])
+        vertices = self.vertices[: pair.config.n_search]
+        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
         near = (along > least) & (along < most)
-        there: FloatArray = pair.whole.distances.between(image[few], image[few])[near]
-        return np.maximum(there, least / 100) / along[near]
+        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        return near, known, along[near]
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""

@@ -111,6 +111,8 @@ class PartStarts:
             settings.width,
             settings.apart,
         )
+        n_pairs = placed * (placed - 1) / 2
+        costs = costs / n_pairs + self._against(unit)
         return [PartStart(pair, candidates[row], float(cost)) for row, cost in zip(rows, costs)]
 
     def _start(self, pair: PartPair, images: IntArray, rounds: int) -> PartStart:
@@ -121,7 +123,15 @@ class PartStarts:
             images = completed(scaled, images, 1)
         unary = self._unary(scaled)[np.arange(len(images)), np.searchsorted(self._places, images)]
         cost = scaled.stress(images) + unary.mean() * 2 / (pair.config.parts.n_placed - 1)
+        cost += self._against(scaled.unit)
         return PartStart(scaled, images, float(cost))
+
+    def _against(self, unit: float) -> float:
+        """Cost of another unit than that of the files."""
+        change = np.log(unit / self._pair.unit)
+        return (
+            float(self._pair.config.parts.unit_cost * change**2) if self._pair.config.scale == "auto" else 0.0
+        )
 
     def _distinct(self, found: list[PartStart], most: int) -> list[PartStart]:
         whole, apart = self._pair.whole, self._pair.config.parts.apart
