@@ -52,9 +52,12 @@ class PartFit:
         """What speaks against the map."""
         settings = self.pair.config.parts
         trusted = self.pair.trusted > settings.least_trusted
-        exponent = settings.stress_exponent if trusted else settings.untrusted_stress_exponent
-        shape = np.sqrt(self.local_stress * self.curvature_mismatch)
-        return float(self.misfit * self.stress**exponent * shape)
+        local = self.local_stress ** (
+            settings.local_exponent if trusted else settings.untrusted_local_exponent
+        )
+        return float(
+            self.misfit * self.stress**settings.stress_exponent * self.curvature_mismatch**0.5 * local
+        )
 
 
 @dataclass(frozen=True, eq=False)
