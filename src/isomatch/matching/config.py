@@ -18,7 +18,7 @@ Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
 Start = Literal["auto", "pose"]
-PartRole = Literal["auto", "source", "target", "none"]
+PartRole = Literal["auto", "source", "target", "both", "none"]
 Scale = Literal["auto", "same", "area", "free"]
 
 
@@ -677,10 +677,10 @@ class Config(Settings):
         Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
         shapes as they are, and that of both centred and scaled to equal area. With ``hypotheses="given"``, no others may
         win but those from hints.
-    part : {"auto", "source", "target", "none"}
-        Which shape is a part of the other. "auto" takes a shape with a long boundary and less area, in the units of the
-        files, for a part of one without. Parts are matched where automatic hypotheses, a joint refinement and the
-        orientation "preserve" are asked for, without hints or with landmarks.
+    part : {"auto", "source", "target", "both", "none"}
+        Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
+        Parts are matched where automatic hypotheses, a joint refinement and the orientation "preserve" are asked for,
+        without hints or with landmarks.
     scale : {"auto", "same", "area", "free"}
         Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
         anything. Complete shapes are always scaled to the same area.

@@ -9,19 +9,39 @@ import numpy as np
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
-from isomatch.matching.parts.role import Part
+from isomatch.matching.parts.role import Part, Parts
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
 from isomatch.matching.result import MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import describe_symmetries
 
 
-def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
-    """Match a pair of which one shape is a part of the other."""
+def part_result(pair: ShapePair, hints: Hints, part: Parts, timer: StageTimer, seed: int) -> MatchResult:
+    """Match a pair of which one shape is a part of the other, or both are parts of a third."""
+    return (
+        _both_result(pair, hints, timer, seed) if part == "both" else _result(pair, hints, part, timer, seed)
+    )
+
+
+def _both_result(pair: ShapePair, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
+    """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
+    found = match_complete(pair, hints, timer)
+    as_they_are = complete_result(found, timer, seed, may_stretch=False)
+    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS):
+        return as_they_are
+    timer.start("holes closed")
+    closed = match_closed(pair, hints, timer) if pair.config.parts.close else None
+    if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
+        return complete_result(found, timer, seed)
+    return _closed_result(closed.result(timer, seed), "both shapes were matched with their holes closed")
+
+
+def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
     source, target, config = pair.source, pair.target, pair.config
     timer.start("holes closed")
     closed = match_closed(pair, hints, timer) if config.parts.close else None
@@ -32,7 +52,11 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
     else:
         found = match_part(target, source, config, hints.landmarks[:, ::-1], image)
     if closed is not None and found.closed < config.parts.closed_score:
-        return _closed_result(closed.result(timer, seed), found, part)
+        return _closed_result(
+            closed.result(timer, seed),
+            f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the other "
+            "shape",
+        )
     of_part, of_whole = found.embedding()
     if part == "source":
         points = target.index.points(of_whole, of_part)
@@ -66,18 +90,10 @@ def part_result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, se
     )
 
 
-def _closed_result(result: MatchResult, found: PartMatch, part: Part) -> MatchResult:
-    """Take the map with the holes closed, which both ways support; it is no surer than a part's."""
-    sure = result.outcome is Outcome.CONVERGED
-    return replace(
-        result,
-        outcome=Outcome.PARTIAL if sure else result.outcome,
-        notes=(
-            *result.notes,
-            f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
-            "other shape",
-        ),
-    )
+def _closed_result(result: MatchResult, note: str) -> MatchResult:
+    """Take the map with the holes closed; it is no surer than a part's."""
+    outcome = Outcome.PARTIAL if result.outcome is Outcome.CONVERGED else result.outcome
+    return replace(result, outcome=outcome, notes=(*result.notes, note))
 
 
 def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:

@@ -8,23 +8,26 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 
 Part = Literal["source", "target"]
+Parts = Part | Literal["both"]
 
 
-def part_of(pair: ShapePair, hints: Hints) -> Part | None:
-    """Tell which shape is a part, if one is.
+def part_of(pair: ShapePair, hints: Hints) -> Parts | None:
+    """Tell which shape is a part, if one is, or both.
 
-    A part has a long boundary, and the other shape has none. Only the joint refinements of maps
-    that preserve the orientation know of parts, without an initial map or descriptors.
+    A part has a long boundary. Only the joint refinements of maps that preserve the orientation know of parts, without an
+    initial map or descriptors.
     """
     config = pair.config
-    if config.part not in ("auto", "source", "target") or not pair.oriented:
+    if config.part == "none" or not pair.oriented:
         return None
     if not (config.looks_further and hints.only_landmarks and config.start == "auto"):
         return None
     if config.part != "auto":
         return config.part
     settings = config.parts
-    long = settings.long_boundary
-    if pair.source.boundary_length > long >= pair.target.boundary_length:
-        return "source"
-    return "target" if pair.target.boundary_length > long >= pair.source.boundary_length else None
+    open_source, open_target = (
+        shape.boundary_length > settings.long_boundary for shape in (pair.source, pair.target)
+    )
+    if open_source and open_target:
+        return "both"
+    return "source" if open_source else "target" if open_target else None
