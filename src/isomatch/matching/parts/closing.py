@@ -47,8 +47,16 @@ class ClosedMatch:
         closed = complete_result(self.found, timer, seed, may_stretch=False)
         found = self._opened(closed.map)
         alternatives = tuple(replace(each, map=self._opened(each.map)) for each in closed.alternatives)
-        quality = replace(closed.quality, matched=float(found.matched.mean()))
+        quality = replace(closed.quality, matched=float(found.matched.mean()), coverage=self._coverage(found))
         return replace(closed, map=found, alternatives=alternatives, quality=quality)
+
+    def _coverage(self, found: Correspondence) -> float:
+        """Share of the target's area that is near an image."""
+        target = self.pair.target
+        images = np.unique(target.body_vertex[found.vertices[found.matched]])
+        gap, _ = distance_along_edges_to_nearest(target.body, images)
+        near = gap < self.pair.config.outcome.coverage_radius
+        return float(target.body.vertex_areas[near].sum() / target.body.area)
 
     def _opened(self, closed: Correspondence) -> Correspondence:
         """Take the caps off a map of the capped bodies."""
