@@ -104,7 +104,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
             lines.append(
                 f"| {kind} | {method} | {len(members)} | {errors.mean():.1f} | {np.median(errors):.1f} | {wrong.sum()} "
                 f"| {(called & wrong).sum()} | {(~called & ~wrong).sum()} | {precision:.2f} | {recall:.2f} "
-                f"| {np.mean([row.get('seconds') or np.nan for row in members]):.1f} |"
+                f"| {np.nanmean([row.get('seconds') or np.nan for row in members]):.1f} |"
             )
     return lines
 

@@ -437,8 +437,6 @@ class PartSettings(Settings):
         logarithm that counts.
     long_boundary : float
         Length of the boundary, in √area, from which a shape may be a part.
-    largest_share : float
-        Area, over that of the other shape, up to which it may be one.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
     closed_score : float
@@ -487,7 +485,6 @@ class PartSettings(Settings):
     near: tuple[float, ...] = setting((0.08, 0.3), "chosen on cuts and holes; docs/robustness.md", least=0)
     most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
-    largest_share: float = setting(0.95, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.35, "chosen on cuts and holes; docs/robustness.md", least=0)
     cover: float = setting(

@@ -35,7 +35,7 @@ from isomatch.geodesics import (
     farthest_point_sampling,
     peripheral_vertex,
 )
-from isomatch.matching.body import Body, body_of
+from isomatch.matching.body import Body, body_of, sound_body
 from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
 from isomatch.matching.orientation import orientation_of
@@ -170,10 +170,12 @@ class PreparedShape:
 
     @cached_property
     def capped(self) -> PreparedShape:
-        """The body with its holes closed, prepared: its first vertices are those of the body."""
+        """The body as a shape of its own, with its holes closed: its first vertices are those of the body."""
         if self.triangles is None or not self.boundary_length:
-            return self
-        return prepare(capped(self.triangles), self.requested, self.seed)
+            same = np.arange(self.body.n_vertices)
+            return replace(self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
+        closed = capped(self.triangles)
+        return _prepared(closed, sound_body(closed), self.requested, self.seed)
 
     @cached_property
     def points(self) -> SignedPoints:
@@ -302,13 +304,19 @@ def prepare(
     About 0.5 s for 5 000 vertices and 4 s for 28 000 on one thread; half of it is the Laplace–Beltrami basis. `match`
     prepares two shapes at once. 8 n (K + k) + 4 n p bytes are kept.
     """
-    started = time.perf_counter()
     config = config or Config()
     generator(seed)  # refuses what is no seed
     glued = distances is not None  # given distances decide what is connected
     found = body_of(
         surface, replace(config.preparation, sheet_distance=np.inf) if glued else config.preparation
     )
+    return _prepared(surface, found, config, seed, distances)
+
+
+def _prepared(
+    surface: Surface, found: Body, config: Config, seed: int, distances: MetricSpace | None = None
+) -> PreparedShape:
+    started = time.perf_counter()
     body, notes = found.surface, found.notes
     requested, config = config, config.for_size(body.n_vertices)
     if config != requested:

@@ -12,7 +12,7 @@ def capped(mesh: Mesh) -> Mesh:
     """Close every hole of an oriented mesh.
 
     A cap is a cone over its rim, cut into rings as wide as edges are long, so that paths across it are about as long as
-    on the surface that was there.
+    on the surface that was there. Caps have no more vertices than the mesh.
 
     Parameters
     ----------
@@ -30,12 +30,13 @@ def capped(mesh: Mesh) -> Mesh:
     O(n + new vertices).
     """
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
-    spacing = mesh.edge_lengths.mean()
-    for rim in boundary_loops(mesh):
+    rims = boundary_loops(mesh)
+    wanted = [_n_rings(mesh, rim) for rim in rims]
+    most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
+    for rim, count in zip(rims, wanted):
         corners = mesh.vertices[rim]
         centre = corners.mean(axis=0)
-        n_rings = max(round(np.linalg.norm(corners - centre, axis=1).mean() / spacing) - 1, 0)
-        n_rings = min(n_rings, mesh.n_vertices // (2 * len(rim)))  # a long rim must not outweigh the mesh
+        n_rings = int(count * min(most, 1.0))
         ring = rim
         for share in np.arange(1, n_rings + 1) / (n_rings + 1):
             inner = n + np.arange(len(rim))
@@ -50,12 +51,20 @@ def capped(mesh: Mesh) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
+def _n_rings(mesh: Mesh, rim: IntArray) -> int:
+    """Rings of a cap that are as wide as edges are long."""
+    corners = mesh.vertices[rim]
+    radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean()
+    return max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0)
+
+
 def boundary_loops(mesh: Mesh) -> list[IntArray]:
     """Vertices along each loop of the boundary, in the direction of the faces; no loop passes a vertex twice."""
     faces = mesh.sound_faces
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    keys = sides[:, 0] * mesh.n_vertices + sides[:, 1]
-    open_sides = sides[~np.isin(keys, sides[:, 1] * mesh.n_vertices + sides[:, 0])]
+    ends = np.sort(mesh.boundary_edges, axis=1)
+    keys = sides.min(axis=1) * mesh.n_vertices + sides.max(axis=1)
+    open_sides = sides[np.isin(keys, ends[:, 0] * mesh.n_vertices + ends[:, 1])]
     onward: dict[int, list[int]] = {}
     for start, end in sorted(map(tuple, open_sides.tolist()), reverse=True):
         onward.setdefault(start, []).append(end)

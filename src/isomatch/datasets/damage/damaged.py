@@ -50,6 +50,14 @@ class Damaged:
         return became
 
     @property
+    def merged(self) -> IntArray:
+        """Vertices of the whole that were merged with others."""
+        if self.twin is None:
+            return np.zeros(0, dtype=np.int64)
+        pairs = self.twin >= 0
+        return np.concatenate([self.original[pairs], self.twin[pairs]])
+
+    @property
     def with_twins(self) -> IntArray:
         """(n,) ``original``, with the twin in place of the first of two merged vertices."""
         return self.original if self.twin is None else np.where(self.twin < 0, self.original, self.twin)

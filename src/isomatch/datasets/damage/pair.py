@@ -109,7 +109,8 @@ def damaged_pair(
     whole = [rows[known] for rows in truths]
     given = [moved(rows) for rows in whole]
     on_source, on_target = moved(pair.truth).T
-    alone = np.setdiff1d(on_source[(on_source >= 0) & (on_target < 0)], given[0][:, 0])
+    merged = np.isin(pair.truth[:, 1], target.merged)
+    alone = np.setdiff1d(on_source[(on_source >= 0) & (on_target < 0) & ~merged], given[0][:, 0])
     return DamagedPair(
         replace(pair, source=source.mesh, target=target.mesh, truth=given[0], mirrored=(*given, None)[1]),
         replace(pair, truth=whole[0], mirrored=(*whole, None)[1]),

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._threads import parallel_map
 from isomatch.correspondence import Correspondence, PrecisePoints
-from isomatch.errors import IsomatchError
+from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.role import Part
 from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.quality import contradicted_landmarks
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import StageTimer
-from isomatch.surfaces import vertex_normals
+
+GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,78 +46,79 @@ class ClosedMatch:
             return _images(self.pair.source, of_source, self.pair.target, of_target)
         return _images(self.pair.target, of_target, self.pair.source, of_source)
 
-    def result(self, timer: StageTimer, seed: int) -> MatchResult:
+    def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
         closed = complete_result(self.found, timer, seed, may_stretch=False)
-        found = self._opened(closed.map)
-        alternatives = tuple(replace(each, map=self._opened(each.map)) for each in closed.alternatives)
-        quality = replace(closed.quality, matched=float(found.matched.mean()), coverage=self._coverage(found))
-        return replace(closed, map=found, alternatives=alternatives, quality=quality)
+        points, matched = self._opened(closed.map)
+        found = self.pair.source.correspondence(self.pair.target, points, matched)
+        alternatives = tuple(
+            replace(each, map=self.pair.source.correspondence(self.pair.target, *self._opened(each.map)))
+            for each in closed.alternatives
+        )
+        return replace(
+            closed,
+            map=found,
+            alternatives=alternatives,
+            quality=replace(
+                closed.quality, matched=float(found.matched.mean()), coverage=self._coverage(found)
+            ),
+            notes=(
+                *self.pair.notes,
+                *hints.notes,
+                *contradicted_landmarks(self.pair, points, hints),
+                "stretch, residual and distortion are those of the shapes with their holes closed",
+            ),
+        )
 
     def _coverage(self, found: Correspondence) -> float:
         """Share of the target's area that is near an image."""
         target = self.pair.target
         images = np.unique(target.body_vertex[found.vertices[found.matched]])
+        if not len(images):
+            return 0.0
         gap, _ = distance_along_edges_to_nearest(target.body, images)
         near = gap < self.pair.config.outcome.coverage_radius
         return float(target.body.vertex_areas[near].sum() / target.body.area)
 
-    def _opened(self, closed: Correspondence) -> Correspondence:
-        """Take the caps off a map of the capped bodies."""
-        source, target = self.pair.source, self.pair.target
-        rows = slice(source.body.n_vertices)
-        n_target = target.body.n_vertices
+    def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
+        """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""
+        n_target = self.pair.target.body.n_vertices
+        rows = slice(self.pair.source.body.n_vertices)
         vertices, corners, weights = closed.vertices[rows], closed.faces[rows], closed.barycentric[rows]
-        capped = target.capped.triangles
-        assert capped is not None
-        gap, owner = distance_along_edges_to_nearest(capped, target.capped.body_vertex[:n_target])
-        gap, owner = (
-            target.capped.lift(values, missing)[vertices] for values, missing in ((gap, np.inf), (owner, 0))
-        )
-        matched = (vertices >= 0) & (gap < capped.edge_lengths.mean())  # an edge beyond the rim is no miss
-        nearest = target.capped.user_vertex[owner]
-        points = PrecisePoints.at_vertices(np.where(matched, nearest, 0))
-        inside = matched & (corners < n_target).all(axis=1)
+        gap, owner = self._rim_of_target
+        matched = (
+            gap[vertices] < self.pair.target.body.edge_lengths.mean()
+        )  # an edge beyond the rim is no miss
+        points = PrecisePoints.at_vertices(owner[vertices])
+        inside = (corners < n_target).all(axis=1)
         points.corners[inside], points.barycentric[inside] = corners[inside], weights[inside]
-        return source.correspondence(target, points, matched)
+        return points, matched
+
+    @cached_property
+    def _rim_of_target(self) -> tuple[FloatArray, IntArray]:
+        """Distance of each vertex of the capped target from the target, and its nearest vertex there."""
+        target = self.pair.target
+        return distance_along_edges_to_nearest(target.capped.body, np.arange(target.body.n_vertices))
 
 
 def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatch | None:
-    """Match two shapes with all their holes closed, by what is known of landmarks.
-
-    Returns
-    -------
-    ClosedMatch or None
-        None if caps turn a shape inside out, as where a camera saw one side of it, or if no map was found.
-    """
-    capped = ShapePair(pair.source.capped, pair.target.capped, pair.config)
-    if _turned(pair.source) or _turned(pair.target):
-        return None
-    landmarks = np.column_stack(
-        [capped.source.body_vertex[hints.landmarks[:, 0]], capped.target.body_vertex[hints.landmarks[:, 1]]]
-    )
-    nothing = tuple(np.zeros((shape.body.n_vertices, 0)) for shape in (capped.source, capped.target))
-    known = Hints(landmarks, hints.known, (nothing[0], nothing[1]))
+    """Match two shapes with all their holes closed, by what is known of landmarks; None if no map was found."""
+    if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
+        return None  # distances across caps are not known
+    source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
+    none = np.zeros((0, 2), dtype=np.int64)
+    nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
+    capped = ShapePair(source, target, pair.config)
     try:
-        return ClosedMatch(pair, match_complete(capped, known, timer))
-    except IsomatchError:
+        return ClosedMatch(pair, match_complete(capped, Hints(hints.landmarks, none, nothing), timer))
+    except NotConvergedError:
         return None
-
-
-def _turned(shape: PreparedShape) -> bool:
-    """Whether the capped body has its outside where the body has its inside."""
-    body, closed = shape.triangles, shape.capped.triangles
-    assert body is not None
-    assert closed is not None
-    normals = vertex_normals(closed.vertices, closed.faces)[shape.capped.body_vertex[: body.n_vertices]]
-    return bool(np.einsum("ij,ij", normals, vertex_normals(body.vertices, body.faces)) < 0)
 
 
 def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:
     """Vertices (n_part,) of the body of a whole, by coordinates of the capped bodies of part and whole."""
-    rows = part.capped.body_vertex[: part.body.n_vertices]
-    real = whole.capped.body_vertex[: whole.body.n_vertices]
-    image = whole.capped.index.vertices(of_whole, of_part[rows])
+    image = whole.capped.index.vertices(of_whole, of_part[: part.body.n_vertices])
+    real = np.arange(whole.body.n_vertices)
     if len(real) < whole.capped.body.n_vertices:
         image = distance_along_edges_to_nearest(whole.capped.body, real)[1][image]
-    return whole.capped.user_vertex[image]
+    return image

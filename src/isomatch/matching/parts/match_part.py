@@ -141,7 +141,7 @@ def match_part(
     pair = PartPair.of(part, whole, config, landmarks)
     starts = PartStarts(pair, refining.coordinates.signatures, onto_itself)()
     fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
-    if not fits:
+    if not fits and closed is None:
         raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
     fits += [
         fit
@@ -159,7 +159,8 @@ def match_part(
     fits = fits[: settings.n_contenders]
     measured = None
     if closed is not None:
-        pair = pair.with_unit(pair.unit_of(closed[pair.anchors]))
+        unit = pair.unit_of(closed[pair.anchors])
+        pair = pair.with_unit(float(np.clip(unit, pair.units[0], pair.units[-1])))
         measured = refining.measured(pair, closed[part.sample_vertices[: config.n_refine]])
         fits.append(replace(measured, image=closed[part.sample_vertices[: settings.n_rough]]))
     fits = parallel_map(refining.fine, fits)

@@ -55,14 +55,15 @@ class PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
         mesh = part.triangles
         assert mesh is not None
-        engine = distance_engine(mesh)
+        engine = distance_engine(mesh, part.config.engine)
         missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
         n = config.parts.n_anchors
         anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
-        return cls(part, whole, part.scale / whole.scale, config, missing, anchors, along, landmarks[:, 1])
+        unit = 1.0 if config.scale == "area" else part.scale / whole.scale
+        return cls(part, whole, unit, config, missing, anchors, along, landmarks[:, 1])
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
@@ -117,18 +118,22 @@ class PartPair:
         return float(self.cost(distances, lower, upper)[~np.eye(len(images), dtype=bool)].mean())
 
     @property
+    def knows_unit(self) -> bool:
+        """Whether the unit of the files is one that a part may have."""
+        settings = self.config.parts
+        least, most = np.sqrt(settings.least_share), settings.largest_unit_change
+        return bool(self.config.scale != "free" and least / most <= self.unit <= most)
+
+    @property
     def units(self) -> tuple[float, ...]:
         """Units to search in, by what is asked for; the given one may be anything."""
-        settings, scale = self.config.parts, self.config.scale
-        if scale == "same":
+        settings = self.config.parts
+        if self.config.scale in ("same", "area"):
             return (self.unit,)
-        if scale == "area":
-            return (1.0,)
-        least = float(np.sqrt(settings.least_share))
-        first, last = self.unit / settings.largest_unit_change, self.unit * settings.largest_unit_change
-        if scale == "free" or last < least or first > 1:
-            first, last = least, 1.0
-        last = min(last, 1.0)
+        first, last = np.sqrt(settings.least_share), 1.0
+        if self.knows_unit:
+            first = self.unit / settings.largest_unit_change
+            last = min(self.unit * settings.largest_unit_change, 1.0)
         count = 1 + max(round(np.log(last / first) / np.log(settings.unit_step)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 

@@ -126,6 +126,8 @@ class PartRefinement:
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
         near, _, along = self._near
+        if not len(along):
+            return np.ones(1)
         image = image[: len(near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
         return np.maximum(there, 1e-3) / along
@@ -142,11 +144,13 @@ class PartRefinement:
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""
-        fine = slice(N_ENERGIES + 1, None)
-        there = self._whole.signatures.values[:, fine]
+        whole = self._whole.signatures.values
+        fine = np.arange(min(N_ENERGIES + 1, whole.shape[1] - 1), whole.shape[1])
+        there, tiny = whole[:, fine], np.finfo(float).tiny
         here, weights = (each[self.vertices][:, fine] for each in self._signatures)
-        apart = (weights * np.abs(here - there[image])).sum(axis=0) / weights.sum(axis=0)
-        return float((apart / np.abs(there).mean(axis=0)).mean())
+        apart = (weights * np.abs(here - there[image])).sum(axis=0)
+        size = weights.sum(axis=0) * np.abs(there).mean(axis=0)
+        return float(np.where(size > tiny, apart / np.maximum(size, tiny), 1.0).mean())
 
     def orientation(self, image: IntArray, k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy drawn on the part."""

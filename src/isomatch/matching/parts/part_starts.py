@@ -119,7 +119,7 @@ class PartStarts:
         """Complete images of the first anchors, and again in the unit that they ask for."""
         images = completed(pair, images, rounds)
         scaled = self._at(pair.unit_of(images))
-        if scaled is not pair:
+        if scaled.unit != pair.unit:
             images = completed(scaled, images, 1)
         unary = self._unary(scaled)[np.arange(len(images)), np.searchsorted(self._places, images)]
         cost = scaled.stress(images) + unary.mean() * 2 / (pair.config.parts.n_placed - 1)
@@ -128,10 +128,9 @@ class PartStarts:
 
     def _against(self, unit: float) -> float:
         """Cost of another unit than that of the files."""
-        change = np.log(unit / self._pair.unit)
-        return (
-            float(self._pair.config.parts.unit_cost * change**2) if self._pair.config.scale == "auto" else 0.0
-        )
+        if not self._pair.knows_unit:
+            return 0.0
+        return float(self._pair.config.parts.unit_cost * np.log(unit / self._pair.unit) ** 2)
 
     def _distinct(self, found: list[PartStart], most: int) -> list[PartStart]:
         whole, apart = self._pair.whole, self._pair.config.parts.apart

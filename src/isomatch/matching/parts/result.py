@@ -32,28 +32,34 @@ def _both_result(pair: ShapePair, hints: Hints, timer: StageTimer, seed: int) ->
     """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
     found = match_complete(pair, hints, timer)
     as_they_are = complete_result(found, timer, seed, may_stretch=False)
-    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS):
+    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
         return as_they_are
     timer.start("holes closed")
     closed = match_closed(pair, hints, timer) if pair.config.parts.close else None
     if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
         return complete_result(found, timer, seed)
-    return _closed_result(closed.result(timer, seed), "both shapes were matched with their holes closed")
+    return _closed_result(
+        closed.result(hints, timer, seed), "both shapes were matched with their holes closed"
+    )
 
 
 def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
     source, target, config = pair.source, pair.target, pair.config
     timer.start("holes closed")
     closed = match_closed(pair, hints, timer) if config.parts.close else None
+    contradicted = False
+    if closed is not None:
+        with_caps = closed.result(hints, timer, seed)
+        contradicted = with_caps.outcome is Outcome.HINTS_CONTRADICTED
     image = None if closed is None else closed.image_of(part)
     timer.start("parts")
     if part == "source":
         found = match_part(source, target, config, hints.landmarks, image)
     else:
         found = match_part(target, source, config, hints.landmarks[:, ::-1], image)
-    if closed is not None and found.closed < config.parts.closed_score:
+    if closed is not None and not contradicted and found.closed < config.parts.closed_score:
         return _closed_result(
-            closed.result(timer, seed),
+            with_caps,
             f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the other "
             "shape",
         )
@@ -83,7 +89,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         ),
         engine=source.distances.engine,
         origin="landmarks" if len(hints.landmarks) else "anchors",
-        reason=f"least misfit × stress of {len(found.fits)} maps of a part refined to the end",
+        reason=f"fits best of {len(found.fits)} maps of a part refined to the end",
         config=config,
         seed=seed,
         symmetries=(describe_symmetries(source.symmetries), describe_symmetries(target.symmetries)),
@@ -156,7 +162,8 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
     if quality.landmark_error > found.pair.config.outcome.contradiction:
         return Outcome.HINTS_CONTRADICTED
     if (
-        best.misfit > settings.poor_misfit
+        not np.isfinite(found.scores[0])
+        or best.misfit > settings.poor_misfit
         or best.stress > settings.poor_stress
         or best.orientation < settings.poor_orientation
         or found.pair.trusted < settings.least_trusted
