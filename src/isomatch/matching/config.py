@@ -404,6 +404,8 @@ class PartSettings(Settings):
         Anchors that are assigned by the beam search; the others are trilaterated.
     width, apart : int, float
         Partial assignments that the beam search keeps, and the mean distance, in √area, by which they differ.
+    led_apart : float
+        The same with landmarks, between which maps differ less.
     signature_cost : float
         Weight of the signatures in the beam search.
     radii : tuple of float
@@ -459,6 +461,7 @@ class PartSettings(Settings):
     n_placed: int = setting(16, "chosen on cuts and holes; docs/robustness.md", least=4)
     width: int = setting(1000, "chosen on cuts and holes; docs/robustness.md", least=1)
     apart: float = setting(0.12, "without it, all would be variants of one", least=0)
+    led_apart: float = setting(0.04, "docs/robustness.md: a twisted body between right limbs", least=0)
     signature_cost: float = setting(0.25, "chosen on cuts and holes; docs/robustness.md", least=0)
     radii: tuple[float, ...] = setting(
         (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9), "by factors of about √2", least=0

@@ -81,6 +81,8 @@ class PartStarts:
         )
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._balls = self._areas_of_balls()
+        settings = pair.config.parts
+        self._apart = settings.led_apart if len(pair.landmarks) else settings.apart
         self._at = lru_cache(pair.with_unit)
         self._unary = lru_cache(self._unary_cost)
 
@@ -109,7 +111,7 @@ class PartStarts:
             self._unary(pair)[:placed, np.searchsorted(self._places, candidates)],
             pair.cost,
             settings.width,
-            settings.apart,
+            self._apart,
         )
         n_pairs = placed * (placed - 1) / 2
         costs = costs / n_pairs + self._against(unit)
@@ -133,7 +135,7 @@ class PartStarts:
         return float(self._pair.config.parts.unit_cost * np.log(unit / self._pair.unit) ** 2)
 
     def _distinct(self, found: list[PartStart], most: int) -> list[PartStart]:
-        whole, apart = self._pair.whole, self._pair.config.parts.apart
+        whole, apart = self._pair.whole, self._apart
         kept: list[PartStart] = []
         for start in sorted(found, key=lambda each: each.cost):
             if all(whole.mean_distance(start.images, known.images) > apart for known in kept):
