@@ -54,6 +54,20 @@ def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     assert mean_error(right, found.map.vertices[both], there[both]) < 0.06
 
 
+def test_what_is_left_out_of_the_whole_shifts_nothing(bodies, prepared):
+    part = holes(bodies[0], 0.15, seed=4)
+    crumb = np.array([[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]) + 5
+    vertices = np.vstack([[9.0, 9, 9], crumb, bodies[1].vertices])  # the first is in no face
+    faces = np.vstack([np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]) + 1, bodies[1].faces + 5])
+    whole = type(part.mesh)(vertices, faces)
+    shape = prepare(part.mesh)
+    rows = shape.user_vertex[shape.column_vertices[:5]]
+    landmarks = np.column_stack([rows, bodies[2][part.original[rows]] + 5])
+    found = match(part.mesh, whole, landmarks=landmarks)
+    assert any("holes closed" in note for note in found.notes)
+    assert mean_error(prepared, found.map.vertices - 5, bodies[2][part.original]) < 0.03
+
+
 def test_landmarks_lead_a_part(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
     vertices = prepare(part.mesh).column_vertices[:5]
