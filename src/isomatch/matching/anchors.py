@@ -29,7 +29,7 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
     unary = settings.eccentricity_weight * remoteness + settings.signature_weight * unlike
-    assigned = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, settings.beam, settings.apart)
+    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, settings.beam, settings.apart)
     starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[: settings.n_starts]]
     return parallel_map(lambda start: slid(pair, start), starts)
 
