@@ -32,7 +32,7 @@ def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     led = np.arange(len(landmarks))
     unary[led] = FORBIDDEN
     unary[led, np.searchsorted(candidates, landmarks[:, 1])] = 0.0
-    assigned = assign_points(
+    assigned, _ = assign_points(
         target.distances_between(candidates) / target.intrinsic_scale,
         between,
         between,
