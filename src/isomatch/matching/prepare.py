@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -24,7 +25,7 @@ from isomatch.correspondence import (
     VertexCells,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import DescriptorError, MeshError
+from isomatch.errors import DescriptorError, MeshError, NotConvergedError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -35,7 +36,7 @@ from isomatch.geodesics import (
     farthest_point_sampling,
     peripheral_vertex,
 )
-from isomatch.matching.body import Body, body_of
+from isomatch.matching.body import LEFT_UNMATCHED, Body, body_of
 from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
 from isomatch.matching.orientation import orientation_of
@@ -91,6 +92,10 @@ class PreparedShape:
         What was repaired or left out.
     seconds : float
         Time the preparation took.
+    share : float
+        Share of the area of the shape that the body has.
+    others : tuple of Body
+        Further components of a mesh that can be matched by themselves, largest first; not prepared.
     """
 
     surface: Surface
@@ -111,6 +116,8 @@ class PreparedShape:
     left_out: float
     notes: tuple[str, ...]
     seconds: float
+    share: float = 1.0
+    others: tuple[Body, ...] = ()
 
     if not TYPE_CHECKING:  # otherwise a misspelt attribute would pass as one that was renamed
         __getattr__ = old_attributes(
@@ -174,6 +181,19 @@ class PreparedShape:
         if self.triangles is None or not self.boundary_length:
             return self
         return prepare(capped(self.triangles), self.requested, self.seed)
+
+    @cached_property
+    def components(self) -> tuple[PreparedShape, ...]:
+        """The body and the further components, each as a prepared shape of the same surface that leaves nothing out.
+
+        Those that cannot be prepared are missing.
+        """
+        notes = tuple(note for note in self.notes if LEFT_UNMATCHED not in note)
+        found = [replace(self, left_out=0.0, notes=notes, others=())]
+        for body in self.others:
+            with suppress(MeshError, NotConvergedError):
+                found.append(_prepared(self.surface, body, self.requested, self.seed, time.perf_counter()))
+        return tuple(found)
 
     @cached_property
     def points(self) -> SignedPoints:
@@ -305,10 +325,21 @@ def prepare(
     started = time.perf_counter()
     config = config or Config()
     generator(seed)  # refuses what is no seed
-    glued = distances is not None  # given distances decide what is connected
-    found = body_of(
-        surface, replace(config.preparation, sheet_distance=np.inf) if glued else config.preparation
-    )
+    if distances is None:
+        return _prepared(surface, body_of(surface, config.preparation), config, seed, started)
+    found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
+    return _prepared(surface, found, config, seed, started, distances)
+
+
+def _prepared(
+    surface: Surface,
+    found: Body,
+    config: Config,
+    seed: int,
+    started: float,
+    distances: MetricSpace | None = None,
+) -> PreparedShape:
+    """Prepare one component of a shape."""
     body, notes = found.surface, found.notes
     requested, config = config, config.for_size(body.n_vertices)
     if config != requested:
@@ -349,6 +380,8 @@ def prepare(
         left_out=found.left_out,
         notes=notes,
         seconds=time.perf_counter() - started,
+        share=found.share,
+        others=found.others,
     )
 
 
