@@ -72,17 +72,21 @@ class Carrier:
         centre, centre_there = weights @ self.here, weights @ self.there
         products = (self.here[:, :, None] * self.there[:, None, :]).reshape(-1, 9)
         covariance = (weights @ products).reshape(-1, 3, 3) - centre[:, :, None] * centre_there[:, None, :]
-        u, _, vt = np.linalg.svd(covariance)
-        u[:, :, 2] *= (self.side * np.linalg.det(u @ vt))[:, None]
-        turned: FloatArray = ((points - centre)[:, None, :] @ u @ vt)[:, 0]
-        there: FloatArray = centre_there + self.scale * turned
-        return there
+        turned: FloatArray = ((points - centre)[:, None] @ _rotation(covariance, self.side))[:, 0]
+        return np.asarray(centre_there + self.scale * turned)
 
     def offset(self, source: PreparedShape, target: PreparedShape) -> float:
-        """Distance from where a component is carried to its partner, over the partner's size and distance from the surface."""
+        """Distance of a component, carried along, from another, over the other's size and distance from the surface."""
         centre = _positions(target, self.units[1]).mean(axis=0)
         reach = target.scale / self.units[1] + cKDTree(self.there).query(centre)[0]
         return float(np.linalg.norm(self.moved(source).mean(axis=0) - centre) / reach)
+
+    def turned(self, source: PreparedShape) -> FloatArray:
+        """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""
+        body, moved = cast(Mesh, source.body).vertices, self.moved(source)
+        covariance = body[source.sample_vertices].T @ (moved - moved.mean(axis=0))
+        turned: FloatArray = body @ _rotation(covariance, self.side)
+        return turned
 
     def length_ratio(self, source: PreparedShape, target: PreparedShape) -> float:
         """√area of one component when it is carried along, over that of another."""
@@ -100,6 +104,14 @@ class Carrier:
             target.sample_vertices[nearest]
         ]
         return image
+
+
+def _rotation(covariance: FloatArray, side: float) -> FloatArray:
+    """Find the rotations (..., 3, 3) of rows that keep most of covariances of two point sets; or mirror images."""
+    u, _, vt = np.linalg.svd(covariance)
+    u[..., 2] *= (side * np.linalg.det(u @ vt))[..., None]
+    rotation: FloatArray = u @ vt
+    return rotation
 
 
 def _positions(shape: PreparedShape, unit: float) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import permutations, product
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,9 +25,10 @@ from isomatch.matching.hints import (
 )
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.quality import outcome_of
+from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import MatchResult, Outcome
 from isomatch.matching.stage_timer import StageTimer
+from isomatch.surfaces import Mesh
 
 FAR_APART = 1e6  # cost of components that are no partners
 SIDES = "source", "target"
@@ -230,36 +232,60 @@ class _Components:
         return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
-        """Match two components from where they are carried to, and by themselves only if that fits badly.
+        """Match two components that are carried to each other.
 
-        What symmetry leaves open is decided by the place.
+        A rigid thing, as an eye or a helmet, is where it is carried to. Otherwise the map starts from there; only if that
+        fits badly, it is sought without. What symmetry leaves open is decided by the place.
         """
-        led = replace(self.pair.config, hypotheses="given", start="auto")
+        bounds, sure = pair.config.outcome, SURENESS[Outcome.PARTIAL]
+        placed = self._placed(pair, carrier)
+        if placed and SURENESS[placed.outcome] >= sure:
+            return ComponentMatch(pair, placed, "it moves along rigidly")
         prior = carrier.image(pair.source, pair.target)
-        led_pair = replace(pair, config=led)
-        result = match_connected(led_pair, Hints.of(led_pair, None, prior, None), self.timer, self.seed)
-        bounds = pair.config.outcome
-        undecided = replace(result.quality, rival=np.inf, mirrored=np.inf)
+        led_pair = replace(pair, config=replace(pair.config, hypotheses="given", start="auto"))
+        led = match_connected(led_pair, Hints.of(led_pair, None, prior, None), self.timer, self.seed)
+        undecided = replace(led.quality, rival=np.inf, mirrored=np.inf)
         outcome = outcome_of(pair, undecided, pair.config.orientation)
-        if SURENESS[outcome] >= SURENESS[Outcome.PARTIAL] and not result.quality.rival < 1 / bounds.tie:
-            remark = "symmetric by itself, decided by its place" if result.outcome is not outcome else ""
-            return ComponentMatch(pair, replace(result, outcome=outcome), remark)
+        if SURENESS[outcome] >= sure and not led.quality.rival < 1 / bounds.tie:
+            remark = "symmetric by itself, decided by its place" if led.outcome is not outcome else ""
+            return ComponentMatch(pair, replace(led, outcome=outcome), remark)
         alone = match_connected(pair, Hints.of(pair, None, None, None), self.timer, self.seed)
         known = np.flatnonzero((prior != UNMATCHED) & alone.map.matched)
         ends = (pair.target.body_vertex[image[known]] for image in (prior, alone.map.vertices))
-        if pair.target.mean_distance(*ends) > bounds.contradiction:
-            alone = replace(
-                alone, outcome=min(alone.outcome, Outcome.LOW_CONFIDENCE, key=SURENESS.__getitem__)
-            )
-            return ComponentMatch(pair, alone, "its map does not agree with its place")
-        return ComponentMatch(pair, alone)
+        if pair.target.mean_distance(*ends) <= bounds.contradiction:
+            return ComponentMatch(pair, alone)
+        outcome = min(alone.outcome, Outcome.LOW_CONFIDENCE, key=SURENESS.__getitem__)
+        return ComponentMatch(pair, replace(alone, outcome=outcome), "its map does not agree with its place")
+
+    def _placed(self, pair: ShapePair, carrier: Carrier) -> MatchResult | None:
+        """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""
+        moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
+        points = pair.target.index.points(there, moved)
+        gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
+        if gap.mean() > self.settings.same_place:
+            return None
+        quality = measure_quality(pair, points, Hints.of(pair, None, None, None))
+        return MatchResult(
+            map=pair.source.correspondence(pair.target, points),
+            outcome=outcome_of(pair, quality, pair.config.orientation),
+            quality=quality,
+            alternatives=(),
+            timings={},
+            notes=(),
+            engine=pair.source.distances.engine,
+            origin="place",
+            reason="",
+            config=pair.config,
+            seed=self.seed,
+        )
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Weigh what speaks against an assignment, in this order: few pairs, the least sure of them, their residuals."""
-    qualities = [match.result.quality for match in matches]
-    residuals = [each.misfit if np.isnan(each.residual) else each.residual for each in qualities]
-    return -len(matches), -min(SURENESS[match.result.outcome] for match in matches), float(np.mean(residuals))
+    """Weigh what speaks against an assignment, in this order: few pairs, the least sure of them, their misfits."""
+    noise = matches[0].pair.config.selection.misfit_noise
+    misfits = [np.nan_to_num(match.result.quality.misfit, nan=np.inf) for match in matches]
+    sureness = min(SURENESS[match.result.outcome] for match in matches)
+    return -len(matches), -sureness, float(np.maximum(misfits, noise).mean())
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
