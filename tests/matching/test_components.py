@@ -13,7 +13,7 @@ from isomatch.matching import Hints, ShapePair, prepare_pair
 from isomatch.matching.carrier import Carrier
 from isomatch.matching.connected import match_connected
 from isomatch.matching.stage_timer import StageTimer
-from shapes import box, disguised, icosphere
+from shapes import box, disguised, flat_grid, icosphere
 
 BALL = icosphere(2)
 HAT = icosphere(3).submesh(icosphere(3).vertices[:, 2] > -0.1)[0]
@@ -129,6 +129,46 @@ def test_components_without_partner_are_named(creatures):
     assert any(note.startswith("target") and "no partner" in note for note in result.notes)
     assert not any("smaller components" in note for note in result.notes)
     assert result.outcome is Outcome.PARTIAL
+
+
+def trousers(made):
+    """Cloth over the hind half of a creature, on its mesh; and the vertex of the creature below each of its."""
+    cloth, below = made.mesh.submesh(made.rest[:, 1] < 0.1)
+    vertices = cloth.vertices + 0.01 * made.mesh.vertex_normals[below]
+    return together(made.mesh, Mesh(vertices, cloth.faces)), below
+
+
+def test_clothes_bend(creatures):
+    (here, below), (there, below_there) = map(trousers, creatures)
+    n, m = (made.mesh.n_vertices for made in creatures)
+    result = match(here, there)
+    images = result.map.vertices[n:] - m
+    assert result.outcome is Outcome.CONVERGED
+    assert (images >= 0).all()
+    target = creatures[1].mesh
+    truth = target.vertices[ground_truth(*creatures).vertices[below]]
+    apart = np.linalg.norm(target.vertices[below_there[images]] - truth, axis=1)
+    assert apart.mean() < 0.02 * np.sqrt(target.area)
+
+
+@pytest.mark.parametrize(("height", "outcome"), [(1.0, "CONVERGED"), (2.7, "SYMMETRY_AMBIGUOUS")])
+def test_a_large_ball_is_sure_only_where_it_is_held(creatures, height, outcome):
+    turns = Rotation.random(2, 0).as_matrix()
+    balls = [Mesh(0.3 * BALL.vertices @ turn + np.array([0, 0, height]), BALL.faces) for turn in turns]
+    result = match(*(together(made.mesh, ball) for made, ball in zip(creatures, balls)))
+    assert result.map.matched.all()
+    assert result.outcome.name == outcome
+
+
+def test_a_thing_that_is_another_is_no_sure_match(creatures):
+    """A bar where the other shape has a sheet of as much area, larger than a hand: the outcome tells."""
+    sheet = flat_grid(30, 30)
+    bar = box(4, 4, 60)
+    things = [placed(each, 0.6 / np.sqrt(each.area), (0, 0, 1.5)) for each in (sheet, bar)]
+    result = match(*(together(made.mesh, thing) for made, thing in zip(creatures, things)))
+    matched = result.map.vertices[creatures[0].mesh.n_vertices :] >= 0
+    assert matched.any()
+    assert result.outcome is Outcome.LOW_CONFIDENCE
 
 
 def halves(made):

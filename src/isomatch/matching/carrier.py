@@ -75,11 +75,16 @@ class Carrier:
         turned: FloatArray = ((points - centre)[:, None] @ _rotation(covariance, self.side))[:, 0]
         return np.asarray(centre_there + self.scale * turned)
 
-    def offset(self, source: PreparedShape, target: PreparedShape) -> float:
-        """Distance of a component, carried along, from another, over the other's size and distance from the surface."""
+    def gap(self, target: PreparedShape) -> float:
+        """Distance of a component of the target from the surface that carries it, over √area of the component."""
         centre = _positions(target, self.units[1]).mean(axis=0)
-        reach = target.scale / self.units[1] + cKDTree(self.there).query(centre)[0]
-        return float(np.linalg.norm(self.moved(source).mean(axis=0) - centre) / reach)
+        return float(cKDTree(self.there).query(centre)[0] * self.units[1] / target.scale)
+
+    def offset(self, source: PreparedShape, target: PreparedShape) -> float:
+        """Distance of a component, carried along, from another, over the other's √area and distance from the surface."""
+        apart = self.moved(source).mean(axis=0) - _positions(target, self.units[1]).mean(axis=0)
+        reach = (1 + self.gap(target)) * target.scale / self.units[1]
+        return float(np.linalg.norm(apart) / reach)
 
     def turned(self, source: PreparedShape) -> FloatArray:
         """Carry the body of a component along as one rigid thing: (n, 3), its centre at 0 and its area 1 as before."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._threads import parallel_map
 from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.errors import NotConvergedError
 from isomatch.matching.carrier import Carrier
@@ -73,12 +74,13 @@ def match_components(
 ) -> MatchResult:
     """Match shapes of which at least one has further components that can be matched by themselves.
 
-    The largest components are matched first. Their map carries the others along, which tells partners, and gives each
-    pair of them a first map.
+    The largest components are matched first. Their map carries the others along, which tells partners, and where each of
+    their vertices goes.
 
     Parameters and errors are those of `match`.
     """
     timer.start("components")
+    parallel_map(lambda shape: shape.components, (pair.source, pair.target))
     found = _Components(pair, _Given(pair, landmarks, initial_map, initial_descriptors), timer, seed)
     matches, tied = found.large_ones()
     matches += found.carried_ones(matches)
@@ -234,28 +236,29 @@ class _Components:
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
         """Match two components that are carried to each other.
 
-        A rigid thing, as an eye or a helmet, is where it is carried to. Otherwise the map starts from there; only if that
-        fits badly, it is sought without. What symmetry leaves open is decided by the place.
+        A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
+        decides what symmetry leaves open, if the component is near enough to what carries it.
         """
-        bounds, sure = pair.config.outcome, SURENESS[Outcome.PARTIAL]
-        placed = self._placed(pair, carrier)
-        if placed and SURENESS[placed.outcome] >= sure:
-            return ComponentMatch(pair, placed, "it moves along rigidly")
-        prior = carrier.image(pair.source, pair.target)
-        led_pair = replace(pair, config=replace(pair.config, hypotheses="given", start="auto"))
-        led = match_connected(led_pair, Hints.of(led_pair, None, prior, None), self.timer, self.seed)
-        undecided = replace(led.quality, rival=np.inf, mirrored=np.inf)
-        outcome = outcome_of(pair, undecided, pair.config.orientation)
-        if SURENESS[outcome] >= sure and not led.quality.rival < 1 / bounds.tie:
-            remark = "symmetric by itself, decided by its place" if led.outcome is not outcome else ""
-            return ComponentMatch(pair, replace(led, outcome=outcome), remark)
-        alone = match_connected(pair, Hints.of(pair, None, None, None), self.timer, self.seed)
-        known = np.flatnonzero((prior != UNMATCHED) & alone.map.matched)
-        ends = (pair.target.body_vertex[image[known]] for image in (prior, alone.map.vertices))
-        if pair.target.mean_distance(*ends) <= bounds.contradiction:
-            return ComponentMatch(pair, alone)
-        outcome = min(alone.outcome, Outcome.LOW_CONFIDENCE, key=SURENESS.__getitem__)
-        return ComponentMatch(pair, replace(alone, outcome=outcome), "its map does not agree with its place")
+        held = carrier.gap(pair.target) <= self.settings.held
+        result = self._placed(pair, carrier)
+        if result and SURENESS[result.outcome] >= SURENESS[Outcome.PARTIAL]:
+            if held or not pair.target.symmetries:
+                return ComponentMatch(pair, result, "it moves along rigidly")
+            result = replace(result, outcome=Outcome.SYMMETRY_AMBIGUOUS)
+            return ComponentMatch(pair, result, "nothing near it tells how it is turned")
+        led = replace(pair, config=replace(pair.config, hypotheses="given", start="auto"))
+        hints = Hints.of(led, None, carrier.image(pair.source, pair.target), None)
+        result = match_connected(led, hints, self.timer, self.seed)
+        if result.outcome is Outcome.HINTS_CONTRADICTED:
+            result = replace(result, outcome=Outcome.LOW_CONFIDENCE)
+            return ComponentMatch(pair, result, "its map does not agree with its place")
+        measures = replace(result.quality, rival=np.inf, mirrored=np.inf)
+        decided = outcome_of(pair, measures, pair.config.orientation)
+        tied = decided is not result.outcome and not result.quality.rival < 1 / pair.config.outcome.tie
+        if not (held and tied):
+            return ComponentMatch(pair, result)
+        result = replace(result, outcome=decided)
+        return ComponentMatch(pair, result, "symmetric by itself, decided by its place")
 
     def _placed(self, pair: ShapePair, carrier: Carrier) -> MatchResult | None:
         """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""

@@ -522,6 +522,8 @@ class ComponentSettings(Settings):
         √area of one over that of the other from which they are no partners.
     same_place : float
         Mean distance between a component that is carried along rigidly and its partner, in √area, up to which it fits.
+    held : float
+        Distance of a component from those that carry it, over its √area, up to which its place tells how it is turned.
     """
 
     rival_area: float = setting(0.5, "hemispheres differ by less, clothes by more", least=0, most=1)
@@ -531,6 +533,7 @@ class ComponentSettings(Settings):
     falloff: float = setting(4.0, "chosen: sums over a surface converge from 2 on", least=0)
     most_apart: float = setting(0.7, "one eye is 0.9 from the other", least=0)
     most_length_ratio: float = setting(1.4, "parts.largest_unit_change", least=1.01)
+    held: float = setting(1.0, "chosen: a thing farther away than its own size may turn by itself", least=0)
     same_place: float = setting(0.02, "chosen: half the spacing of the search vertices", least=0)
 
 
