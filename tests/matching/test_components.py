@@ -9,10 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from isomatch import Config, LandmarkError, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth
-from isomatch.matching import Hints, ShapePair, prepare_pair
+from isomatch.matching import ShapePair
 from isomatch.matching.carrier import Carrier
-from isomatch.matching.connected import match_connected
-from isomatch.matching.stage_timer import StageTimer
 from shapes import box, disguised, flat_grid, icosphere
 
 BALL = icosphere(2)
@@ -225,16 +223,6 @@ def test_nothing_tells_two_equal_balls_apart():
     assert any("may as well be exchanged" in note for note in result.notes)
 
 
-def test_one_component_is_matched_as_before(creatures):
-    pair = prepare_pair(*(made.mesh for made in creatures))
-    alone = match_connected(pair, Hints.of(pair, None, None, None), StageTimer(), 0)
-    result = match(pair.source, pair.target)
-    assert pair.source.others == ()
-    assert len(pair.source.components) == 1
-    np.testing.assert_array_equal(result.map.barycentric, alone.map.barycentric)
-    assert result.quality == alone.quality
-
-
 def test_landmarks_join_components(creatures):
     """Landmarks on an eye make it the partner of the other eye, which place alone would not."""
     source, target = Dressed.of(creatures[0], "left"), Dressed.of(creatures[1], "right")
@@ -245,10 +233,14 @@ def test_landmarks_join_components(creatures):
     result = match(source.mesh, target.mesh, landmarks=both)
     assert np.isin(result.map.vertices[source.rows("left")], target.rows("right")).all()
     assert not any("left out" in note for note in result.notes)
-    few = match(source.mesh, target.mesh, landmarks=both[2:])
-    assert any("2 of 7 landmarks" in note and "left out" in note for note in few.notes)
     with pytest.raises(LandmarkError, match="at least 3"):
         match(source.mesh, target.mesh, landmarks=np.vstack([both[:2], both[-1:]]))
+
+
+def test_one_component_has_no_others(creatures):
+    shape = prepare(creatures[0].mesh)
+    assert shape.others == ()
+    assert shape.share == 1
 
 
 def test_prepared_components_are_kept(found):

@@ -1,4 +1,4 @@
-"""The part of a shape that is matched: its largest component, repaired, of unit area."""
+"""What is matched of a shape: its largest component, repaired, of unit area, and others like it."""
 
 from __future__ import annotations
 
