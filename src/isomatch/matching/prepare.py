@@ -294,8 +294,9 @@ def prepare(
     Parameters
     ----------
     surface : Mesh, PointCloud or Graph
-        Any shape with one main component; further ones of a mesh can be prepared later. Points and graphs have neither an inside nor curvature: maps from or to them
-        rest on distances and spectra alone, which do not tell a shape from its mirror image.
+        Any shape with one main component; further ones of a mesh are prepared when they are needed. Points and graphs
+        have neither an inside nor curvature: maps from or to them rest on distances and spectra alone, which do not tell
+        a shape from its mirror image.
     config : Config, optional
         Settings.
     seed : int
