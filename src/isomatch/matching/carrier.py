@@ -80,9 +80,9 @@ class Carrier:
         centre = _positions(target, self.units[1]).mean(axis=0)
         return float(cKDTree(self.there).query(centre)[0] * self.units[1] / target.scale)
 
-    def offset(self, source: PreparedShape, target: PreparedShape) -> float:
-        """Distance of a component, carried along, from another, over the other's √area and distance from the surface."""
-        apart = self.moved(source).mean(axis=0) - _positions(target, self.units[1]).mean(axis=0)
+    def offset(self, centre: FloatArray, target: PreparedShape) -> float:
+        """Distance of a carried centre from that of a component, over its √area and distance from the surface."""
+        apart = centre - _positions(target, self.units[1]).mean(axis=0)
         reach = (1 + self.gap(target)) * target.scale / self.units[1]
         return float(np.linalg.norm(apart) / reach)
 

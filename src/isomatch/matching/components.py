@@ -60,8 +60,8 @@ class ComponentMatch:
 
     @property
     def share(self) -> float:
-        """Share of the area of either shape, the larger one."""
-        return max(self.pair.source.share, self.pair.target.share)
+        """Share of the area or of the vertices of either shape, the largest one."""
+        return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
 def match_components(
@@ -196,7 +196,8 @@ class _Components:
         carrier = Carrier.of([(match.pair, match.result) for match in known], self.settings.falloff)
         if not (rows and columns and carrier):
             return []
-        cost = np.array([[self._cost(carrier, i, j) for j in columns] for i in rows])
+        centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
+        cost = np.array([[self._cost(carrier, centres[i], i, j) for j in columns] for i in rows])
         chosen = [
             (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
         ]
@@ -206,13 +207,13 @@ class _Components:
                 found.append(self._matched(i, j, carrier))
         return found
 
-    def _cost(self, carrier: Carrier, i: int, j: int) -> float:
+    def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Weigh what speaks against two partners: place, size and spectrum; less than nothing if hints join them."""
         joined = self.given.joined
         if joined[i].any() or joined[:, j].any():
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
         source, target, settings = self.sources[i], self.targets[j], self.settings
-        place = carrier.offset(source, target)
+        place = carrier.offset(centre, target)
         size = abs(np.log(carrier.length_ratio(source, target))) / np.log(settings.most_length_ratio)
         if place > settings.most_apart or size > 1:
             return FAR_APART
@@ -284,11 +285,12 @@ class _Components:
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Weigh what speaks against an assignment, in this order: few pairs, the least sure of them, their misfits."""
+    """Weigh what speaks against an assignment: first few pairs, then the least sure, then misfits and unequal scales."""
     noise = matches[0].pair.config.selection.misfit_noise
     misfits = [np.nan_to_num(match.result.quality.misfit, nan=np.inf) for match in matches]
     sureness = min(SURENESS[match.result.outcome] for match in matches)
-    return -len(matches), -sureness, float(np.maximum(misfits, noise).mean())
+    spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
+    return -len(matches), -sureness, float(np.maximum(misfits, noise).mean() + spread)
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
@@ -329,8 +331,8 @@ def _composed(
     vertices, corners, weights = (getattr(main.result.map, name).copy() for name in MAP_ARRAYS)
     for match in others:
         new = match.result.map.matched & (vertices == UNMATCHED)
-        for whole, name in zip((vertices, corners, weights), MAP_ARRAYS):
-            whole[new] = getattr(match.result.map, name)[new]
+        for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
+            array[new] = getattr(match.result.map, name)[new]
     whole = Correspondence(vertices, pair.target.surface.n_vertices, corners, weights)
     quality = replace(
         main.result.quality,
@@ -355,10 +357,14 @@ def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tu
     tiny = 1 - sum(shape.share for shape in components)
     if tiny > 1e-9:
         notes.append(
-            f"{side}: components too small to be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
+            f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
         )
     area = tiny + sum(shape.share for shape in alone)
-    return max(area, sum(float((shape.body_vertex >= 0).mean()) for shape in alone)), notes
+    return max(area, sum(map(_vertex_share, alone))), notes
+
+
+def _vertex_share(shape: PreparedShape) -> float:
+    return float((shape.body_vertex >= 0).mean())
 
 
 def _named(shape: PreparedShape) -> str:

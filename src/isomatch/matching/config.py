@@ -657,7 +657,7 @@ class OutcomeSettings(Settings):
         landmarks, or the median of an initial map, which may be wrong in places.
     large_component : float
         Share of the area, or of the vertices in components of at least 50, left out from which the match is partial; and
-        share of the area of a component from which the match is no surer than it.
+        such a share of one component from which the match is no surer than it.
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
