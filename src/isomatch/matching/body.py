@@ -1,8 +1,8 @@
-"""The part of a shape that is matched: its largest component, repaired, of unit area."""
+"""What is matched of a shape: its largest component, repaired, of unit area, and others like it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from isomatch.matching.config import PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair, separate_sheets
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
+LEFT_UNMATCHED = "are left unmatched"
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
@@ -36,6 +37,10 @@ class Body:
         if that is larger: the vertices of debris do not count.
     notes : tuple of str
         What was left out or repaired.
+    share : float
+        Share of the area of the shape that the body has.
+    others : tuple of Body
+        Of a mesh, the further components that can be matched by themselves, largest first.
     """
 
     surface: Surface
@@ -44,6 +49,8 @@ class Body:
     user_vertex: IntArray
     left_out: float
     notes: tuple[str, ...]
+    share: float = 1.0
+    others: tuple[Body, ...] = ()
 
 
 def body_of(shape: Surface, settings: PreparationSettings) -> Body:
@@ -61,30 +68,35 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
     shares = np.bincount(labels, whole.vertex_areas) / whole.area
     sizes = np.bincount(labels)
     largest = int(shares.argmax())
-    kept = labels == largest
-    vertices = np.flatnonzero(kept)
     others = np.arange(len(shares)) != largest
     if others.any():
         notes.append(
             f"{others.sum()} smaller components with {shares[others].sum():.1%} of the area and "
-            f"{sizes[others].sum() / len(labels):.1%} of the vertices are left unmatched: no path leads to them, so they "
+            f"{sizes[others].sum() / len(labels):.1%} of the vertices {LEFT_UNMATCHED}: no path leads to them, so they "
             "have no geodesic distance to the rest"
         )
-    if len(vertices) < FEWEST_VERTICES:
+    if sizes[largest] < FEWEST_VERTICES:
         raise MeshError(
-            f"the largest component has {len(vertices)} vertices, at least {FEWEST_VERTICES} are needed; "
+            f"the largest component has {sizes[largest]} vertices, at least {FEWEST_VERTICES} are needed; "
             "subdivide the mesh, or weld its triangles if they share no vertices"
         )
-    surface, length = _normalised(whole, kept, settings.graph_average_distance)
-    to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
-    to_body[vertices] = np.arange(len(vertices))
-    return Body(
-        surface,
-        length * unit,
-        to_body[new_index],
-        old_index[vertices],
-        float(max(shares[others].sum(), sizes[others & (sizes >= FEWEST_VERTICES)].sum() / len(labels))),
-        tuple(notes),
+
+    def component(label: int) -> Body:
+        surface, length = _normalised(whole, labels == label, settings.graph_average_distance)
+        vertices = np.flatnonzero(labels == label)
+        to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
+        to_body[vertices] = np.arange(len(vertices))
+        share = float(shares[label])
+        return Body(surface, length * unit, to_body[new_index], old_index[vertices], 0.0, (), share)
+
+    own = others & (sizes >= FEWEST_VERTICES)
+    matchable = np.flatnonzero(own & (shares >= settings.least_component) & isinstance(whole, Mesh))
+    largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
+    return replace(
+        component(largest),
+        left_out=float(max(shares[others].sum(), sizes[own].sum() / len(labels))),
+        notes=tuple(notes),
+        others=tuple(component(label) for label in largest_first[: settings.most_components]),
     )
 
 

@@ -66,6 +66,9 @@ class PreparationSettings(Settings):
     sheet_distance : float
         Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
         apart along the surface, in √area; ``inf`` leaves them together.
+    least_component, most_components : float, int
+        Share of the area from which a component of a mesh, beside the largest, is matched by itself, and how many such
+        components at most.
     """
 
     extremity_spacing: float = setting(
@@ -90,6 +93,8 @@ class PreparationSettings(Settings):
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
+    least_component: float = setting(0.001, "an eye has a thousandth of the area of a body", least=1e-6)
+    most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
 
 
 @dataclass(frozen=True)
@@ -501,6 +506,42 @@ class PartSettings(Settings):
 
 
 @dataclass(frozen=True)
+class ComponentSettings(Settings):
+    """Settings of the match of shapes of several components.
+
+    Parameters
+    ----------
+    rival_area, most_rivals : float, int
+        Area, over that of the largest component, from which another one may be the partner of the other shape's largest,
+        and how many are tried at most.
+    spectrum_functions, same_spectrum : int, float
+        Eigenvalues that are compared, and the mean difference of their logarithms, above the least, up to which a pair of
+        such components is tried.
+    falloff : float
+        Power of the distance by which less is said about a point by the vertices of the component that carries it.
+    most_apart : float
+        Distance of a component from where it is carried to, over the sum of its √area and its distance from those that
+        carry it, from which it is no partner.
+    most_length_ratio : float
+        √area of one over that of the other from which they are no partners.
+    same_place : float
+        Mean distance between a component that is carried along rigidly and its partner, in √area, up to which it fits.
+    held : float
+        Distance of a component from those that carry it, over its √area, up to which its place tells how it is turned.
+    """
+
+    rival_area: float = setting(0.5, "hemispheres differ by less, clothes by more", least=0, most=1)
+    most_rivals: int = setting(3, "chosen: nine matches at most", least=1)
+    spectrum_functions: int = setting(20, "halves of creatures: poses 0.03, other halves 0.13", least=1)
+    same_spectrum: float = setting(0.1, "halves of creatures: poses 0.03, other halves 0.13", least=0)
+    falloff: float = setting(4.0, "chosen: sums over a surface converge from 2 on", least=0)
+    most_apart: float = setting(0.7, "one eye is 0.9 from the other", least=0)
+    most_length_ratio: float = setting(1.4, "parts.largest_unit_change", least=1.01)
+    held: float = setting(1.0, "chosen: a thing farther away than its own size may turn by itself", least=0)
+    same_place: float = setting(0.02, "chosen: half the spacing of the search vertices", least=0)
+
+
+@dataclass(frozen=True)
 class ElasticSettings(Settings):
     """Settings of the match of shapes that are far from isometric.
 
@@ -619,7 +660,8 @@ class OutcomeSettings(Settings):
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks, or the median of an initial map, which may be wrong in places.
     large_component : float
-        Share of the area, or of the vertices in components of at least 50, left out from which the match is partial.
+        Share of the area, or of the vertices in components of at least 50, left out from which the match is partial; and
+        such a share of one component from which the match is no surer than it.
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
@@ -691,6 +733,7 @@ class Config(Settings):
     selection : SelectionSettings
     refining : RefinementSettings
     parts : PartSettings
+    components : ComponentSettings
     elastic : ElasticSettings
     outcome : OutcomeSettings
         Fine settings of each stage.
@@ -736,6 +779,7 @@ class Config(Settings):
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
     parts: PartSettings = setting(PartSettings())
+    components: ComponentSettings = setting(ComponentSettings())
     elastic: ElasticSettings = setting(ElasticSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 

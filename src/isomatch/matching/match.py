@@ -1,15 +1,15 @@
-"""`match`: prepare both shapes, and match them as complete ones, or one as a part of the other."""
+"""`match`: prepare both shapes, and match them; those of several components one by one."""
 
 from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
 from isomatch._threads import serial_blas
-from isomatch.matching.complete import complete_result, match_complete
+from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
+from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import prepare_pair
-from isomatch.matching.parts import part_of, part_result
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
@@ -78,8 +78,7 @@ def match(
     with serial_blas():
         timer.start("prepare")
         pair = prepare_pair(source, target, config, seed)
-        hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
-        part = part_of(pair, hints)
-        if part:
-            return part_result(pair, hints, part, timer, seed)
-        return complete_result(match_complete(pair, hints, timer), timer, seed)
+        given = landmarks, initial_map, initial_descriptors
+        if pair.oriented and (pair.source.others or pair.target.others):
+            return match_components(pair, *given, timer, seed)
+        return match_connected(pair, Hints.of(pair, *given), timer, seed)

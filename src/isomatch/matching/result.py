@@ -42,7 +42,7 @@ _ADVICE = {
     ),
     Outcome.PARTIAL: (
         "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
-        "The notes say what is missing. Components that are needed have to be connected, or matched separately."
+        "The notes say what is missing. Landmarks on two components make them partners."
     ),
     Outcome.CONVERGED: "The evidence agrees on one map.",
 }
@@ -51,6 +51,8 @@ _ADVICE = {
 @dataclass(frozen=True)
 class Quality:
     """Measures of a map that need no ground truth.
+
+    Of shapes of several components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
 
     Parameters
     ----------
