@@ -124,12 +124,19 @@ class PartPair:
         least, most = np.sqrt(settings.least_share), settings.largest_unit_change
         return bool(self.config.scale != "free" and least / most <= self.unit <= most)
 
+    @cached_property
+    def keeps_unit(self) -> bool:
+        """Whether the unit is fixed: by what is asked for, or because too few distances are known to measure it."""
+        settings, scale = self.config.parts, self.config.scale
+        unmeasured = scale == "auto" and self.trusted < settings.least_trusted
+        return scale in ("same", "area") or (unmeasured and self.knows_unit)
+
     @property
     def units(self) -> tuple[float, ...]:
         """Units to search in, by what is asked for; the given one may be anything."""
         settings = self.config.parts
-        if self.config.scale in ("same", "area"):
-            return (self.unit,)
+        if self.keeps_unit:
+            return (min(self.unit, 1.0),)
         first, last = np.sqrt(settings.least_share), 1.0
         if self.knows_unit:
             first = self.unit / settings.largest_unit_change
@@ -148,7 +155,7 @@ class PartPair:
 
     def restricted(self, unit: float) -> float:
         """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
-        if self.config.scale in ("same", "area"):
+        if self.keeps_unit:
             return self.unit
         steps = np.round(np.log(unit / self.unit) / UNIT_GRID)
         return min(self.unit * float(np.exp(UNIT_GRID * steps)), LARGEST_UNIT)
