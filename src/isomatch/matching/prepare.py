@@ -176,6 +176,17 @@ class PreparedShape:
         return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
 
     @cached_property
+    def one_sided(self) -> bool:
+        """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
+        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
+        n = self.body.n_vertices
+        edges, count = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_counts=True)
+        sides, alike = np.unique(start * n + end, return_counts=True)
+        twice = sides[alike == 2]
+        twice = np.minimum(twice // n, twice % n) * n + np.maximum(twice // n, twice % n)
+        return bool(np.isin(twice, edges[count == 2]).any())
+
+    @cached_property
     def capped(self) -> PreparedShape:
         """The body as a shape of its own, with its holes closed: its first vertices are those of the body."""
         if self.triangles is None or not self.boundary_length:
