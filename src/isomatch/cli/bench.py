@@ -41,8 +41,8 @@ def bench(
         Folder of the sets, each in a folder of its name, as archives or as published; creatures, organs and example need
         none.
     methods : str
-        isomatch, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds, gmds_5pt, gw,
-        gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
+        isomatch, isomatch_5pt, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds,
+        gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
         given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of NAME;
         NAME+gdd and NAME+gdd_post are the paper's methods started from it.
     pairs : int
