@@ -42,9 +42,9 @@ def bench(
         none.
     methods : str
         isomatch, isomatch_5pt, gdd, gdd_post, phi, functional_maps, functional_maps_5pt, zoomout, zoomout_5pt, gmds,
-        gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those named 5pt are
-        given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of NAME;
-        NAME+gdd and NAME+gdd_post are the paper's methods started from it.
+        gmds_5pt, gw, gw_5pt, sgmds, sgmds_5pt, sgf, sgf_5pt, pyfm; several with commas. gdd, gdd_post, phi and those
+        named 5pt are given five true landmarks, far from one another. NAME+isomatch is isomatch started from the map of
+        NAME; NAME+gdd and NAME+gdd_post are the paper's methods started from it.
     pairs : int
         Number of pairs to draw from each set; all by default.
     points : int
