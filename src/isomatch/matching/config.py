@@ -436,9 +436,8 @@ class PartSettings(Settings):
         Least area of a part over that of the whole, where the units of the files say nothing.
     most_cost, soft : float
         Of `IntervalCost`, in √(area of the part).
-    stress_exponent, local_exponent, untrusted_local_exponent : float
-        Score of a refined map = misfit × stress and local stress to these powers × √(curvature mismatch); the last one
-        where few distances are known, so that stress tells little.
+    stress_exponent : float
+        Score of a refined map = misfit × stress to this power × √(local stress × curvature mismatch).
     near, most_ratio : (float, float), float
         Distances along the part, in its √area, whose ratios to those of the images are compared, and the largest
         logarithm that counts.
@@ -488,8 +487,6 @@ class PartSettings(Settings):
     most_cost: float = setting(0.6, "chosen on cuts and holes; docs/robustness.md", least=0)
     soft: float = setting(0.18, "chosen on cuts and holes; docs/robustness.md", least=0)
     stress_exponent: float = setting(0.25, "chosen on cuts and holes; docs/robustness.md", least=0)
-    local_exponent: float = setting(0.5, "docs/robustness.md: the choice of a part's map", least=0)
-    untrusted_local_exponent: float = setting(2.0, "docs/robustness.md: the choice of a part's map", least=0)
     near: tuple[float, ...] = setting((0.08, 0.3), "chosen on cuts and holes; docs/robustness.md", least=0)
     most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)

@@ -50,14 +50,9 @@ class PartFit:
     @property
     def score(self) -> float:
         """What speaks against the map."""
-        settings = self.pair.config.parts
-        trusted = self.pair.trusted > settings.least_trusted
-        local = self.local_stress ** (
-            settings.local_exponent if trusted else settings.untrusted_local_exponent
-        )
-        return float(
-            self.misfit * self.stress**settings.stress_exponent * self.curvature_mismatch**0.5 * local
-        )
+        exponent = self.pair.config.parts.stress_exponent
+        shape = np.sqrt(self.local_stress * self.curvature_mismatch)
+        return float(self.misfit * self.stress**exponent * shape)
 
 
 @dataclass(frozen=True, eq=False)
