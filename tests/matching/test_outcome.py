@@ -16,7 +16,7 @@ LITTLE = 1e-9
 
 
 def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
-    pair = SimpleNamespace(config=Config(), left_out=left_out)
+    pair = SimpleNamespace(sideless=False, config=Config(), left_out=left_out)
     return outcome_of(pair, quality, wanted, hinted)
 
 

@@ -99,6 +99,11 @@ class ShapePair:
         return min(self.source.boundary_length, self.target.boundary_length) > self.config.parts.long_boundary
 
     @property
+    def sideless(self) -> bool:
+        """Whether the target has symmetries but no inside, so that rotations cannot be told from mirror images."""
+        return bool(self.target.symmetries) and self.target.one_sided
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was repaired or left out of either shape."""
         return tuple(f"{side}: {note}" for side in ("source", "target") for note in getattr(self, side).notes)

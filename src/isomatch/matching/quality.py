@@ -151,8 +151,6 @@ def outcome_of(
     )
     if poor:
         return Outcome.LOW_CONFIDENCE
-    # without an inside, a rotation cannot be told from a mirror image, which is no rival
-    sideless = pair.target.symmetries and pair.target.one_sided
-    if quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or sideless:
+    if quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or pair.sideless:
         return Outcome.SYMMETRY_AMBIGUOUS
     return Outcome.PARTIAL if pair.left_out > bounds.large_component else Outcome.CONVERGED
