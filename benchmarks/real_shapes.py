@@ -8,7 +8,6 @@ are already in ``OUT/rows`` are not computed again.
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 
 from isomatch.datasets import benchmark_set
 from isomatch.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import asked_for, in_parallel
+from studies import asked_for, in_parallel, write_rows
 
 METHODS = ("isomatch", "isomatch_5pt")
 LEVELS = {  # of damage; pair i suffers level i, and its source and target take turns
@@ -113,13 +112,7 @@ if __name__ == "__main__":
     asked = asked_for(__doc__, "real_shapes.csv", [*LEVELS, *(f"{kind}, both" for kind in BOTH)])
     wanted = [job for job in jobs(asked.output, asked.data) if not asked.kinds or job[2] in asked.kinds]
     rows = [row for rows in in_parallel(judged, wanted) for row in rows]
-    with (asked.output / "real_shapes.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
+    write_rows(asked.output / "real_shapes.csv", COLUMNS, rows)
     print(
         "| kind | method | pairs | mean | median | > 10 | called right | right, flagged | precision | recall | s |"
     )

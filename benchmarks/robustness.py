@@ -8,7 +8,6 @@ computed again.
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 
 from isomatch.datasets import DAMAGES
 from isomatch.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import asked_for, in_parallel
+from studies import asked_for, in_parallel, write_rows
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400
@@ -118,12 +117,6 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 if __name__ == "__main__":
     asked = asked_for(__doc__, "robustness.csv and robustness.svg")
     rows = [row for rows in in_parallel(judged, jobs(asked.output, asked.data)) for row in rows]
-    with (asked.output / "robustness.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
+    write_rows(asked.output / "robustness.csv", COLUMNS, rows)
     draw(rows, asked.output / "robustness.svg")
     print(*table(rows), sep="\n")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -116,6 +117,17 @@ def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
         for name, count in counts.items()
         for pair in benchmark_set(name, data).chosen(count, seed).pairs
     ]
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> None:
+    """Write some columns of benchmark rows as a table, numbers to four digits."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
+        writer.writeheader()
+        writer.writerows(
+            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
+            for row in rows
+        )
 
 
 def asked_for(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:

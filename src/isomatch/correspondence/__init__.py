@@ -14,7 +14,12 @@ from isomatch.correspondence.functional_maps import (
     fit_functional_map,
     spectral_embedding,
 )
-from isomatch.correspondence.interval_matching import IntervalCost, assign_points, trilaterate
+from isomatch.correspondence.interval_matching import (
+    IntervalCost,
+    assign_points,
+    pin_first,
+    trilaterate,
+)
 from isomatch.correspondence.linear_alignment import (
     alignment_from_functions,
     alignments_from_points,
@@ -55,6 +60,7 @@ __all__ = [
     "nearest_points",
     "nearest_rows",
     "nearest_under_rotation",
+    "pin_first",
     "register_nonrigid",
     "signed_procrustes",
     "spectral_embedding",

@@ -9,6 +9,8 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._compiled import compiled
 
+FORBIDDEN = 50.0  # more than any assignment costs
+
 
 @dataclass(frozen=True)
 class IntervalCost:
@@ -138,6 +140,13 @@ def _differing(distances: FloatArray, tuples: IntArray, most: int, apart: float)
             if n == most:
                 break
     return kept[:n]
+
+
+def pin_first(unary: FloatArray, candidates: IntArray) -> None:
+    """Let the first points go to given candidates (q,) alone, by their costs (m, c), which are changed."""
+    first = np.arange(len(candidates))
+    unary[first] = FORBIDDEN
+    unary[first, candidates] = 0.0
 
 
 def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cost: IntervalCost) -> IntArray:

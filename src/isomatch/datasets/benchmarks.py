@@ -140,15 +140,9 @@ def _creatures() -> BenchmarkSet:
 
     def load(source: str, target: str) -> BenchmarkPair:
         a, b = _creature(source), _creature(target)
-        mesh, new = relabelled(b.mesh, crc32(target.encode()))
-
-        def truth(mirrored: bool) -> IntArray:
-            image = new[ground_truth(a, b, mirrored=mirrored).vertices]
-            return np.column_stack([np.arange(len(image)), image])
-
-        return BenchmarkPair(
-            f"{source}-{target}", a.mesh, mesh, truth(False), truth(True) if a.symmetric else None
-        )
+        image = ground_truth(a, b).vertices
+        other = ground_truth(a, b, mirrored=True).vertices if a.symmetric else None
+        return _made_pair(source, target, (a.mesh, b.mesh), image, other)
 
     names = []
     for i in range(40):
@@ -165,14 +159,9 @@ def _organs() -> BenchmarkSet:
 
     def load(source: str, target: str) -> BenchmarkPair:
         a, b = _organ(source), _organ(target)
-        mesh, new = relabelled(b.mesh, crc32(target.encode()))
-
-        def truth(symmetric: bool) -> IntArray:
-            image = new[organ_truth(a, b, symmetric=symmetric).vertices]
-            return np.column_stack([np.arange(len(image)), image])
-
-        other = truth(True) if a.symmetry != "none" else None
-        return BenchmarkPair(f"{source}-{target}", a.mesh, mesh, truth(False), other)
+        image = organ_truth(a, b).vertices
+        other = organ_truth(a, b, symmetric=True).vertices if a.symmetry != "none" else None
+        return _made_pair(source, target, (a.mesh, b.mesh), image, other)
 
     variants = [*(("none", style) for style in range(3)), ("mirror", 3), ("turn", 4)]
     names = [
@@ -181,6 +170,19 @@ def _organs() -> BenchmarkSet:
         for symmetry, style in variants
     ]
     return BenchmarkSet("organs", tuple((a, b) for a, b in names), load)
+
+
+def _made_pair(
+    source: str, target: str, meshes: tuple[Mesh, Mesh], image: IntArray, other: IntArray | None
+) -> BenchmarkPair:
+    """Relabel the target of two shapes that were made, and with it the true image and that of a symmetric truth."""
+    mesh, new = relabelled(meshes[1], crc32(target.encode()))
+
+    def rows(image: IntArray) -> IntArray:
+        return np.column_stack([np.arange(len(image)), new[image]])
+
+    mirrored = None if other is None else rows(other)
+    return BenchmarkPair(f"{source}-{target}", meshes[0], mesh, rows(image), mirrored)
 
 
 def _example() -> BenchmarkSet:

@@ -42,7 +42,7 @@ from isomatch.matching.extremities import extremal_points
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.signatures import point_signatures
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Mesh, Surface, capped
+from isomatch.surfaces import Graph, Mesh, Surface, capped, check
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -178,13 +178,7 @@ class PreparedShape:
     @cached_property
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
-        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
-        n = self.body.n_vertices
-        edges, count = np.unique(np.minimum(start, end) * n + np.maximum(start, end), return_counts=True)
-        sides, alike = np.unique(start * n + end, return_counts=True)
-        twice = sides[alike == 2]
-        twice = np.minimum(twice // n, twice % n) * n + np.maximum(twice // n, twice % n)
-        return bool(np.isin(twice, edges[count == 2]).any())
+        return self.triangles is not None and len(check(self.triangles).inconsistent_edges) > 0
 
     @cached_property
     def capped(self) -> PreparedShape:

@@ -48,7 +48,6 @@ def measure_quality(
         unit = source.intrinsic_scale / target.intrinsic_scale
     there = unit * target.distances.between(image[source.column_vertices], image[vertices])
     distortion = np.abs(source.columns[:, vertices] - there)
-    gap, _ = distance_along_edges_to_nearest(target.body, np.unique(image))
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     basis = SampledBasis(source.laplace.vectors, vertices)
     return Quality(
@@ -64,7 +63,7 @@ def measure_quality(
         else np.nan,
         distortion_mean=float(distortion.mean()),
         distortion_p95=float(np.quantile(distortion, 0.95)),
-        coverage=float(target.body.vertex_areas[gap < settings.coverage_radius].sum() / target.body.area),
+        coverage=covered_share(target.body, image, settings.coverage_radius),
         matched=float((source.body_vertex >= 0).mean()),
         landmark_error=float(distances_to_hints(pair, image, hints.landmarks).mean())
         if len(hints.landmarks)
@@ -73,6 +72,14 @@ def measure_quality(
         if len(hints.known)
         else np.nan,
     )
+
+
+def covered_share(body: Surface, images: IntArray, radius: float) -> float:
+    """Share of the area of a body within a radius, along edges, of images (q,); 0 without images."""
+    if not len(images):
+        return 0.0
+    gap, _ = distance_along_edges_to_nearest(body, np.unique(images))
+    return float(body.vertex_areas[gap < radius].sum() / body.area)
 
 
 def edge_stretch(

@@ -126,9 +126,9 @@ def describe_symmetries(symmetries: Sequence[Symmetry]) -> str:
     return ("at least " if len(symmetries) > 1 else "") + " and ".join(named)
 
 
-def farthest_rows(distances: FloatArray, count: int) -> IntArray:
-    """Rows far from each other, from the most remote one."""
-    rows = [int(distances.mean(axis=1).argmax())]
+def farthest_rows(distances: FloatArray, count: int, first: Sequence[int] = ()) -> IntArray:
+    """Rows far from each other, after some first ones; by default after the most remote one."""
+    rows = list(first) or [int(distances.mean(axis=1).argmax())]
     while len(rows) < min(count, len(distances)):
         rows.append(int(distances[rows].min(axis=0).argmax()))
     return np.array(rows)

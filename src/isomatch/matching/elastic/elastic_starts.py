@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.correspondence import IntervalCost, assign_points
+from isomatch.correspondence import IntervalCost, assign_points, pin_first
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
-
-FORBIDDEN = 50.0  # cost of another image of a landmark
+from isomatch.matching.symmetries import farthest_rows
 
 
 def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
@@ -29,9 +28,7 @@ def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     unary = settings.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
     unary += settings.remoteness_cost * np.abs(remote[0] - remote[1])
-    led = np.arange(len(landmarks))
-    unary[led] = FORBIDDEN
-    unary[led, np.searchsorted(candidates, landmarks[:, 1])] = 0.0
+    pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
     assigned, _ = assign_points(
         target.distances_between(candidates) / target.intrinsic_scale,
         between,
@@ -49,9 +46,8 @@ def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArra
     wanted = np.concatenate([first, shape.extremities, shape.column_vertices])
     wanted = wanted[np.sort(np.unique(wanted, return_index=True)[1])]
     distances = shape.distances_between(wanted)
-    kept = list(range(min(len(np.union1d(first, shape.extremities)), max(count, len(first)))))
-    while len(kept) < min(count, len(wanted)):
-        kept.append(int(distances[kept].min(axis=0).argmax()))
+    n_first = min(len(np.union1d(first, shape.extremities)), max(count, len(first)))
+    kept = farthest_rows(distances, count, range(n_first))
     return wanted[kept], distances[np.ix_(kept, kept)] / shape.intrinsic_scale
 
 

@@ -17,7 +17,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.role import Part
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.quality import contradicted_landmarks
+from isomatch.matching.quality import contradicted_landmarks, covered_share
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import StageTimer
 
@@ -51,6 +51,8 @@ class ClosedMatch:
         closed = complete_result(self.found, timer, seed, may_stretch=False)
         points, matched = self._opened(closed.map)
         found = self.pair.source.correspondence(self.pair.target, points, matched)
+        images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
+        coverage = covered_share(self.pair.target.body, images, radius)
         alternatives = tuple(
             replace(each, map=self.pair.source.correspondence(self.pair.target, *self._opened(each.map)))
             for each in closed.alternatives
@@ -59,9 +61,7 @@ class ClosedMatch:
             closed,
             map=found,
             alternatives=alternatives,
-            quality=replace(
-                closed.quality, matched=float(found.matched.mean()), coverage=self._coverage(found)
-            ),
+            quality=replace(closed.quality, matched=float(found.matched.mean()), coverage=coverage),
             notes=(
                 *self.pair.notes,
                 *hints.notes,
@@ -70,25 +70,14 @@ class ClosedMatch:
             ),
         )
 
-    def _coverage(self, found: Correspondence) -> float:
-        """Share of the target's area that is near an image."""
-        target = self.pair.target
-        images = np.unique(target.body_vertex[found.vertices[found.matched]])
-        if not len(images):
-            return 0.0
-        gap, _ = distance_along_edges_to_nearest(target.body, images)
-        near = gap < self.pair.config.outcome.coverage_radius
-        return float(target.body.vertex_areas[near].sum() / target.body.area)
-
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""
         n_target = self.pair.target.body.n_vertices
         rows = slice(self.pair.source.body.n_vertices)
         vertices, corners, weights = closed.vertices[rows], closed.faces[rows], closed.barycentric[rows]
         gap, owner = self._rim_of_target
-        matched = (
-            gap[vertices] < self.pair.target.body.edge_lengths.mean()
-        )  # an edge beyond the rim is no miss
+        # an edge beyond the rim is no miss
+        matched = gap[vertices] < self.pair.target.body.edge_lengths.mean()
         points = PrecisePoints.at_vertices(owner[vertices])
         inside = (corners < n_target).all(axis=1)
         points.corners[inside], points.barycentric[inside] = corners[inside], weights[inside]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
-from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, self_maps
+from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, composed, self_maps
 from isomatch.matching.prepare import PreparedShape
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
@@ -89,7 +90,7 @@ class PartMatch:
                 return score / self.scores[0]
         return np.inf
 
-    @property
+    @cached_property
     def share(self) -> float:
         """Area of the part over that of the whole, by the best map."""
         refinement = self.refining.at(self.pair, self.pair.config.n_refine)
@@ -217,10 +218,7 @@ class _Refining:
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
-        whole = fit.pair.whole
-        rows = whole.sample_vertices[: self._config.n_search]
-        near = whole.distances.between(fit.image, rows).argmin(axis=1)
-        return self._roughly(fit.pair, rows[image_row[near]])
+        return self._roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
 
     def measured(self, pair: PartPair, image: IntArray) -> PartFit:
         """Measure a map of the refinement vertices that was found otherwise, as if it were refined."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import Alignment, assign_points, trilaterate
+from isomatch.correspondence import Alignment, assign_points, pin_first, trilaterate
 from isomatch.matching.config import Config
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.part_pair import PartPair, areas_of_samples
@@ -19,7 +19,6 @@ from isomatch.matching.search import Hypothesis, flips
 
 BALL_TOLERANCE = 0.15
 MOST_BALL = 0.7
-FORBIDDEN = 50.0  # cost of another image of a landmark
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +59,14 @@ def completed(pair: PartPair, images: IntArray, rounds: int) -> IntArray:
     return images
 
 
+def composed(whole: PreparedShape, images: IntArray, image_row: IntArray) -> IntArray:
+    """Compose images (q,) with a map of the whole nearly onto itself, which exchanges its sides, or front and back."""
+    rows = whole.sample_vertices[: whole.config.n_search]
+    near = whole.distances.between(images, rows).argmin(axis=1)
+    onto: IntArray = rows[image_row[near]]
+    return onto
+
+
 class PartStarts:
     """The search of images of the anchors in several units, and of what they become under maps of the whole onto itself.
 
@@ -97,7 +104,11 @@ class PartStarts:
             ),
             settings.n_starts,
         )
-        mirrored = [(start.pair, images) for start in kept for images in self._mirrored(start)]
+        mirrored = [
+            (start.pair, composed(start.pair.whole, start.images, image_row))
+            for start in kept
+            for image_row in self._onto_itself
+        ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
         return self._distinct([*kept, *more], settings.n_mirrored)
 
@@ -144,13 +155,6 @@ class PartStarts:
                 break
         return kept
 
-    def _mirrored(self, start: PartStart) -> list[IntArray]:
-        """Compose with maps of the whole nearly onto itself, which exchange its sides, or its front and back."""
-        rows = self._pair.whole.sample_vertices[: self._pair.whole.config.n_search]
-        near = self._pair.whole.distances.between(start.images, rows).argmin(axis=1)
-        composed: list[IntArray] = [rows[image_row[near]] for image_row in self._onto_itself]
-        return composed
-
     def _areas_of_balls(self) -> FloatArray:
         """Areas (p, q) of the balls of all radii around all places."""
         whole, fine = self._pair.whole, self._pair.whole.sample_vertices
@@ -174,9 +178,7 @@ class PartStarts:
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[places]) / (2 * np.abs(of_whole).mean(axis=0))
         cost += settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
-        led = np.arange(len(pair.landmarks))
-        cost[led] = FORBIDDEN
-        cost[led, np.searchsorted(places, pair.landmarks)] = 0.0
+        pin_first(cost, np.searchsorted(places, pair.landmarks))
         return cost
 
 

@@ -47,22 +47,20 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
     source, target, config = pair.source, pair.target, pair.config
     timer.start("holes closed")
     closed = match_closed(pair, hints, timer) if config.parts.close else None
-    contradicted = False
-    if closed is not None:
-        with_caps = closed.result(hints, timer, seed)
-        contradicted = with_caps.outcome is Outcome.HINTS_CONTRADICTED
     image = None if closed is None else closed.image_of(part)
     timer.start("parts")
     if part == "source":
         found = match_part(source, target, config, hints.landmarks, image)
     else:
         found = match_part(target, source, config, hints.landmarks[:, ::-1], image)
-    if closed is not None and not contradicted and found.closed < config.parts.closed_score:
-        return _closed_result(
-            with_caps,
-            f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the other "
-            "shape",
-        )
+    if closed is not None and found.closed < config.parts.closed_score:
+        with_caps = closed.result(hints, timer, seed)
+        if with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
+            return _closed_result(
+                with_caps,
+                f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
+                "other shape",
+            )
     of_part, of_whole = found.embedding()
     if part == "source":
         points = target.index.points(of_whole, of_part)
@@ -74,7 +72,6 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         matched = covered
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
-    share = found.share
     return MatchResult(
         map=source.correspondence(target, points, matched),
         outcome=_outcome(found, quality),
@@ -84,7 +81,8 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         notes=(
             *pair.notes,
             *hints.notes,
-            f"the {part} was matched as a part: it has {share:.0%} of the area of the other shape and covers {area:.0%}",
+            f"the {part} was matched as a part: it has {found.share:.0%} of the area of the other shape and covers "
+            f"{area:.0%}",
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=source.distances.engine,
