@@ -139,6 +139,19 @@ class PreparedShape:
         return self.body if isinstance(self.body, Mesh) else None
 
     @property
+    def mesh_body(self) -> Mesh:
+        """The body, where nothing but triangles will do.
+
+        Raises
+        ------
+        MeshError
+            If it is made of points or is a graph.
+        """
+        if not isinstance(self.body, Mesh):
+            raise MeshError(f"{self.surface!r} has no triangles; give a Mesh")
+        return self.body
+
+    @property
     def faces(self) -> IntArray:
         """(m, 3) triangles of the body; none of points or a graph."""
         return self.body.faces if isinstance(self.body, Mesh) else np.zeros((0, 3), dtype=np.int64)

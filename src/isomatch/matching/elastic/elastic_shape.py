@@ -34,9 +34,7 @@ class ElasticShape:
     @property
     def mesh(self) -> Mesh:
         """The body."""
-        mesh = self.prepared.triangles
-        assert mesh is not None
-        return mesh
+        return self.prepared.mesh_body
 
     @cached_property
     def canonical(self) -> FloatArray:

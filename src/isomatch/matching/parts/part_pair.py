@@ -53,8 +53,7 @@ class PartPair:
         cls, part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
     ) -> PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
-        mesh = part.triangles
-        assert mesh is not None
+        mesh = part.mesh_body
         engine = distance_engine(mesh, part.config.engine)
         missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
         n = config.parts.n_anchors
@@ -72,10 +71,7 @@ class PartPair:
     @property
     def meshes(self) -> tuple[Mesh, Mesh]:
         """The bodies of part and whole."""
-        part, whole = self.part.triangles, self.whole.triangles
-        assert part is not None
-        assert whole is not None
-        return part, whole
+        return self.part.mesh_body, self.whole.mesh_body
 
     @property
     def cost(self) -> IntervalCost:

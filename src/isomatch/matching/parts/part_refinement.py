@@ -41,8 +41,7 @@ class WholeCoordinates:
         self.at = lru_cache(self._at)
 
     def _smooth(self, k: int) -> _Smooth:
-        mesh = self._whole.triangles
-        assert mesh is not None
+        mesh = self._whole.mesh_body
         vertices = self._whole.laplace.low_passed(mesh.vertices, k)
         return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
 

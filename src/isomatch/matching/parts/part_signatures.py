@@ -55,8 +55,7 @@ class WholeSignatures:
     def _raw(self) -> tuple[FloatArray, FloatArray]:
         """Wave signatures and curvatures before they are standardised."""
         laplace, settings = self.whole.laplace, self.whole.config.preparation
-        mesh = self.whole.triangles
-        assert mesh is not None
+        mesh = self.whole.mesh_body
         sizes = [min(size, len(laplace.values) - 1) for size in settings.curvature_functions]
         curvatures = np.stack([mean_curvature(mesh, laplace, k) for k in sizes], axis=1)
         return self._waves(laplace.vectors[:, 1:], laplace.values[1:]), curvatures
