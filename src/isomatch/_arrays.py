@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+FloatArray = NDArray[np.floating[Any]]  # double precision unless a docstring says otherwise
 Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -27,3 +27,8 @@ def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArr
     if array.size and array.dtype.kind not in "fiub":
         raise error(f"{name} have type {array.dtype}, expected real numbers")
     return np.array(array, dtype=np.float64, order="C")
+
+
+def single(values: FloatArray) -> Float32Array:
+    """Round to single precision: twice as fast in products and searches, where six digits are enough."""
+    return np.asarray(values, dtype=np.float32)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, single
 from isomatch.correspondence.signed_points import SignedPoints
 
 NULL_DIRECTION = (
@@ -119,6 +119,7 @@ def iterative_closest_points(
 
 
 def _nearest(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Row of the candidate nearest to each query, for few of both."""
-    scores = queries @ candidates.T - 0.5 * np.einsum("ij,ij->i", candidates, candidates)
+    """Row of the candidate nearest to each query, for few of both; in single precision."""
+    scores = single(queries) @ single(candidates).T
+    scores -= single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
     return np.asarray(scores.argmax(axis=1))

@@ -64,8 +64,8 @@ class SampledBasis:
 
     @cached_property
     def at_samples(self) -> FloatArray:
-        """The functions at the sampled vertices, (m, K)."""
-        return self.functions[self.vertices]
+        """The functions at the sampled vertices, (m, K), in double precision."""
+        return self.functions[self.vertices].astype(np.float64)
 
     @cached_property
     def _triangular(self) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
+ROUNDING = 1e-5  # of sums of products in single precision, relative to the squared norms
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
 
 
@@ -75,6 +76,8 @@ class VertexCells:
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
     """Give the answer of `nearest_rows`, where candidates are the vertices of a surface in smooth coordinates.
 
+    Distances are compared in single precision.
+
     Parameters
     ----------
     candidates : (n, d) array of float
@@ -93,22 +96,28 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     these coordinates. A surface is two-dimensional whatever d is, so a handful of cells is opened for each query:
     2 m c d operations for the centres, about m d n / c for each cell opened.
     """
-    x = np.ascontiguousarray(candidates[cells.members])
     middle = candidates.mean(axis=0)
-    centres = candidates[cells.centres] - middle
+    x = _single(candidates[cells.members], middle)
+    centres = _single(candidates[cells.centres], middle)
     norms = np.einsum("ij,ij->i", centres, centres)
-    radius = np.zeros(len(centres))
-    _radii(x, candidates[cells.centres], cells.start, radius)
+    radius, from_centre = np.zeros(len(centres), dtype=np.float32), np.zeros(len(x), dtype=np.float32)
+    _radii(x, centres, cells.start, from_centre, radius)
 
     def block(first: int) -> IntArray:
-        y = np.ascontiguousarray(queries[first : first + BLOCK])
-        shifted = y - middle
-        apart = shifted @ (-2.0 * centres.T) + norms + np.einsum("ij,ij->i", shifted, shifted)[:, None]
+        y = _single(queries[first : first + BLOCK], middle)
+        squared_apart = y @ (-2 * centres.T)
+        squared_apart += (1 - ROUNDING) * norms
+        squared_apart += (1 - ROUNDING) * np.einsum("ij,ij->i", y, y)[:, None]
         best = np.zeros(len(y), dtype=np.int64)
-        _open_cells(np.sqrt(np.maximum(apart, 0.0)), radius, x, y, cells.start, cells.members, best)
+        _open_cells(squared_apart, radius, from_centre, x, y, cells.start, cells.members, best)
         return best
 
     return _joined(parallel_map(block, range(0, len(queries), BLOCK)))
+
+
+def _single(points: FloatArray, middle: FloatArray) -> Float32Array:
+    """Points about the middle, in single precision."""
+    return np.subtract(points, middle, dtype=np.float32, casting="same_kind")
 
 
 def _joined(parts: list[IntArray]) -> IntArray:
@@ -134,37 +143,55 @@ def _settle(scores: Float32Array, x: FloatArray, y: FloatArray, slack: float, be
 
 
 @compiled(fastmath={"nsz", "reassoc", "contract"})
-def _radii(x: FloatArray, centres: FloatArray, start: IntArray, radius: FloatArray) -> None:
+def _radii(
+    x: Float32Array, centres: Float32Array, start: IntArray, from_centre: Float32Array, radius: Float32Array
+) -> None:
     for a in range(len(centres)):
         for j in range(start[a], start[a + 1]):
-            radius[a] = max(radius[a], _squared(x, j, centres, a))
-        radius[a] = np.sqrt(radius[a])
+            from_centre[j] = np.sqrt(_squared_single(x, j, centres, a))
+            radius[a] = max(radius[a], from_centre[j])
 
 
 @compiled(fastmath={"nsz", "reassoc", "contract"})
 def _open_cells(
-    apart: FloatArray,
-    radius: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
+    squared_apart: Float32Array,
+    radius: Float32Array,
+    from_centre: Float32Array,
+    x: Float32Array,
+    y: Float32Array,
     start: IntArray,
     members: IntArray,
     best: IntArray,
 ) -> None:
     for i in range(len(y)):
-        first = np.argmin(apart[i])
-        winner, nearest, reach = -1, np.inf, np.inf
+        first = 0
+        for cell in range(len(radius)):
+            if squared_apart[i, cell] < squared_apart[i, first]:
+                first = cell
+        winner, nearest, reach = -1, np.float32(np.inf), np.float32(np.inf)
         for turn in range(-1, len(radius)):
             cell = first if turn < 0 else turn
-            # the margin covers the rounding of the product that gave the distances of the centres
-            if (turn == first) or apart[i, cell] * (1.0 - 1e-6) - radius[cell] > reach:
+            within = reach + radius[cell]
+            if turn == first or squared_apart[i, cell] > within * within:
                 continue
+            away = np.sqrt(max(squared_apart[i, cell], np.float32(0.0)))
             for j in range(start[cell], start[cell + 1]):
-                distance = _squared(x, j, y, i)
+                if abs(away - from_centre[j]) > reach:
+                    continue
+                distance = _squared_single(x, j, y, i)
                 if distance < nearest or (distance == nearest and members[j] < winner):
                     winner, nearest = members[j], distance
-            reach = np.sqrt(nearest) * (1.0 + 1e-9) + 1e-7 * apart[i, first]
+                    reach = np.sqrt(nearest) * np.float32(1.0 + ROUNDING)
         best[i] = winner
+
+
+@compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")
+def _squared_single(x: Float32Array, j: int, y: Float32Array, i: int) -> np.float32:
+    total = np.float32(0.0)
+    for d in range(x.shape[1]):
+        difference = x[j, d] - y[i, d]
+        total += difference * difference
+    return total
 
 
 @compiled(fastmath={"nsz", "reassoc", "contract"}, inline="always")

@@ -65,7 +65,8 @@ def register_nonrigid(
             ]
         )
         gram = design.T @ design + RIDGE * len(design) * np.eye(design.shape[1])
-        moved = embedding.source + functions @ solve(gram, design.T @ wanted, assume_a="pos")
+        coefficients = solve(gram, design.T @ wanted, assume_a="pos")
+        moved = embedding.source + functions @ coefficients.astype(functions.dtype)
     return Embedding(moved, of_target)
 
 

@@ -78,7 +78,7 @@ class Hints:
                     f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
                     f"{FEWEST_POINTS} are needed to start anything"
                 )
-        functions = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
+        functions: tuple[FloatArray, FloatArray] = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
             functions = checked_descriptors(initial_descriptors, *sizes)
         on_bodies = source.restrict(functions[0]), target.restrict(functions[1])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, register_nonrigid
 from isomatch.matching.candidates import Candidate, energy_of, extended
@@ -154,7 +154,7 @@ def joint_embedding(pair: ShapePair, fit: RefinedCandidate, smooth: bool) -> Emb
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
         embedding = Embedding(*(np.delete(x, signatures, axis=1) for x in embedding))
     source, target = pair.source, pair.target
-    displacements = SampledBasis(source.laplace.vectors, pair.refinement_vertices)
+    displacements = SampledBasis(source.functions, pair.refinement_vertices)
     samples = target.sample_vertices[: target.config.n_refine]
     return register_nonrigid(embedding, source.index, target.index, displacements, samples, steps)
 
@@ -163,18 +163,24 @@ def _joint(
     pair: ShapePair, target_vertex: IntArray, k: int, side: float, source_vertex: IntArray
 ) -> Embedding:
     """Coordinates of some source vertices and of all of the target; with positions and normals unless side is 0."""
-    settings, basis, target = pair.config.refining, pair.spectra.source, pair.target
-    phi_source, phi_target = basis.functions[:, :k], target.laplace.vectors[:, :k]
-    of_source = [phi_source[source_vertex] / np.sqrt(k), pair.signatures.source[source_vertex]]
-    of_target = [phi_target @ basis.fit(phi_target[target_vertex], k).T / np.sqrt(k), pair.signatures.target]
-    mesh, onto = pair.source.triangles, target.triangles
+    settings, source, target = pair.config.refining, pair.source, pair.target
+    basis = pair.spectra.source
+    phi_source, phi_target = source.functions[:, :k], target.functions[:, :k]
+    functional_map = single(basis.fit(target.laplace.vectors[target_vertex, :k], k) / np.sqrt(k))
+    root = np.float32(1 / np.sqrt(k))
+    of_source = [root * phi_source[source_vertex], pair.signatures.source[source_vertex]]
+    of_target = [phi_target @ functional_map.T, pair.signatures.target]
+    mesh, onto = source.triangles, target.triangles
     if side and mesh and onto:
-        smooth = target.laplace.low_passed(onto.vertices, k)
-        drawn = phi_source @ basis.fit(onto.vertices[target_vertex], k)
+        smooth = phi_target @ single(target.position_coefficients[:k])
+        drawn = phi_source @ single(basis.fit(onto.vertices[target_vertex], k))
         normals = side * vertex_normals(drawn, mesh.faces)[source_vertex]
-        of_source += [drawn[source_vertex] / settings.position_unit, settings.normal_weight * normals]
+        of_source += [
+            drawn[source_vertex] / np.float32(settings.position_unit),
+            single(settings.normal_weight * normals),
+        ]
         of_target += [
-            smooth / settings.position_unit,
-            settings.normal_weight * vertex_normals(smooth, onto.faces),
+            smooth / np.float32(settings.position_unit),
+            single(settings.normal_weight * vertex_normals(smooth, onto.faces)),
         ]
     return Embedding(np.hstack(of_source), np.hstack(of_target))

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
@@ -62,7 +62,7 @@ class ShapePair:
         """Point signatures that both shapes have: of the source (n_s, q) and of the target (n_t, q)."""
         of_source, of_target = self.source.signatures, self.target.signatures
         common = min(of_source.shape[1], of_target.shape[1])
-        return Embedding(of_source[:, :common], of_target[:, :common])
+        return Embedding(single(of_source[:, :common]), single(of_target[:, :common]))
 
     @cached_property
     def search_signatures(self) -> Embedding:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
@@ -232,6 +232,16 @@ class PreparedShape:
         return point_signatures(self.triangles, self.laplace, self.config.preparation)
 
     @cached_property
+    def functions(self) -> Float32Array:
+        """(n_body, K) Laplace–Beltrami functions in single precision."""
+        return single(self.laplace.vectors)
+
+    @cached_property
+    def position_coefficients(self) -> FloatArray:
+        """(K, 3) coefficients of the positions of the body in the Laplace–Beltrami functions."""
+        return self.laplace.coefficients(self.mesh_body.vertices)
+
+    @cached_property
     def curvature(self) -> FloatArray:
         """(n_body,) signed mean curvature of the smoothed body, of mean 0 and variance 1 in the areas.
 
@@ -378,7 +388,7 @@ def _prepared(
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
-        laplace = laplace_basis(body, config.n_functions, seed)
+        laplace = laplace_basis(body, config.n_functions, seed, "single")
         extremities, extremity_columns = extremal_points(
             body, engine, basis @ body.vertex_areas, fine.extremity_spacing, fine.n_extremities
         )

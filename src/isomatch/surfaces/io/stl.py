@@ -21,7 +21,9 @@ def read(data: bytes, name: str) -> Mesh:
     size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
     if len(data) >= _HEADER_SIZE and len(data) == size:
         with np.errstate(invalid="ignore"):  # which a signalling nan sets
-            corners = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(np.float64)
+            corners: FloatArray = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(
+                np.float64
+            )
     elif data.lstrip()[:5].lower() == b"solid":
         corners = _read_text(read_lines(name, data.lower()))
     elif len(data) < _HEADER_SIZE:
