@@ -4,6 +4,7 @@ from typing import TypeAlias
 
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.check import check
+from isomatch.surfaces.decimation import Decimated, decimate
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
@@ -18,6 +19,7 @@ Surface: TypeAlias = Mesh | PointCloud | Graph
 
 __all__ = [
     "FORMATS",
+    "Decimated",
     "Graph",
     "Mesh",
     "MeshFormat",
@@ -29,6 +31,7 @@ __all__ = [
     "Surface",
     "capped",
     "check",
+    "decimate",
     "rasterise",
     "read_mesh",
     "read_point_cloud",

@@ -1,0 +1,139 @@
+"""Decimation: a coarser mesh of the same surface, by collapsing edges in the order of their quadric errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.errors import MeshError, SettingError, some
+from isomatch.surfaces._collapse import collapse_edges, describe_vertices, linked_corners, sampled_costs
+from isomatch.surfaces.mesh import Mesh
+
+SHARE = 0.4  # of the edges that are cheap enough in a round
+LEAST_PROGRESS = 0.98  # of the vertices; where more remain after a round, the next one admits more edges
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Decimated:
+    """A mesh and the coarser one made of it.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The coarse mesh. Its vertices are in the order of the first fine vertices merged into them.
+    owner : (n_fine,) array of int
+        Vertex of the coarse mesh into which each vertex was merged.
+    wanted : int
+        The number of vertices asked for. The coarse mesh has more if no other edge could be collapsed.
+    """
+
+    mesh: Mesh
+    owner: IntArray
+    wanted: int
+
+    def __repr__(self) -> str:
+        stalled = f", {self.wanted} wanted" if self.is_stalled else ""
+        return f"Decimated({len(self.owner)} → {self.mesh.n_vertices} vertices{stalled})"
+
+    @property
+    def is_stalled(self) -> bool:
+        """Whether vertices are left that could not be merged, of a mesh larger than was asked for."""
+        return self.mesh.n_vertices > self.wanted
+
+
+def decimate(mesh: Mesh, n_vertices: int) -> Decimated:
+    """Make a coarser mesh of the same surface.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With n vertices.
+    n_vertices : int
+        Number of vertices to keep. A mesh that has no more is returned as it is.
+
+    Returns
+    -------
+    Decimated
+        Components, boundary loops, Euler number, and the directions of faces are those of the mesh. So a small component
+        or loop keeps a few vertices, and no vertex at which the mesh is not manifold is merged into another: the result
+        then may have more vertices than asked for.
+
+    Raises
+    ------
+    MeshError
+        If a face has a vertex twice or one that does not exist, or a coordinate is not finite.
+    SettingError
+        If ``n_vertices`` is not positive.
+
+    Notes
+    -----
+    Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, with planes perpendicular to
+    the surface at boundaries, and with a small multiple of the squared distance to the merged vertices, so that flat parts
+    get even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology
+    preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver. In rounds: each collapses edges
+    below a cost, the cheapest first, on a mesh that is compact in memory. O(n) time, about 200 bytes for each vertex.
+
+    Examples
+    --------
+    >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
+    >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
+    >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
+    >>> decimate(Mesh(points, np.array(faces) % 40), 20)
+    Decimated(40 → 20 vertices)
+    """
+    if n_vertices < 1:
+        raise SettingError(f"n_vertices = {n_vertices} leaves nothing of the mesh; ask for at least 1")
+    owner = np.arange(mesh.n_vertices)
+    if n_vertices >= mesh.n_vertices:
+        return Decimated(mesh, owner, n_vertices)
+    at = _sound_faces(mesh).ravel().astype(np.int32)
+    points, centre, size = _normalised(mesh.vertices)
+    first, following = linked_corners(at, len(points))
+    kind, quadrics = describe_vertices(points, at, first, following)
+    share = SHARE
+    while len(points) > n_vertices and share <= 1.0:
+        costs = sampled_costs(points, quadrics, kind, at, first, following)
+        costs = costs[np.isfinite(costs)]
+        if not len(costs):
+            break
+        limit = np.quantile(costs, share) if share < 1.0 else np.inf
+        scale = max(float(np.median(costs)), np.finfo(float).tiny)
+        parent = collapse_edges(
+            points, quadrics, kind, at, first, following, scale, limit, len(points) - n_vertices
+        )
+        is_kept = parent == np.arange(len(parent))
+        if is_kept.mean() > LEAST_PROGRESS:
+            share += (1.0 - SHARE) / 3
+        number = np.cumsum(is_kept, dtype=np.int32) - 1
+        owner = number[parent][owner]
+        points, quadrics, kind = points[is_kept], quadrics[is_kept], kind[is_kept]
+        at = number[at[at >= 0]]
+        first, following = linked_corners(at, len(points))
+    coarse = Mesh(points * size + centre, at.reshape(-1, 3))
+    return Decimated(coarse, owner.astype(np.int64), n_vertices)
+
+
+def _normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Vertices about their middle, of size 1 or less; the middle, and the size."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    centre = low / 2 + high / 2
+    size = float((high / 2 - low / 2).max()) or 1.0
+    return (vertices - centre) / size, centre, size
+
+
+def _sound_faces(mesh: Mesh) -> IntArray:
+    a, b, c = mesh.sound_faces.T
+    bad = (a == b) | (b == c) | (c == a)
+    if bad.any():
+        raise MeshError(
+            f"faces {some(np.flatnonzero(bad))} have a vertex twice, so the surface is undefined there; "
+            "remove them with repair(mesh)"
+        )
+    bad = ~np.isfinite(mesh.vertices).all(axis=1)
+    if bad.any():
+        raise MeshError(
+            f"vertices {some(np.flatnonzero(bad))} are not finite numbers; remove them with repair(mesh)"
+        )
+    return mesh.faces
