@@ -10,10 +10,14 @@ from contextlib import contextmanager
 from threading import Lock, local
 from typing import Any, TypeVar
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from isomatch._arrays import FloatArray
 from isomatch._limits import processors
 from isomatch.errors import SettingError
+
+ROWS = 4096  # of a block of a product
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -56,6 +60,22 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
 
 
 _inside = local()
+
+
+def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix product (n, k) (k, m) by blocks of rows, on several threads; in single precision if ``a`` is.
+
+    The blocks are fixed, so that the result does not depend on the number of threads.
+    """
+    product = np.empty((len(a), b.shape[1]), a.dtype)
+    factor = np.ascontiguousarray(b, dtype=a.dtype)
+
+    def block(first: int) -> None:
+        rows = slice(first, first + ROWS)
+        np.matmul(a[rows], factor, out=product[rows])
+
+    parallel_map(block, range(0, len(a), ROWS))
+    return product
 
 
 class _SerialBlas:

@@ -92,7 +92,7 @@ def result(pair):
         map=Correspondence(unmatched, target.n_vertices),
         outcome=Outcome.LOW_CONFIDENCE,
         quality=quality,
-        alternatives=(Alternative(other, 0.125, -0.5, "a <bold> guess"),),
+        alternatives=(Alternative(lambda: other, 0.125, -0.5, "a <bold> guess"),),
         timings={"prepare": 1.25, "total": 2.5},
         notes=("source: left out <7> vertices",),
         engine="fast_marching",

@@ -5,7 +5,7 @@ from isomatch.bases.canonical_form import CanonicalForm, canonical_form
 from isomatch.bases.distance_basis import DistanceBasis, Weighting
 from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
-from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
+from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
 from isomatch.bases.prediction import ColumnPredictor, predicted_basis
 
@@ -24,6 +24,7 @@ __all__ = [
     "laplace_basis",
     "nystrom_basis",
     "predicted_basis",
+    "refined_laplace_basis",
     "smds_basis",
     "spectral_interpolant",
 ]

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
-from isomatch._arrays import AnyArray, FloatArray
+from isomatch._arrays import AnyArray, FloatArray, single
 from isomatch._memory import require_memory
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
@@ -24,6 +24,7 @@ Precision = Literal["double", "single"]
 BLOCK = 8  # vectors solved for at once; larger blocks need more vectors to converge, smaller ones more time to solve
 TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.05}  # see `smallest_eigenpairs`
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
+RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
 
 
@@ -103,6 +104,58 @@ def laplace_basis(
     """
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
+    operator, weights = _unit_operator(surface)
+    with serial_blas():
+        values, vectors = smallest_eigenpairs(operator, k, seed, TOLERANCE[precision], np.dtype(precision))
+    return _basis(values, vectors, weights)
+
+
+def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:
+    """Compute the eigenpairs of a surface from those of a coarser one.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        A surface of one component and n vertices; every vertex of a mesh belongs to a face.
+    coarse : LaplaceBasis
+        k eigenpairs of a coarser version of it, with n_c vertices.
+    prolongation : (n, n_c) sparse array
+        Interpolates, at the vertices of the surface, values at the vertices of the coarser one.
+
+    Returns
+    -------
+    LaplaceBasis
+        k eigenpairs; the last tenth of them is less accurate.
+
+    Raises
+    ------
+    MeshError, MemoryBudgetError
+        As for `laplace_basis`.
+
+    Notes
+    -----
+    One step of inverse iteration from the prolonged functions, and the Rayleigh–Ritz method: two levels of the
+    hierarchical subspace iteration of Nasikun & Hildebrandt, *The Hierarchical Subspace Iteration Method for
+    Laplace–Beltrami Eigenproblems*, 2021. k solves in place of the 2.2 k and more of `laplace_basis`, in single precision.
+    """
+    operator, weights = _unit_operator(surface)
+    k, area = len(coarse.values), weights.sum()
+    with serial_blas():
+        start = single(np.sqrt(weights)[:, None] * (prolongation @ coarse.vectors))
+        shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
+        solve = factorised(operator, np.full(len(weights), shift))
+        vectors = np.empty_like(start)
+        for first in range(0, k, BLOCK):
+            block = solve(start[:, first : first + BLOCK].astype(np.float64))
+            vectors[:, first : first + BLOCK] = block / np.linalg.norm(block, axis=0)
+        gram = vectors.T @ vectors
+        energies = vectors.T @ (operator.astype(np.float32) @ vectors)
+        values, mix = eigh((energies + energies.T).astype(np.float64) / 2, gram.astype(np.float64))
+        return _basis(values, vectors @ single(mix), weights)
+
+
+def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
+    """The Laplacian at unit area, whose eigenvectors are orthonormal; and the masses."""
     if isinstance(surface, Mesh):
         unused = np.flatnonzero(np.bincount(surface.sound_faces.ravel(), minlength=surface.n_vertices) == 0)
         if len(unused):
@@ -111,18 +164,19 @@ def laplace_basis(
             )
     require_one_component(surface)
     stiffness, weights = laplacian(surface)
-    area = weights.sum()
-    scale = diags_array(np.sqrt(area / weights))
-    operator = csc_array(scale @ stiffness @ scale)  # at unit area; eigenvectors are orthonormal
-    with serial_blas():
-        values, vectors = smallest_eigenpairs(operator, k, seed, TOLERANCE[precision], np.dtype(precision))
+    scale = diags_array(np.sqrt(weights.sum() / weights))
+    return csc_array(scale @ stiffness @ scale), weights
+
+
+def _basis(values: FloatArray, vectors: FloatArray, weights: FloatArray) -> LaplaceBasis:
+    """Eigenpairs at unit area as a basis in the units of the surface."""
     if not (np.isfinite(values).all() and np.isfinite(vectors).all()):
         raise NotConvergedError(
             "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
             "vertices, or remesh"
         )
     vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
-    return LaplaceBasis(vectors, np.maximum(values, 0.0) / area, weights)
+    return LaplaceBasis(vectors, np.maximum(values, 0.0) / weights.sum(), weights)
 
 
 def smallest_eigenpairs(

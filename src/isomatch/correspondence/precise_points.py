@@ -33,6 +33,14 @@ class PrecisePoints(NamedTuple):
         """Take vertices (m,) themselves."""
         return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
 
+    def interpolated(self, values: FloatArray) -> FloatArray:
+        """Values (n, q) at the vertices, interpolated at the points: (m, q)."""
+        weights = self.barycentric.astype(values.dtype)
+        total: FloatArray = weights[:, :1] * values[self.corners[:, 0]]
+        for corner in (1, 2):
+            total += weights[:, corner, None] * values[self.corners[:, corner]]
+        return total
+
     def interpolation(self, n_vertices: int) -> csr_array:
         """(m, n) matrix whose product with values at the n vertices interpolates them at the points."""
         rows = np.repeat(np.arange(len(self.corners)), 3)

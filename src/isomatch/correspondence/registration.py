@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import solve
-from scipy.sparse import csr_array
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import IntArray
+from isomatch._threads import row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.surface_index import SurfaceIndex
 
@@ -54,22 +54,17 @@ def register_nonrigid(
     functions, source_vertices = displacements.functions, displacements.vertices
     moved = embedding.source
     for _ in range(steps):
-        forth = _onto(target, of_target, moved[source_vertices])
-        back = _onto(source, moved, of_target[target_vertices])
+        forth = target.points(of_target, moved[source_vertices])
+        back = source.points(moved, of_target[target_vertices])
         # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
-        design = np.vstack([displacements.at_samples, back @ functions])
+        design = np.vstack([displacements.at_samples, back.interpolated(functions)])
         wanted = np.vstack(
             [
-                forth @ of_target - embedding.source[source_vertices],
-                of_target[target_vertices] - back @ embedding.source,
+                forth.interpolated(of_target) - embedding.source[source_vertices],
+                of_target[target_vertices] - back.interpolated(embedding.source),
             ]
         )
         gram = design.T @ design + RIDGE * len(design) * np.eye(design.shape[1])
         coefficients = solve(gram, design.T @ wanted, assume_a="pos")
-        moved = embedding.source + functions @ coefficients.astype(functions.dtype)
+        moved = embedding.source + row_product(functions, coefficients)
     return Embedding(moved, of_target)
-
-
-def _onto(surface: SurfaceIndex, coordinates: FloatArray, queries: FloatArray) -> csr_array:
-    """Matrix that interpolates at the surface's point nearest to each query."""
-    return surface.points(coordinates, queries).interpolation(len(coordinates))

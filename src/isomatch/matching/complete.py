@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from isomatch._threads import parallel_map
-from isomatch.correspondence import Embedding
+from isomatch._arrays import IntArray
+from isomatch._threads import parallel_map, serial_blas
+from isomatch.correspondence import Correspondence, Embedding
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
 from isomatch.matching.elastic import FAR, ElasticMatch, far_from_isometric, match_elastically
@@ -16,9 +18,10 @@ from isomatch.matching.joint_refinement import (
     RefinedCandidate,
     distances_between,
     joint_embedding,
+    polished_points,
     refine_jointly,
 )
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult
@@ -101,10 +104,17 @@ def complete_result(
     if elastic:
         points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
         quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
+    level: SmoothPair = pair
+    if not elastic and pair.config.refinement in ("joint", "smooth"):
+        timer.start("polish")
+        if pair.polishable:
+            level = pair.polishable
+            points = polished_points(pair, level, selection.winner, pair.config.refinement == "smooth")
+    timer.start("carry")
     refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
     alternatives = _alternatives(pair, [*refined, *found.eligible, *found.rivals])
     return MatchResult(
-        map=pair.source.correspondence(pair.target, points),
+        map=level.source.correspondence(level.target, points),
         outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
         quality=quality,
         alternatives=alternatives,
@@ -201,11 +211,14 @@ def _alternatives(pair: ShapePair, order: list[Candidate]) -> tuple[Alternative,
         known = [c.target_row for c in distinct]
         if pair.differs(candidate.target_row, known, pair.config.search.same_map):
             distinct.append(candidate)
-    everywhere = np.arange(pair.source.body.n_vertices)
+    return tuple(
+        Alternative(partial(_extended_map, pair, c.target_row), c.energy, c.orientation, c.hypothesis.origin)
+        for c in distinct[1 : 1 + pair.config.selection.most_alternatives]
+    )
 
-    def alternative(candidate: Candidate) -> Alternative:
-        image = extended(pair, candidate.target_row, everywhere)
-        found = pair.source.correspondence(pair.target, image)
-        return Alternative(found, candidate.energy, candidate.orientation, candidate.hypothesis.origin)
 
-    return tuple(parallel_map(alternative, distinct[1 : 1 + pair.config.selection.most_alternatives]))
+def _extended_map(pair: ShapePair, target_row: IntArray) -> Correspondence:
+    """Extend a map of the search vertices to all."""
+    with serial_blas():
+        image = extended(pair, target_row, np.arange(pair.source.body.n_vertices))
+        return pair.source.correspondence(pair.target, image)

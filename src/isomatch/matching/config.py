@@ -18,6 +18,7 @@ Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 DistanceUnit = Literal["average", "user"]
 Start = Literal["auto", "pose"]
+Resolution = Literal["auto", "full", "fast"]
 PartRole = Literal["auto", "source", "target", "both", "none"]
 Scale = Literal["auto", "same", "area", "free"]
 
@@ -95,6 +96,32 @@ class PreparationSettings(Settings):
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
     least_component: float = setting(0.001, "an eye has a thousandth of the area of a body", least=1e-6)
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)
+
+
+@dataclass(frozen=True)
+class LevelSettings(Settings):
+    """Sizes of the levels on which large meshes are matched.
+
+    Parameters
+    ----------
+    matched, fast : int
+        Vertices on which shapes are matched with the resolution "auto", and "fast".
+    polished : int
+        Vertices on which the map is polished.
+    spared : float
+        A mesh of up to so many times these sizes is not decimated.
+    polished_sizes : tuple of int
+        Laplace–Beltrami functions in the steps that polish.
+    normal_weight : float
+        Weight of unit normals beside positions, in √area, where points are carried to the fine mesh.
+    """
+
+    matched: int = setting(5000, "docs/performance.md, resolution", least=200)
+    fast: int = setting(2500, "docs/performance.md, resolution", least=200)
+    polished: int = setting(20000, "docs/performance.md, resolution", least=200)
+    spared: float = setting(1.5, "chosen: less is hardly faster", least=1)
+    polished_sizes: tuple[int, ...] = setting((150, 200), "the last of refining.sizes", least=4)
+    normal_weight: float = setting(0.05, "docs/performance.md, resolution", least=0)
 
 
 @dataclass(frozen=True)
@@ -723,7 +750,11 @@ class Config(Settings):
     scale : {"auto", "same", "area", "free"}
         Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
         anything. Complete shapes are always scaled to the same area.
+    resolution : {"auto", "full", "fast"}
+        Whether large meshes are matched on fewer vertices, and the map is then polished on more and carried to all; or
+        on all, however long it takes; or on still fewer, without polishing. Maps always name the user's vertices.
     preparation : PreparationSettings
+    levels : LevelSettings
     symmetry : SymmetrySettings
     search : SearchSettings
     anchors : AnchorSettings
@@ -769,7 +800,9 @@ class Config(Settings):
     start: Start = setting("auto", "shapes need not be aligned")
     part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
+    resolution: Resolution = setting("auto", "docs/performance.md, resolution")
     preparation: PreparationSettings = setting(PreparationSettings())
+    levels: LevelSettings = setting(LevelSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
     anchors: AnchorSettings = setting(AnchorSettings())
@@ -847,7 +880,9 @@ class Config(Settings):
             "engine",
             "n_search",
             "n_refine",
+            "resolution",
             "preparation",
+            "levels",
             "symmetry",
         )
         return next((name for name in names if getattr(self, name) != getattr(other, name)), None)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray, single
-from isomatch._threads import parallel_map
-from isomatch.correspondence import Embedding, SampledBasis, register_nonrigid
+from isomatch._threads import parallel_map, row_product
+from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, register_nonrigid
 from isomatch.matching.candidates import Candidate, energy_of, extended
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.select import survivors
 from isomatch.surfaces import vertex_normals
 
@@ -126,7 +126,7 @@ def _score(pair: ShapePair, fit: RefinedCandidate) -> float:
 
 
 def _stepped(
-    pair: ShapePair, fit: RefinedCandidate, sizes: tuple[int, ...], with_positions: bool
+    pair: SmoothPair, fit: RefinedCandidate, sizes: tuple[int, ...], with_positions: bool
 ) -> RefinedCandidate:
     target_vertex, misfit = fit.target_vertex, fit.misfit
     side = fit.side if with_positions else 0.0
@@ -139,7 +139,7 @@ def _stepped(
     return RefinedCandidate(fit.candidate, target_vertex, misfit)
 
 
-def joint_embedding(pair: ShapePair, fit: RefinedCandidate, smooth: bool) -> Embedding:
+def joint_embedding(pair: SmoothPair, fit: RefinedCandidate, smooth: bool) -> Embedding:
     """Coordinates of all vertices of both bodies under a refined map, with all functions, after registration.
 
     Signatures recognise points. The smooth variant does without them, and registers in more steps: positions, normals
@@ -159,28 +159,43 @@ def joint_embedding(pair: ShapePair, fit: RefinedCandidate, smooth: bool) -> Emb
     return register_nonrigid(embedding, source.index, target.index, displacements, samples, steps)
 
 
+def polished_points(pair: ShapePair, finer: SmoothPair, fit: RefinedCandidate, smooth: bool) -> PrecisePoints:
+    """Polish a refined map at the finer levels of its shapes: image of each source vertex there.
+
+    The last steps of the joint refinement, and the registration.
+    """
+    image = finer.target.body_vertex[pair.target.user_vertex[fit.target_vertex]]
+    start = replace(fit, target_vertex=image)
+    stepped = _stepped(finer, start, pair.config.levels.polished_sizes, with_positions=True)
+    embedding = joint_embedding(finer, stepped, smooth)
+    return finer.target.index.points(embedding.target, embedding.source)
+
+
 def _joint(
-    pair: ShapePair, target_vertex: IntArray, k: int, side: float, source_vertex: IntArray
+    pair: SmoothPair, target_vertex: IntArray, k: int, side: float, source_vertex: IntArray
 ) -> Embedding:
     """Coordinates of some source vertices and of all of the target; with positions and normals unless side is 0."""
     settings, source, target = pair.config.refining, pair.source, pair.target
-    basis = pair.spectra.source
-    phi_source, phi_target = source.functions[:, :k], target.functions[:, :k]
-    functional_map = single(basis.fit(target.laplace.vectors[target_vertex, :k], k) / np.sqrt(k))
-    root = np.float32(1 / np.sqrt(k))
-    of_source = [root * phi_source[source_vertex], pair.signatures.source[source_vertex]]
-    of_target = [phi_target @ functional_map.T, pair.signatures.target]
-    mesh, onto = source.triangles, target.triangles
-    if side and mesh and onto:
-        smooth = phi_target @ single(target.position_coefficients[:k])
-        drawn = phi_source @ single(basis.fit(onto.vertices[target_vertex], k))
-        normals = side * vertex_normals(drawn, mesh.faces)[source_vertex]
-        of_source += [
-            drawn[source_vertex] / np.float32(settings.position_unit),
-            single(settings.normal_weight * normals),
-        ]
-        of_target += [
-            smooth / np.float32(settings.position_unit),
-            single(settings.normal_weight * vertex_normals(smooth, onto.faces)),
-        ]
-    return Embedding(np.hstack(of_source), np.hstack(of_target))
+    basis, onto = pair.spectra.source, target.triangles
+    with_positions = side != 0 and source.triangles is not None and onto is not None
+    unit, weight = 1 / settings.position_unit, settings.normal_weight
+    functional_map = basis.fit(target.laplace.vectors[target_vertex, :k], k) / np.sqrt(k)
+
+    def of_source() -> FloatArray:
+        phi = source.functions[:, :k]
+        columns = [phi[source_vertex] * np.float32(1 / np.sqrt(k)), pair.signatures.source[source_vertex]]
+        if with_positions:
+            drawn = row_product(phi, basis.fit(target.mesh_body.vertices[target_vertex], k))
+            normals = vertex_normals(drawn, source.faces)[source_vertex]
+            columns += [single(unit * drawn[source_vertex]), single(side * weight * normals)]
+        return np.hstack(columns)
+
+    def of_target() -> FloatArray:
+        phi = target.functions[:, :k]
+        columns = [row_product(phi, functional_map.T), pair.signatures.target]
+        if with_positions:
+            smooth = row_product(phi, target.position_coefficients[:k])
+            columns += [single(unit * smooth), single(weight * vertex_normals(smooth, target.faces))]
+        return np.hstack(columns)
+
+    return Embedding(*parallel_map(lambda half: half(), (of_source, of_target)))

@@ -13,11 +13,57 @@ from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, Spect
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.surfaces import Surface
 
 
 @dataclass(frozen=True, eq=False)
-class ShapePair:
+class SmoothPair:
+    """Two bodies with their smooth functions: what the joint refinement needs.
+
+    Parameters
+    ----------
+    source, target : SmoothShape
+        The shapes.
+    config : Config
+        The settings of the match.
+    """
+
+    source: SmoothShape
+    target: SmoothShape
+    config: Config
+
+    @cached_property
+    def refinement_vertices(self) -> IntArray:
+        """(n_refine,) source vertices on which refinements iterate."""
+        return self.source.sample_vertices[: self.source.config.n_refine]
+
+    @cached_property
+    def signatures(self) -> Embedding:
+        """Point signatures that both shapes have: of the source (n_s, q) and of the target (n_t, q)."""
+        of_source, of_target = self.source.signatures, self.target.signatures
+        common = min(of_source.shape[1], of_target.shape[1])
+        return Embedding(single(of_source[:, :common]), single(of_target[:, :common]))
+
+    @cached_property
+    def spectra(self) -> SpectralPair:
+        """The Laplace–Beltrami bases, for maps from the refinement vertices to all vertices of the target."""
+        source = SampledBasis(self.source.laplace.vectors, self.refinement_vertices)
+        return SpectralPair(source, self.target.laplace.vectors, self.target.index.vertices)
+
+    @property
+    def n_functions(self) -> int:
+        """Number of Laplace–Beltrami functions that both shapes have."""
+        return min(len(self.source.laplace.values), len(self.target.laplace.values))
+
+    @property
+    def oriented(self) -> bool:
+        """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
+        return self.source.triangles is not None and self.target.triangles is not None
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePair(SmoothPair):
     """Source and target, with what matching needs of both.
 
     A *row* counts the search vertices of a shape, a *vertex* those of its body.
@@ -35,6 +81,14 @@ class ShapePair:
     config: Config
 
     @cached_property
+    def polishable(self) -> SmoothPair | None:
+        """The shapes at the finer levels on which maps are polished; None if neither has one."""
+        if self.source.finer is None and self.target.finer is None:
+            return None
+        source, target = parallel_map(lambda shape: shape.polishable, (self.source, self.target))
+        return SmoothPair(source, target, self.config)
+
+    @cached_property
     def source_vertices(self) -> IntArray:
         """(m_s,) search vertices of the source."""
         return self.source.sample_vertices[: self.source.config.n_search]
@@ -45,24 +99,12 @@ class ShapePair:
         return self.target.sample_vertices[: self.target.config.n_search]
 
     @cached_property
-    def refinement_vertices(self) -> IntArray:
-        """(n_refine,) source vertices on which refinements iterate."""
-        return self.source.sample_vertices[: self.source.config.n_refine]
-
-    @cached_property
     def search_points(self) -> tuple[SignedPoints, SignedPoints]:
         """Leading columns of the descriptors of source and target at the search vertices."""
         rank = self.config.search.rank
         return self.source.points.at(self.source_vertices, rank), self.target.points.at(
             self.target_vertices, rank
         )
-
-    @cached_property
-    def signatures(self) -> Embedding:
-        """Point signatures that both shapes have: of the source (n_s, q) and of the target (n_t, q)."""
-        of_source, of_target = self.source.signatures, self.target.signatures
-        common = min(of_source.shape[1], of_target.shape[1])
-        return Embedding(single(of_source[:, :common]), single(of_target[:, :common]))
 
     @cached_property
     def search_signatures(self) -> Embedding:
@@ -76,22 +118,6 @@ class ShapePair:
         """The Laplace–Beltrami bases, for maps from search vertices to search vertices: rows."""
         source = SampledBasis(self.source.laplace.vectors, self.source_vertices)
         return SpectralPair(source, self.target.laplace.vectors[self.target_vertices])
-
-    @cached_property
-    def spectra(self) -> SpectralPair:
-        """The Laplace–Beltrami bases, for maps from the refinement vertices to all vertices of the target."""
-        source = SampledBasis(self.source.laplace.vectors, self.refinement_vertices)
-        return SpectralPair(source, self.target.laplace.vectors, self.target.index.vertices)
-
-    @property
-    def n_functions(self) -> int:
-        """Number of Laplace–Beltrami functions that both shapes have."""
-        return min(len(self.source.laplace.values), len(self.target.laplace.values))
-
-    @property
-    def oriented(self) -> bool:
-        """Whether both shapes have an inside and an outside, so that normals and curvature can be compared."""
-        return self.source.triangles is not None and self.target.triangles is not None
 
     @property
     def both_open(self) -> bool:

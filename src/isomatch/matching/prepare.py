@@ -10,27 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
+from isomatch._arrays import Float32Array, FloatArray, IntArray
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
-from isomatch.bases import DistanceBasis, LaplaceBasis, laplace_basis, nystrom_basis
+from isomatch.bases import DistanceBasis, laplace_basis, nystrom_basis, refined_laplace_basis
 from isomatch.correspondence import (
-    UNMATCHED,
-    Correspondence,
     PrecisePoints,
     SampledBasis,
     SignedPoints,
-    SurfaceIndex,
-    VertexCells,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import DescriptorError, MeshError, NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
     RestrictedEngine,
-    distance_along_edges_to_nearest,
     distance_engine,
     euclidean_farthest_points,
     farthest_point_sampling,
@@ -39,36 +34,28 @@ from isomatch.geodesics import (
 from isomatch.matching.body import LEFT_UNMATCHED, Body, body_of, sound_body
 from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
+from isomatch.matching.levels import Level, full_level, levels_of
 from isomatch.matching.orientation import orientation_of
-from isomatch.matching.signatures import point_signatures
+from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Mesh, Surface, capped, check
+from isomatch.surfaces import Graph, Resampling, Surface, capped, check
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class PreparedShape:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PreparedShape(SmoothShape):
     """One shape, ready to be matched.
 
     All vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
 
     Parameters
     ----------
-    surface : Mesh, PointCloud or Graph
-        The user's shape, untouched.
-    body : Mesh, PointCloud or Graph
-        What is matched: the largest connected component, n_body vertices; a mesh welded and wound outward; centred, of
-        unit area. Lengths below are in its units.
-    body_vertex : (n,) array of int
-        Body vertex of each vertex of ``surface``; −1 for those left out.
-    user_vertex : (n_body,) array of int
-        Vertex of ``surface`` of each body vertex; where glued sheets were separated, several have the same.
+    surface, body, body_vertex, user_vertex, laplace, sample_vertices, config, detail
+        As for `SmoothShape`.
     scale : float
         What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
         over ``graph_average_distance``.
     distances : DistanceBasis
         Geodesic distance basis of the body, rank k.
-    laplace : LaplaceBasis
-        Laplace–Beltrami basis of the body, K functions.
     column_vertices : (p,) array of int
         Farthest point samples from which distances were computed.
     columns : (p, n_body) array of float32
@@ -77,10 +64,6 @@ class PreparedShape:
         Extremal points of the body.
     extremity_columns : (q, n_body) array of float
         Geodesic distances from each of them.
-    sample_vertices : (r,) array of int
-        Vertices evenly spread in space; every prefix is.
-    config : Config
-        The settings used; smaller than those asked for where a small shape cannot provide them (``notes`` say so).
     requested : Config
         The settings asked for.
     seed : int
@@ -96,21 +79,18 @@ class PreparedShape:
         Share of the area of the shape that the body has.
     others : tuple of Body
         Further components of a mesh that can be matched by themselves, largest first; not prepared.
+    finer : Level, optional
+        A finer level, on which maps of complete shapes are polished.
+    refining : Resampling, optional
+        Between the finer level and the body.
     """
 
-    surface: Surface
-    body: Surface
-    body_vertex: IntArray
-    user_vertex: IntArray
     scale: float
     distances: DistanceBasis
-    laplace: LaplaceBasis
     column_vertices: IntArray
     columns: Float32Array
     extremities: IntArray
     extremity_columns: FloatArray
-    sample_vertices: IntArray
-    config: Config
     requested: Config
     seed: int
     left_out: float
@@ -118,6 +98,8 @@ class PreparedShape:
     seconds: float
     share: float = 1.0
     others: tuple[Body, ...] = ()
+    finer: Level | None = None
+    refining: Resampling | None = None
 
     if not TYPE_CHECKING:  # otherwise a misspelt attribute would pass as one that was renamed
         __getattr__ = old_attributes(
@@ -132,29 +114,6 @@ class PreparedShape:
 
     def __repr__(self) -> str:
         return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
-
-    @property
-    def triangles(self) -> Mesh | None:
-        """The body, if it is made of triangles and so has an inside, normals and curvature."""
-        return self.body if isinstance(self.body, Mesh) else None
-
-    @property
-    def mesh_body(self) -> Mesh:
-        """The body, where nothing but triangles will do.
-
-        Raises
-        ------
-        MeshError
-            If it is made of points or is a graph.
-        """
-        if not isinstance(self.body, Mesh):
-            raise MeshError(f"{self.surface!r} has no triangles; give a Mesh")
-        return self.body
-
-    @property
-    def faces(self) -> IntArray:
-        """(m, 3) triangles of the body; none of points or a graph."""
-        return self.body.faces if isinstance(self.body, Mesh) else np.zeros((0, 3), dtype=np.int64)
 
     @cached_property
     def average_distance(self) -> FloatArray:
@@ -218,6 +177,25 @@ class PreparedShape:
         return tuple(found)
 
     @cached_property
+    def polishable(self) -> SmoothShape:
+        """The shape on which maps are polished: itself, if it has no finer level."""
+        if self.finer is None or self.refining is None:
+            return self
+        body = self.finer.surface
+        between = PrecisePoints(*self.refining.place).interpolation(self.body.n_vertices)
+        laplace = refined_laplace_basis(body, self.laplace, between)
+        return SmoothShape(
+            surface=self.surface,
+            body=body,
+            body_vertex=self.finer.body_vertex,
+            user_vertex=self.finer.user_vertex,
+            laplace=laplace,
+            sample_vertices=self.finer.body_vertex[self.user_vertex[self.sample_vertices]],
+            config=self.config,
+            detail=self.finer.detail,
+        )
+
+    @cached_property
     def points(self) -> SignedPoints:
         """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
         descriptor = geodesic_distance_descriptor(self.distances)
@@ -225,21 +203,6 @@ class PreparedShape:
         if not self.config.preparation.block_diagonal:
             signs = np.ones_like(signs)
         return SignedPoints(descriptor.coordinates / np.sqrt(self.intrinsic_scale), signs)
-
-    @cached_property
-    def signatures(self) -> FloatArray:
-        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see `point_signatures`."""
-        return point_signatures(self.triangles, self.laplace, self.config.preparation)
-
-    @cached_property
-    def functions(self) -> Float32Array:
-        """(n_body, K) Laplace–Beltrami functions in single precision."""
-        return single(self.laplace.vectors)
-
-    @cached_property
-    def position_coefficients(self) -> FloatArray:
-        """(K, 3) coefficients of the positions of the body in the Laplace–Beltrami functions."""
-        return self.laplace.coefficients(self.mesh_body.vertices)
 
     @cached_property
     def curvature(self) -> FloatArray:
@@ -267,52 +230,6 @@ class PreparedShape:
             lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
             settings,
         )
-
-    @cached_property
-    def index(self) -> SurfaceIndex:
-        """Triangles and cells of the body, for nearest vertices and points.
-
-        With c cells a query costs c distances by matrix product and those of about eight cells of n / c vertices, four
-        times slower each: least for c = √(32 n).
-        """
-        centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
-        number = np.zeros(self.body.n_vertices, dtype=np.int64)
-        number[centres] = np.arange(len(centres))
-        owner = number[distance_along_edges_to_nearest(self.body, centres)[1]]
-        return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
-
-    def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
-        """Carry values (n_body, ...) on the body to the user's vertices (n, ...).
-
-        Vertices off the body get ``missing``: nan, which makes integers floats, or a number such as −1 for labels.
-        """
-        values = _require_rows(values, self.body.n_vertices, "body vertices")
-        kind = np.result_type(values, np.float64) if missing != missing else values.dtype
-        padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing)]).astype(kind)
-        lifted: AnyArray = padded[self.body_vertex]  # −1, for vertices left out, picks the last row
-        return lifted
-
-    def restrict(self, values: AnyArray) -> AnyArray:
-        """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
-        rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")
-        restricted: AnyArray = rows[self.user_vertex]
-        return restricted
-
-    def correspondence(
-        self, target: PreparedShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
-    ) -> Correspondence:
-        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices.
-
-        Where ``matched`` (n_body,) is given and false, a vertex has no image.
-        """
-        points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
-        there = target.user_vertex[points.corners]
-        if matched is not None:
-            there[~matched] = UNMATCHED
-        corners = self.lift(there, UNMATCHED)
-        weights = self.lift(points.barycentric)
-        weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
-        return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
 
 
 def prepare(
@@ -372,14 +289,18 @@ def _prepared(
     started: float,
     distances: MetricSpace | None = None,
 ) -> PreparedShape:
-    """Prepare one component of a shape."""
-    body, notes = found.surface, found.notes
+    """Prepare one component of a shape, at the resolution that is asked for."""
+    levels = [full_level(found)] if distances is not None else levels_of(found, config)
+    level, finer = levels[-1], levels[-2] if len(levels) > 1 else None
+    body, notes = level.surface, found.notes
     requested, config = config, config.for_size(body.n_vertices)
     if config != requested:
         notes += (
             f"small shape of {body.n_vertices} vertices: {config.n_columns} columns, rank {config.rank}, "
             f"{config.n_functions} functions",
         )
+    if level.detail:
+        notes += (_resolution_described(found, level, finer),)
     fine = config.preparation
     with serial_blas():
         engine = (
@@ -397,9 +318,10 @@ def _prepared(
     return PreparedShape(
         surface=surface,
         body=body,
-        body_vertex=found.body_vertex,
-        user_vertex=found.user_vertex,
-        scale=found.scale,
+        body_vertex=level.body_vertex,
+        user_vertex=level.user_vertex,
+        detail=level.detail,
+        scale=level.scale,
         distances=basis,
         laplace=laplace,
         column_vertices=sampling.vertices,
@@ -415,14 +337,17 @@ def _prepared(
         seconds=time.perf_counter() - started,
         share=found.share,
         others=found.others,
+        finer=finer,
+        refining=level.refining if finer else None,
     )
 
 
-def _require_rows(values: AnyArray, n: int, what: str) -> AnyArray:
-    rows = np.asarray(values)
-    if rows.shape[:1] != (n,):
-        raise DescriptorError(f"values of shape {rows.shape} do not have one row for each of {n} {what}")
-    return rows
+def _resolution_described(found: Body, level: Level, finer: Level | None) -> str:
+    polished = "" if finer is None else f", polished on {finer.surface.n_vertices}"
+    return (
+        f"matched on {level.surface.n_vertices} of {found.surface.n_vertices} vertices{polished}, and carried to all; "
+        "resolution = 'full' matches all"
+    )
 
 
 def _given(distances: MetricSpace, surface: Surface, found: Body) -> DistanceEngine:

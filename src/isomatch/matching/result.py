@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import Enum
+from functools import cached_property, partial
 from typing import Any
 
 from isomatch.correspondence import Correspondence
@@ -116,18 +118,31 @@ class Alternative:
 
     Parameters
     ----------
-    map : Correspondence
-        Source → target, extended by its functional map, not refined.
+    extend : callable
+        Makes the map when it is first asked for.
     energy, orientation : float
         Evidence; lower energy is better.
     origin : str
         Where the hypothesis came from.
     """
 
-    map: Correspondence
+    extend: Callable[[], Correspondence]
     energy: float
     orientation: float
     origin: str
+
+    @cached_property
+    def map(self) -> Correspondence:
+        """Source → target, extended by its functional map, not refined."""
+        return self.extend()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the map itself, and not the shapes it is made from."""
+        return Alternative, (partial(_itself, self.map), self.energy, self.orientation, self.origin)
+
+
+def _itself(found: Correspondence) -> Correspondence:
+    return found
 
 
 @dataclass(frozen=True, eq=False)

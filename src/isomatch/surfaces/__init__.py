@@ -3,6 +3,7 @@
 from typing import TypeAlias
 
 from isomatch.surfaces.caps import capped
+from isomatch.surfaces.carrying import Resampling
 from isomatch.surfaces.check import check
 from isomatch.surfaces.decimation import Decimated, decimate
 from isomatch.surfaces.graph import Graph
@@ -27,6 +28,7 @@ __all__ = [
     "PointCloud",
     "Raster",
     "Repair",
+    "Resampling",
     "Separation",
     "Surface",
     "capped",

@@ -159,11 +159,28 @@ def collapse_edges(
     bucket = np.full(N_BUCKETS, -1, np.int32)
     # an edge of the queue: the next one, its ends, and the sum of their versions
     queue = np.empty((3 * n + 64, 4), np.int32)
-    state = np.array([0, -1, 0])  # number of edges that were ever in the queue at once, a free one, the lowest bucket
+    state = np.array(
+        [0, -1, 0]
+    )  # number of edges that were ever in the queue at once, a free one, the lowest bucket
     for v in range(n - 1, -1, -1):
         turn += 1
         queue = _enqueue(
-            v, v, points, quadrics, kind, at, first, following, version, mark, turn, bucket, queue, state, scale, limit
+            v,
+            v,
+            points,
+            quadrics,
+            kind,
+            at,
+            first,
+            following,
+            version,
+            mark,
+            turn,
+            bucket,
+            queue,
+            state,
+            scale,
+            limit,
         )
     state[2] = 0
     n_gone = 0
@@ -183,7 +200,9 @@ def collapse_edges(
         turn += 2
         if not _preserves_topology(u, v, kind, at, first, following, mark, turn):
             continue
-        if _spoils(u, v, x, y, z, points, at, first, following) or _spoils(v, u, x, y, z, points, at, first, following):
+        if _spoils(u, v, x, y, z, points, at, first, following) or _spoils(
+            v, u, x, y, z, points, at, first, following
+        ):
             continue
         points[u, 0], points[u, 1], points[u, 2] = x, y, z
         for i in range(10):
@@ -195,7 +214,22 @@ def collapse_edges(
         _merge_corners(u, v, at, first, following)
         turn += 2
         queue = _enqueue(
-            u, -1, points, quadrics, kind, at, first, following, version, mark, turn, bucket, queue, state, scale, limit
+            u,
+            -1,
+            points,
+            quadrics,
+            kind,
+            at,
+            first,
+            following,
+            version,
+            mark,
+            turn,
+            bucket,
+            queue,
+            state,
+            scale,
+            limit,
         )
     for v in range(n):
         parent[v] = parent[parent[v]]  # it comes before v
@@ -254,7 +288,14 @@ def _enqueue(
 
 @compiled()
 def _preserves_topology(
-    u: int, v: int, kind: AnyArray, at: AnyArray, first: AnyArray, following: AnyArray, mark: AnyArray, turn: int
+    u: int,
+    v: int,
+    kind: AnyArray,
+    at: AnyArray,
+    first: AnyArray,
+    following: AnyArray,
+    mark: AnyArray,
+    turn: int,
 ) -> bool:
     """Whether the surface stays the same when u and v become one: Dey et al. 1999.
 
@@ -368,12 +409,28 @@ def _placement(
     points: FloatArray, quadrics: FloatArray, kind: AnyArray, u: int, v: int
 ) -> tuple[float, float, float, float]:
     """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
-    xx, xy, xz = quadrics[u, 0] + quadrics[v, 0], quadrics[u, 1] + quadrics[v, 1], quadrics[u, 2] + quadrics[v, 2]
-    yy, yz, zz = quadrics[u, 3] + quadrics[v, 3], quadrics[u, 4] + quadrics[v, 4], quadrics[u, 5] + quadrics[v, 5]
-    bx, by, bz = quadrics[u, 6] + quadrics[v, 6], quadrics[u, 7] + quadrics[v, 7], quadrics[u, 8] + quadrics[v, 8]
+    xx, xy, xz = (
+        quadrics[u, 0] + quadrics[v, 0],
+        quadrics[u, 1] + quadrics[v, 1],
+        quadrics[u, 2] + quadrics[v, 2],
+    )
+    yy, yz, zz = (
+        quadrics[u, 3] + quadrics[v, 3],
+        quadrics[u, 4] + quadrics[v, 4],
+        quadrics[u, 5] + quadrics[v, 5],
+    )
+    bx, by, bz = (
+        quadrics[u, 6] + quadrics[v, 6],
+        quadrics[u, 7] + quadrics[v, 7],
+        quadrics[u, 8] + quadrics[v, 8],
+    )
     constant = quadrics[u, 9] + quadrics[v, 9]
     if kind[u] == kind[v]:
-        x, y, z = (points[u, 0] + points[v, 0]) / 2, (points[u, 1] + points[v, 1]) / 2, (points[u, 2] + points[v, 2]) / 2
+        x, y, z = (
+            (points[u, 0] + points[v, 0]) / 2,
+            (points[u, 1] + points[v, 1]) / 2,
+            (points[u, 2] + points[v, 2]) / 2,
+        )
         cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         determinant = xx * cx + xy * cy + xz * cz
         if determinant > 1e-12 * xx * yy * zz:

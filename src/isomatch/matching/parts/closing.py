@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.role import Part
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, covered_share
-from isomatch.matching.result import MatchResult
+from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.stage_timer import StageTimer
 
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
@@ -54,8 +54,7 @@ class ClosedMatch:
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
         alternatives = tuple(
-            replace(each, map=self.pair.source.correspondence(self.pair.target, *self._opened(each.map)))
-            for each in closed.alternatives
+            replace(each, extend=partial(self._opened_map, each)) for each in closed.alternatives
         )
         return replace(
             closed,
@@ -69,6 +68,9 @@ class ClosedMatch:
                 "stretch, residual and distortion are those of the shapes with their holes closed",
             ),
         )
+
+    def _opened_map(self, alternative: Alternative) -> Correspondence:
+        return self.pair.source.correspondence(self.pair.target, *self._opened(alternative.map))
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""

@@ -1,0 +1,109 @@
+"""Resolutions of a body: the user's, one on which maps are polished, and one that is matched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch.matching.body import Body
+from isomatch.matching.config import Config
+from isomatch.surfaces import Mesh, Resampling, Surface, decimate
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A body at one resolution.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        Centred, of unit area.
+    scale : float
+        What a length of 1 is worth in the units of the shape.
+    body_vertex : (n,) array of int
+        Vertex of this level for each vertex of the shape; −1 for those left out.
+    user_vertex : (n_level,) array of int
+        Vertex of the shape for each vertex of this level; the nearest one, if the level is coarser.
+    detail : Detail, optional
+        The body in full, if this level is coarser.
+    refining : Resampling, optional
+        Between the next finer level and this one, if this is a coarser level.
+    """
+
+    surface: Surface
+    scale: float
+    body_vertex: IntArray
+    user_vertex: IntArray
+    detail: Detail | None = None
+    refining: Resampling | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Detail:
+    """A body in full, beside a coarser level of it.
+
+    Parameters
+    ----------
+    resampling : Resampling
+        Between the body in full and the coarser one, in the units of the latter.
+    body_vertex : (n,) array of int
+        Vertex of the body in full for each vertex of the shape; −1 for those left out.
+    user_vertex : (n_body,) array of int
+        Vertex of the shape for each vertex of the body in full.
+    """
+
+    resampling: Resampling
+    body_vertex: IntArray
+    user_vertex: IntArray
+
+
+def full_level(found: Body) -> Level:
+    """The body as it is."""
+    return Level(found.surface, found.scale, found.body_vertex, found.user_vertex)
+
+
+def levels_of(found: Body, config: Config) -> list[Level]:
+    """The levels of a body, finer first: one on which maps are polished, if there is one, and one that is matched."""
+    full, settings = full_level(found), config.levels
+    fast = config.resolution == "fast"
+    matched = settings.fast if fast else settings.matched
+    body, n = found.surface, found.surface.n_vertices
+    if config.resolution == "full" or not isinstance(body, Mesh) or n <= settings.spared * matched:
+        return [full]
+    if fast:
+        return coarse_levels(found, body, [matched])
+    if n <= settings.spared * settings.polished:
+        return [full, *coarse_levels(found, body, [matched])]
+    return coarse_levels(found, body, [settings.polished, matched])
+
+
+def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
+    """Coarser levels of a mesh, of about so many vertices each; each one is made from the one before."""
+    levels: list[Level] = []
+    mesh, owner = body, np.arange(body.n_vertices)
+    for size in sizes:
+        decimated = decimate(mesh, size)
+        refining = Resampling(mesh, decimated.mesh, decimated.owner)
+        mesh, owner = decimated.mesh, decimated.owner[owner]
+        levels.append(_level(found, body, mesh, owner, refining))
+    return levels
+
+
+def _level(found: Body, body: Mesh, coarse: Mesh, owner: IntArray, refining: Resampling) -> Level:
+    unit = np.sqrt(coarse.area)
+    middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
+    surface, full = (Mesh((mesh.vertices - middle) / unit, mesh.faces) for mesh in (coarse, body))
+    apart = ((full.vertices - surface.vertices[owner]) ** 2).sum(axis=1)
+    nearest = np.zeros(coarse.n_vertices, dtype=np.int64)
+    farthest_first = np.argsort(-apart, kind="stable")
+    nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
+    return Level(
+        surface,
+        found.scale * float(unit),
+        np.append(owner, -1)[found.body_vertex],
+        found.user_vertex[nearest],
+        Detail(Resampling(full, surface, owner), found.body_vertex, found.user_vertex),
+        refining,
+    )
