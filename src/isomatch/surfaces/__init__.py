@@ -2,6 +2,7 @@
 
 from typing import TypeAlias
 
+from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.check import check
 from isomatch.surfaces.graph import Graph
@@ -18,6 +19,7 @@ Surface: TypeAlias = Mesh | PointCloud | Graph
 
 __all__ = [
     "FORMATS",
+    "EdgeTable",
     "Graph",
     "Mesh",
     "MeshFormat",
