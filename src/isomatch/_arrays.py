@@ -21,6 +21,13 @@ def array_of(values: ArrayLike, name: str, error: type[Exception]) -> AnyArray:
         raise error(f"{name} have rows of different lengths; give as many numbers in each row") from None
 
 
+def read_only(array: AnyArray) -> AnyArray:
+    """View an array that cannot be written to; loops are compiled for such arrays and for others separately."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 def numbers_of(values: ArrayLike, name: str, error: type[Exception]) -> FloatArray:
     """Make a new float64 array of what a user gave; the given kind of error if it does not hold real numbers."""
     array = array_of(values, name, error)

@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh, vertex_normals
-from zoo import grid, specimen, torus
+from isomatch.surfaces._coincident import first_equal
+from zoo import grid, specimen, torus, zoo
 
 TETRAHEDRON = specimen("tetrahedron").mesh
 
@@ -47,6 +51,51 @@ def test_components():
     assert len(np.unique(specimen("unused_vertex").mesh.components)) == 2
 
 
+@given(arrays(np.int64, st.tuples(st.integers(0, 30), st.just(3)), elements=st.integers(0, 7)))
+@settings(max_examples=100, deadline=None)
+def test_edges_and_components_are_those_found_one_by_one(faces):
+    mesh = Mesh(np.zeros((8, 3)), faces)
+    sides: dict[tuple[int, int], list[int]] = {}
+    label = list(range(8))
+    for side, (start, end) in enumerate(zip(faces.ravel().tolist(), faces[:, [1, 2, 0]].ravel().tolist())):
+        sides.setdefault((min(start, end), max(start, end)), []).append(side)
+        label = [label[start] if same == label[end] else same for same in label]
+    table = mesh.edge_table
+    assert table.ends.tolist() == [list(edge) for edge in sorted(sides)]
+    assert table.n_faces.tolist() == [len(sides[edge]) for edge in sorted(sides)]
+    assert table.sides.tolist() == [side for edge in sorted(sides) for side in sides[edge]]
+    first_seen = list(dict.fromkeys(label))
+    assert mesh.components.tolist() == [first_seen.index(same) for same in label]
+
+
+NUMBER = st.sampled_from([0.0, -0.0, 1.0, np.nan, np.inf, 5e-324])
+
+
+@pytest.mark.parametrize("same_hash", [False, True])
+@given(arrays(np.float64, st.tuples(st.integers(0, 30), st.just(2)), elements=NUMBER))
+@settings(max_examples=100, deadline=None)
+def test_the_first_equal_row_is_the_one_found_by_comparing_all(same_hash, points):
+    expected = [next((j for j in range(i) if (points[j] == row).all()), i) for i, row in enumerate(points)]
+    with pytest.MonkeyPatch.context() as patched:
+        if same_hash:
+            zeros = np.zeros(len(points), dtype=np.uint64)
+            patched.setattr("isomatch.surfaces._coincident._hashes", lambda _: zeros)
+        assert first_equal(points).tolist() == expected
+
+
+@pytest.mark.parametrize("specimen", zoo("sound"), ids=repr)
+def test_a_moved_mesh_shares_what_depends_on_the_faces_alone(specimen):
+    mesh = specimen.mesh
+    moved = mesh.moved(2 * mesh.vertices)
+    again = Mesh(2 * mesh.vertices, mesh.faces)
+    assert moved.edges is mesh.edges
+    assert moved.components is mesh.components
+    for name in ("vertices", "faces", "edges", "components", "face_areas", "vertex_areas", "edge_lengths"):
+        np.testing.assert_array_equal(getattr(moved, name), getattr(again, name))
+    with pytest.raises(MeshError, match=r"1 positions for \d+ vertices; give one for each"):
+        mesh.moved(np.zeros((1, 3)))
+
+
 def test_volume_does_not_depend_on_the_place():
     away = Mesh(TETRAHEDRON.vertices + 1e3, TETRAHEDRON.faces)
     assert away.volume == pytest.approx(TETRAHEDRON.volume)
@@ -59,6 +108,7 @@ def test_submesh_keeps_order_and_says_where_it_came_from():
     assert index.tolist() == list(range(1, 9))
     assert part.n_faces == sheet.n_faces - 1
     np.testing.assert_array_equal(part.vertices[part.faces], sheet.vertices[sheet.faces[1:]])
+    assert sheet.submesh(np.full(9, True))[0] is sheet
 
 
 def test_arrays_cannot_be_changed():

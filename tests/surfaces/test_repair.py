@@ -50,6 +50,24 @@ def test_what_is_left_after_repair(specimen):
     assert bool(len(report.inconsistent_edges)) == ("one_sided" in specimen.tags)
 
 
+def same_repair(one, other):
+    for field in ("vertex_index", "new_index", "face_index", "changes"):
+        np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+    np.testing.assert_array_equal(one.mesh.vertices, other.mesh.vertices)
+    np.testing.assert_array_equal(one.mesh.faces, other.mesh.faces)
+
+
+@given(any_mesh(), OPTIONS)
+@settings(max_examples=100, deadline=None)
+def test_the_report_changes_only_the_time(mesh, options):
+    same_repair(repair(mesh, **options, report=check(mesh)), repair(mesh, **options))
+
+
+@pytest.mark.parametrize("specimen", zoo(), ids=repr)
+def test_the_report_changes_only_the_time_on_the_zoo(specimen):
+    same_repair(repair(specimen.mesh, report=check(specimen.mesh)), repair(specimen.mesh))
+
+
 @pytest.mark.parametrize("specimen", zoo("sound") + zoo("extreme"), ids=repr)
 def test_a_sound_mesh_is_left_alone(specimen):
     assert repair(specimen.mesh).mesh is specimen.mesh

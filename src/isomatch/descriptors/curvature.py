@@ -40,7 +40,7 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     """
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
-    normals = Mesh(basis @ coefficients, mesh.faces).vertex_normals
+    normals = mesh.moved(basis @ coefficients).vertex_normals
     bending = basis @ (laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
     low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])

@@ -38,7 +38,7 @@ class ComponentEngine(ColumnEngine):
         require_finite(mesh)
         self.n_points = mesh.n_vertices
         self._unit = ordinary_unit(mesh)
-        self._mesh = Mesh(mesh.vertices / self._unit, mesh.faces)
+        self._mesh = mesh.moved(mesh.vertices / self._unit)
         self._components: dict[int, _Component] = {}
 
     def _columns(self, sources: IntArray) -> FloatArray:

@@ -37,7 +37,7 @@ class FastMarching(ColumnEngine):
     def __init__(self, mesh: Mesh) -> None:
         require_finite(mesh)
         self._unit = ordinary_unit(mesh)  # stencils hold lengths in single precision
-        self._stencil = stencil_of(Mesh(mesh.vertices / self._unit, mesh.faces))
+        self._stencil = stencil_of(mesh.moved(mesh.vertices / self._unit))
         self.n_points = mesh.n_vertices
 
     def lower(self, nearest: FloatArray, source: int) -> None:

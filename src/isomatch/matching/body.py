@@ -120,7 +120,7 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     report = check(shape)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
-    repaired = repair(shape)
+    repaired = repair(shape, report=report)
     new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
     if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
         glued = repair(shape, remove_duplicates=False, orient=False)
@@ -131,7 +131,7 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
             old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
             notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, glued.vertex_index)]
     unit = float(np.abs(repaired.mesh.vertices).max())
-    return Mesh(repaired.mesh.vertices / unit, repaired.mesh.faces), unit, new_index, old_index, notes
+    return repaired.mesh.moved(repaired.mesh.vertices / unit), unit, new_index, old_index, notes
 
 
 def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
@@ -174,5 +174,5 @@ def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) 
     length = float(np.sqrt(part_of.area))
     points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
     if isinstance(part_of, Mesh):
-        return Mesh(points, part_of.faces), length
+        return part_of.moved(points), length
     return PointCloud(points, part_of.n_neighbours), length

@@ -2,6 +2,7 @@
 
 from typing import TypeAlias
 
+from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Resampling
 from isomatch.surfaces.check import check
@@ -21,6 +22,7 @@ Surface: TypeAlias = Mesh | PointCloud | Graph
 __all__ = [
     "FORMATS",
     "Decimated",
+    "EdgeTable",
     "Graph",
     "Mesh",
     "MeshFormat",

@@ -22,16 +22,32 @@ def first_equal(points: AnyArray) -> IntArray:
 
     Notes
     -----
-    O(n log n) time. Equality is exact, because equality up to a tolerance is not transitive, and could merge points
-    that are meant to be different.
+    O(n log n) time, most of it to sort hashes. Equality is exact, because equality up to a tolerance is not transitive,
+    and could merge points that are meant to be different.
 
     Examples
     --------
     >>> first_equal(np.array([[0, 0, 1.0], [0, 0, 2], [0, -0.0, 1]])).tolist()
     [0, 1, 0]
     """
-    if not len(points):
-        return np.zeros(0, dtype=np.int64)
+    first = np.arange(len(points))
+    hashes = _hashes(points)
+    order = np.argsort(hashes)
+    hashes = hashes[order]
+    is_new = np.ones(len(points), dtype=bool)
+    is_new[1:] = hashes[1:] != hashes[:-1]
+    if is_new.all():
+        return first
+    group = np.cumsum(is_new) - 1
+    first[order] = np.minimum.reduceat(order, np.flatnonzero(is_new))[group]
+    differs = (points != points[first]).any(axis=1)
+    if differs.any():  # different rows with the same hash, or NaN
+        rows = np.sort(order[np.isin(group, group[differs[order]])])
+        first[rows] = rows[_first_equal_by_order(points[rows])]
+    return first
+
+
+def _first_equal_by_order(points: AnyArray) -> IntArray:
     order = np.lexsort(points.T)  # stable: equal points stay in order of their index
     ordered = points[order]
     starts_group = np.ones(len(points), dtype=bool)
@@ -39,3 +55,13 @@ def first_equal(points: AnyArray) -> IntArray:
     first = np.zeros(len(points), dtype=np.int64)
     first[order] = order[starts_group][np.cumsum(starts_group) - 1]
     return first
+
+
+def _hashes(points: AnyArray) -> AnyArray:
+    """One 64-bit number for each row, the same for equal rows."""
+    hashes = np.zeros(len(points), dtype=np.uint64)
+    for column in points.T:
+        hashes ^= (column + np.zeros(1, column.dtype)).view(np.uint64)  # adding 0 turns -0.0 into 0.0
+        hashes *= np.uint64(0x9E3779B97F4A7C15)
+        hashes ^= hashes >> np.uint64(32)
+    return hashes

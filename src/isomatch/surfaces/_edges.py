@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
-from isomatch._arrays import BoolArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, IntArray
+from isomatch._compiled import compiled
 
 
 @dataclass(frozen=True)
 class EdgeTable:
-    """The edges of m sound faces. Side 3 f + i of face f goes from its corner i to its corner i + 1.
+    """The edges of m faces. Side 3 f + i of face f goes from its corner i to its corner i + 1.
 
     Parameters
     ----------
@@ -21,76 +21,134 @@ class EdgeTable:
         Vertices of each edge, the smaller index first, in lexicographic order.
     n_faces : (e,) array of int
         Number of faces that meet at each edge.
-    meetings : (k, 2) array of int
-        Pairs of sides on the same edge. The r sides of an edge form a chain of r - 1 pairs.
-    edge_of_meeting : (k,) array of int
-        The edge of each pair.
-    same_direction : (k,) array of bool
-        Whether the two sides have the same direction, so that their faces are wound inconsistently.
+    sides : (3 m,) array of int
+        The sides of all edges, edge after edge; those of an edge in ascending order.
     """
 
     ends: IntArray
     n_faces: IntArray
-    meetings: IntArray
-    edge_of_meeting: IntArray
-    same_direction: BoolArray
+    sides: AnyArray
 
-    @property
-    def is_pair(self) -> BoolArray:
-        """(k,) which meetings are at an edge of exactly two faces."""
-        pair: BoolArray = self.n_faces[self.edge_of_meeting] == 2
-        return pair
+
+@dataclass(frozen=True)
+class Meetings:
+    """Pairs of faces that meet at an edge. The r sides of an edge form a chain of r - 1 pairs.
+
+    Parameters
+    ----------
+    sides : (k, 2) array of int
+        Sides on the same edge.
+    edge : (k,) array of int
+        The edge of each pair.
+    is_pair : (k,) array of bool
+        Which are at an edge of exactly two faces.
+    same_direction : (k,) array of bool
+        Whether the two sides have the same direction, so that their faces are wound inconsistently.
+    """
+
+    sides: IntArray
+    edge: IntArray
+    is_pair: BoolArray
+    same_direction: BoolArray
 
 
 def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
-    """Group the sides of sound faces into edges, in O(m log m) time."""
+    """Group the sides of faces with valid indices into edges, in O(n + m) time."""
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    keys = np.minimum(start, end) * n_vertices + np.maximum(start, end)
-    order = np.argsort(keys, kind="stable")
-    keys = keys[order]
-    is_new = np.ones(len(keys), dtype=bool)
-    is_new[1:] = keys[1:] != keys[:-1]
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    order = _stable_order(high, n_vertices)
+    order = order[_stable_order(low[order], n_vertices)]
+    low, high = low[order], high[order]
+    is_new = np.ones(len(order), dtype=bool)
+    is_new[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
     first = np.flatnonzero(is_new)
-    met = np.flatnonzero(~is_new)
-    meetings = np.column_stack([order[met - 1], order[met]])
-    return EdgeTable(
-        ends=np.column_stack(np.divmod(keys[first], max(n_vertices, 1))),
-        n_faces=np.diff(first, append=len(keys)),
-        meetings=meetings,
-        edge_of_meeting=(np.cumsum(is_new) - 1)[met],
-        same_direction=start[meetings[:, 0]] == start[meetings[:, 1]],
-    )
+    return EdgeTable(np.column_stack([low[first], high[first]]), np.diff(first, append=len(order)), order)
 
 
-def linked(pairs: IntArray, n_nodes: int) -> tuple[int, IntArray]:
-    """Count the connected components of a graph given by (k, 2) pairs, and label its nodes, (n_nodes,)."""
-    if not n_nodes:
-        return 0, np.zeros(0, dtype=np.int64)
-    graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(n_nodes, n_nodes))
-    count, labels = connected_components(graph, directed=False)
-    return int(count), labels.astype(np.int64)
+def _stable_order(keys: IntArray, n_keys: int) -> AnyArray:
+    """Order keys 0…n_keys - 1, stably: a counting sort, which is what the transposition of a sparse matrix does."""
+    ones, start = np.ones(len(keys), dtype=np.int8), np.arange(len(keys) + 1)
+    order: AnyArray = csr_array((ones, keys, start), shape=(len(keys), n_keys)).tocsc().indices
+    return order
 
 
-def fans(faces: IntArray, edges: EdgeTable, n_vertices: int) -> IntArray:
+def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:
+    """List the pairs of faces that meet at edges."""
+    edge = np.repeat(np.arange(len(edges.ends)), edges.n_faces - 1)
+    there = np.ones(len(edges.sides), dtype=bool)
+    there[np.cumsum(edges.n_faces) - edges.n_faces] = False
+    second = np.flatnonzero(there)
+    sides = np.column_stack([edges.sides[second - 1], edges.sides[second]]).astype(np.int64)
+    start = faces.ravel()
+    return Meetings(sides, edge, edges.n_faces[edge] == 2, start[sides[:, 0]] == start[sides[:, 1]])
+
+
+def linked(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArray]:
+    """Count the connected components of a graph, given the two nodes of each link, and label its nodes, (n_nodes,).
+
+    Labels are in order of the first node of each component.
+    """
+    label = np.arange(n_nodes)
+    for here, there in pairs:
+        _join(label, np.ascontiguousarray(here), np.ascontiguousarray(there))
+    return _number(label), label
+
+
+@compiled()
+def _join(parent: IntArray, here: IntArray, there: IntArray) -> None:
+    """Join trees whose roots are their smallest nodes."""
+    for k in range(len(here)):
+        i, j = here[k], there[k]
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        while parent[j] != j:
+            parent[j] = parent[parent[j]]
+            j = parent[j]
+        if i < j:
+            parent[j] = i
+        else:
+            parent[i] = j
+
+
+@compiled()
+def _number(parent: IntArray) -> int:
+    """Replace each node by the number of its tree, and count the trees; a parent comes before its children."""
+    count = 0
+    for i in range(len(parent)):
+        if parent[i] == i:
+            parent[i] = count
+            count += 1
+        else:
+            parent[i] = parent[parent[i]]
+    return count
+
+
+def fans(faces: IntArray, met: Meetings, n_vertices: int) -> IntArray:
     """Count the fans of faces around each vertex, (n,): 1 on a manifold, 0 for a vertex without faces.
 
     Two corners at a vertex are in the same fan if their faces share an edge of that vertex.
     """
-    here, there = edges.meetings.T
-    same = edges.same_direction
-    # Corner 3 f + i is the start of side 3 f + i and the end of the side before it.
-    links = np.concatenate(
-        [
-            np.column_stack([here, np.where(same, there, _next_corner(there))]),
-            np.column_stack([_next_corner(here), np.where(same, _next_corner(there), there)]),
-        ]
-    )
-    count, labels = linked(links, faces.size)
+    count, labels = linked(faces.size, *corner_links(met.sides[:, 0], met.sides[:, 1], met.same_direction))
     vertex_of_fan = np.zeros(count, dtype=np.int64)
     vertex_of_fan[labels] = faces.ravel()
     return np.bincount(vertex_of_fan, minlength=n_vertices)
 
 
+def corner_links(
+    here: IntArray, there: IntArray, same_direction: BoolArray
+) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
+    """Corners at the same vertex of faces that share an edge, given the sides that meet: pairs at both of its ends.
+
+    Corner 3 f + i is the start of side 3 f + i and the end of the side before it.
+    """
+    after_here, after_there = _next_corner(here), _next_corner(there)
+    return (
+        (here, np.where(same_direction, there, after_there)),
+        (after_here, np.where(same_direction, after_there, there)),
+    )
+
+
 def _next_corner(corners: IntArray) -> IntArray:
-    following: IntArray = corners - corners % 3 + (corners % 3 + 1) % 3
+    following: IntArray = corners + np.where(corners % 3 == 2, -2, 1)
     return following

@@ -86,7 +86,7 @@ class Graph:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex."""
-        return linked(self.edges, self.n_vertices)[1]
+        return linked(self.n_vertices, tuple(self.edges.T))[1]
 
 
 def _ends(edges: ArrayLike, n_vertices: int) -> IntArray:

@@ -7,12 +7,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
+from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of, read_only
+from isomatch._compiled import compiled
 from isomatch.errors import MeshError, some
-from isomatch.surfaces._edges import edge_table
+from isomatch.surfaces._edges import EdgeTable, edge_table, linked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,23 +62,19 @@ class Mesh:
         """Number of triangles."""
         return len(self.faces)
 
-    @cached_property
+    @property
     def sound_faces(self) -> IntArray:
         """(m, 3) the faces; `MeshError` if a vertex index is out of range."""
-        bad = np.flatnonzero(((self.faces < 0) | (self.faces >= self.n_vertices)).any(axis=1))
-        if len(bad):
-            raise MeshError(
-                f"faces {some(bad)} refer to vertices outside 0…{self.n_vertices - 1}, so the surface is "
-                "undefined there; remove these faces with repair(mesh), or export the file again"
-            )
-        return self.faces
+        return self._connectivity.sound_faces
+
+    @cached_property
+    def _connectivity(self) -> _Connectivity:
+        return _Connectivity(self.faces, self.n_vertices)
 
     @cached_property
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
-        a, b, c = (self.vertices[self.sound_faces[:, i]] for i in range(3))
-        with np.errstate(over="ignore", invalid="ignore"):  # beyond the largest float: infinite or nan
-            return np.cross(b - a, c - a)
+        return _cross(self.vertices, self.sound_faces)
 
     @cached_property
     def face_areas(self) -> FloatArray:
@@ -111,19 +106,20 @@ class Mesh:
         """(n, 3) area-weighted unit normals of the vertices; zero if no face of positive area meets the vertex."""
         return vertex_normals(self.vertices, self.sound_faces)
 
-    @cached_property
+    @property
+    def edge_table(self) -> EdgeTable:
+        """The edges, and the sides of faces at each of them."""
+        return self._connectivity.edge_table
+
+    @property
     def edges(self) -> IntArray:
         """(e, 2) undirected edges, each listed once with the smaller index first, in lexicographic order."""
-        half = self.sound_faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        low, high = half.min(axis=1), half.max(axis=1)
-        keys = np.unique(low * self.n_vertices + high)  # one integer per edge sorts faster than two
-        return np.column_stack([keys // self.n_vertices, keys % self.n_vertices])
+        return self.edge_table.ends
 
     @cached_property
     def boundary_edges(self) -> IntArray:
         """(b, 2) edges at which only one sound face meets, the smaller index first."""
-        table = edge_table(self.sound_faces, self.n_vertices)
-        edges: IntArray = table.ends[table.n_faces == 1]
+        edges: IntArray = self.edges[self.edge_table.n_faces == 1]
         return edges
 
     @cached_property
@@ -132,13 +128,40 @@ class Mesh:
         x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
         return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
 
-    @cached_property
+    @property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex; a vertex that no face uses is a component of its own."""
-        i, j = self.edges.T
-        graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(self.n_vertices,) * 2)
-        labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-        return labels
+        return self._connectivity.components
+
+    def moved(self, vertices: ArrayLike) -> Mesh:
+        """Return the same faces between vertices at other positions; what depends on the faces alone is shared.
+
+        Parameters
+        ----------
+        vertices : (n, 3) array_like of float
+            New position of each vertex.
+
+        Returns
+        -------
+        Mesh
+            Its edges and components are those of this mesh, found only once for both.
+
+        Raises
+        ------
+        MeshError
+            If the positions have the wrong shape.
+        """
+        positions = _frozen_vertices(vertices)
+        if len(positions) != self.n_vertices:
+            raise MeshError(f"{len(positions)} positions for {self.n_vertices} vertices; give one for each")
+        mesh = object.__new__(Mesh)
+        for name, value in (
+            ("vertices", positions),
+            ("faces", self.faces),
+            ("_connectivity", self._connectivity),
+        ):
+            object.__setattr__(mesh, name, value)
+        return mesh
 
     def submesh(self, keep: ArrayLike) -> tuple[Mesh, IntArray]:
         """Return the mesh of some of the vertices and the faces between them.
@@ -151,7 +174,7 @@ class Mesh:
         Returns
         -------
         mesh : Mesh
-            The restricted mesh. Vertices and faces keep their order.
+            The restricted mesh. Vertices and faces keep their order. This mesh, if all vertices are kept.
         index : (n_kept,) array of int
             For each vertex of the restricted mesh, its index in this mesh.
         """
@@ -159,20 +182,66 @@ class Mesh:
         index = np.flatnonzero(mask)
         renumber = np.full(self.n_vertices, -1, dtype=np.int64)
         renumber[index] = np.arange(len(index))
-        faces = self.sound_faces[mask[self.sound_faces].all(axis=1)]
+        faces = self.sound_faces
+        if len(index) == self.n_vertices:
+            return self, index
+        faces = faces[mask[faces].all(axis=1)]
         return Mesh(self.vertices[index], renumber[faces]), index
+
+
+@dataclass(frozen=True, eq=False)
+class _Connectivity:
+    """What is derived from the faces alone, shared by meshes that differ in their positions."""
+
+    faces: IntArray
+    n_vertices: int
+
+    @cached_property
+    def sound_faces(self) -> IntArray:
+        bad = np.flatnonzero(((self.faces < 0) | (self.faces >= self.n_vertices)).any(axis=1))
+        if len(bad):
+            raise MeshError(
+                f"faces {some(bad)} refer to vertices outside 0…{self.n_vertices - 1}, so the surface is "
+                "undefined there; remove these faces with repair(mesh), or export the file again"
+            )
+        return self.faces
+
+    @cached_property
+    def edge_table(self) -> EdgeTable:
+        return edge_table(self.sound_faces, self.n_vertices)
+
+    @cached_property
+    def components(self) -> IntArray:
+        return linked(self.n_vertices, tuple(self.edge_table.ends.T))[1]
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
+    cross = _cross(np.ascontiguousarray(vertices, dtype=np.float64), faces)
     normals = np.column_stack(
         [np.bincount(faces.ravel(), np.repeat(cross[:, x], 3), len(vertices)) for x in range(3)]
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     unit: FloatArray = np.divide(normals, length, out=np.zeros((len(vertices), 3)), where=length > 0)
     return unit
+
+
+def _cross(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Cross product of two edges of each face, (m, 3); beyond the largest float infinite or nan."""
+    cross = np.zeros((len(faces), 3))
+    _fill_cross(read_only(points), read_only(faces), cross)
+    return cross
+
+
+@compiled()
+def _fill_cross(points: FloatArray, faces: IntArray, cross: FloatArray) -> None:
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        cross[f, 0] = uy * vz - uz * vy
+        cross[f, 1] = uz * vx - ux * vz
+        cross[f, 2] = ux * vy - uy * vx
 
 
 def _frozen_vertices(values: ArrayLike) -> FloatArray:

@@ -131,7 +131,7 @@ class PointCloud:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each point."""
-        return linked(self.edges, self.n_vertices)[1]
+        return linked(self.n_vertices, tuple(self.edges.T))[1]
 
     @property
     def _n_joined(self) -> int:

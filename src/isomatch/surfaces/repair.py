@@ -11,6 +11,19 @@ from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._winding import faces_to_rewind
 from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.report import MeshReport
+
+MENDED = (
+    "non_finite_vertices",
+    "out_of_range_faces",
+    "repeated_index_faces",
+    "duplicate_faces",
+    "unused_vertices",
+    "coincident_vertices",
+    "inconsistent_edges",
+    "inward_components",
+)
+"""Fields of `MeshReport` with defects that a repair removes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +61,7 @@ def repair(
     remove_duplicates: bool = True,
     remove_unused: bool = True,
     orient: bool = True,
+    report: MeshReport | None = None,
 ) -> Repair:
     """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
 
@@ -76,6 +90,8 @@ def repair(
         Whether to remove finite vertices that no face uses.
     orient : bool
         Whether to make the winding of the faces consistent.
+    report : MeshReport, optional
+        What `check` found on this mesh. If there is nothing to mend, nothing is computed again.
 
     Returns
     -------
@@ -84,9 +100,9 @@ def repair(
 
     Notes
     -----
-    O(n log n) time and O(n) memory. Faces of zero area with three different positions are kept, because removing them
-    would tear the surface. Non-manifold edges and vertices, holes and one-sided surfaces are left as they are; `check`
-    reports them.
+    O(n log n) time and O(n) memory, as `check`. Faces of zero area with three different positions are kept, because
+    removing them would tear the surface. Non-manifold edges and vertices, holes and one-sided surfaces are left as they
+    are; `check` reports them.
 
     Examples
     --------
@@ -100,6 +116,8 @@ def repair(
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
     identity = np.arange(mesh.n_vertices)
+    if report and not any(len(getattr(report, defect)) for defect in MENDED):
+        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), ())
     survivor = first_equal(mesh.vertices) if weld else identity
     in_range = ((mesh.faces >= 0) & (mesh.faces < mesh.n_vertices)).all(axis=1)
     faces = mesh.faces.copy()
@@ -117,9 +135,12 @@ def repair(
     vertex_index = np.flatnonzero(kept)
     new_index = np.where(kept, np.cumsum(kept) - 1, -1)[survivor]
 
-    vertices, faces = mesh.vertices[vertex_index], new_index[faces]
-    rewound = faces_to_rewind(vertices, faces) if orient else np.zeros(len(faces), dtype=bool)
-    faces[rewound] = faces[rewound][:, [0, 2, 1]]
+    mended = Mesh(mesh.vertices[vertex_index], new_index[faces])
+    rewound = faces_to_rewind(mended) if orient else np.zeros(len(faces), dtype=bool)
+    if rewound.any():
+        faces = mended.faces.copy()
+        faces[rewound] = faces[rewound][:, [0, 2, 1]]
+        mended = Mesh(mended.vertices, faces)
 
     counted = (
         ("welded {} onto an earlier vertex at the same position", "vertex", welded),
@@ -134,7 +155,7 @@ def repair(
     changes = tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
-    return Repair(Mesh(vertices, faces) if changes else mesh, vertex_index, new_index, face_index, changes)
+    return Repair(mended if changes else mesh, vertex_index, new_index, face_index, changes)
 
 
 def _count(number: int, noun: str) -> str:

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.surfaces._coincident import first_equal
-from isomatch.surfaces._edges import EdgeTable, edge_table, linked
+from isomatch.surfaces._edges import EdgeTable, corner_links, edge_table, linked, meetings
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces.mesh import Mesh
 
@@ -130,10 +130,11 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
         return _with_all_layers(vertices, faces[~is_repeated])
     if not surplus[edges.n_faces > 2].any():
         return faces
-    plain = edges.is_pair & ~edges.same_direction
-    n_pieces, piece = linked(edges.meetings[plain] // 3, len(faces))
+    met = meetings(edges, faces)
+    plain = met.sides[met.is_pair & ~met.same_direction]
+    n_pieces, piece = linked(len(faces), tuple(plain.T // 3))
     is_rim = np.ones(faces.size, dtype=bool)
-    is_rim[edges.meetings[plain]] = False
+    is_rim[plain] = False
     rim = side[is_rim[side]]
     edge_of, direction_of = edge[is_rim[side]], direction[is_rim[side]]
     owner = piece[rim // 3]
@@ -154,9 +155,8 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
 def _sides_of(edges: EdgeTable, faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """All sides, (3 m,), ordered by edge; the edge of each, and its direction: 1 from the smaller vertex, −1."""
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    side = np.lexsort([np.maximum(start, end), np.minimum(start, end)])
     edge = np.repeat(np.arange(len(edges.ends)), edges.n_faces)
-    return side, edge, np.where(start < end, 1, -1)[side]
+    return edges.sides, edge, np.where(start < end, 1, -1)[edges.sides]
 
 
 class _Partners:
@@ -173,8 +173,8 @@ class _Partners:
         edges = edge_table(faces, len(vertices))
         side, edge, direction = _sides_of(edges, faces)
         balanced = np.bincount(edge, direction, len(edges.ends)) == 0
-        together = edges.is_pair | ~balanced[edges.edge_of_meeting]
-        self._chained = edges.meetings[together]
+        met = meetings(edges, faces)
+        self._chained = met.sides[met.is_pair | ~balanced[met.edge]]
         self.partner = np.full(faces.size, -1, dtype=np.int64)
         self.change: dict[tuple[int, int], tuple[float, int, int]] = {}
         normals = Mesh(vertices, faces).face_cross
@@ -197,17 +197,8 @@ class _Partners:
         """Fan of each corner of each face, (m, 3), and the vertex of each fan, in order of the vertices."""
         one = np.flatnonzero(self.partner > np.arange(len(self.partner)))
         here, there = np.concatenate([self._chained, np.column_stack([one, self.partner[one]])]).T
-        corner = np.arange(self._faces.size)
-        following = corner - corner % 3 + (corner % 3 + 1) % 3
         start = self._faces.ravel()
-        same = start[here] == start[there]
-        links = np.concatenate(
-            [
-                np.column_stack([here, np.where(same, there, following[there])]),
-                np.column_stack([following[here], np.where(same, following[there], there)]),
-            ]
-        )
-        n_fans, fan = linked(links, self._faces.size)
+        n_fans, fan = linked(len(start), *corner_links(here, there, start[here] == start[there]))
         vertex = np.zeros(n_fans, dtype=np.int64)
         vertex[fan] = start
         order = np.argsort(vertex, kind="stable")
@@ -285,7 +276,7 @@ def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
     number = np.full(int(faces.max()) + 1, -1, dtype=np.int64)
     number[glued] = np.arange(len(glued))
     ends = number[np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])]
-    count, label = linked(ends[(ends >= 0).all(axis=1)], len(glued))
+    count, label = linked(len(glued), tuple(ends[(ends >= 0).all(axis=1)].T))
     return [glued[label == i] for i in range(count)]
 
 

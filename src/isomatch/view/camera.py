@@ -88,7 +88,7 @@ def _stability(mesh: Mesh, axis: int) -> float:
 def of_ordinary_size(mesh: Mesh) -> Mesh:
     """Scale a mesh so large or small that its areas leave the range of floats; pictures do not depend on the scale."""
     unit = ordinary_unit(mesh)
-    return mesh if unit == 1.0 else Mesh(mesh.vertices / unit, mesh.faces)
+    return mesh if unit == 1.0 else mesh.moved(mesh.vertices / unit)
 
 
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
