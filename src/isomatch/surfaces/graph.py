@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MeshError, some
-from isomatch.surfaces._edges import linked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,6 +85,8 @@ class Graph:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex."""
+        from isomatch.surfaces._edges import linked  # scipy is slow to import
+
         return linked(self.edges, self.n_vertices)[1]
 
 

@@ -7,12 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MeshError, some
-from isomatch.surfaces._edges import edge_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,6 +119,8 @@ class Mesh:
     @cached_property
     def boundary_edges(self) -> IntArray:
         """(b, 2) edges at which only one sound face meets, the smaller index first."""
+        from isomatch.surfaces._edges import edge_table  # scipy is slow to import
+
         table = edge_table(self.sound_faces, self.n_vertices)
         edges: IntArray = table.ends[table.n_faces == 1]
         return edges
@@ -135,10 +134,9 @@ class Mesh:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each vertex; a vertex that no face uses is a component of its own."""
-        i, j = self.edges.T
-        graph = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(self.n_vertices,) * 2)
-        labels: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
-        return labels
+        from isomatch.surfaces._edges import linked  # scipy is slow to import
+
+        return linked(self.edges, self.n_vertices)[1]
 
     def submesh(self, keep: ArrayLike) -> tuple[Mesh, IntArray]:
         """Return the mesh of some of the vertices and the faces between them.

@@ -7,12 +7,11 @@ from functools import cached_property
 
 import numpy as np
 import robust_laplacian
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.surfaces._edges import linked
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
 
@@ -88,7 +87,7 @@ class PointCloud:
         The smaller index comes first; pairs are in lexicographic order.
         """
         n, k = self.n_vertices, self._n_joined
-        nearest = cKDTree(self._scaled).query(self._scaled, k + 1)[1]
+        nearest = scipy.spatial.cKDTree(self._scaled).query(self._scaled, k + 1)[1]
         itself = nearest == np.arange(n)[:, None]
         itself[~itself.any(axis=1), k] = True  # a point with more than k coincident ones may not find itself
         others = nearest[~itself].reshape(n, k)
@@ -131,6 +130,8 @@ class PointCloud:
     @cached_property
     def components(self) -> IntArray:
         """(n,) label of the connected component of each point."""
+        from isomatch.surfaces._edges import linked  # scipy is slow to import
+
         return linked(self.edges, self.n_vertices)[1]
 
     @property
