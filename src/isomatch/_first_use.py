@@ -27,10 +27,9 @@ class _Package(ModuleType):
         raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Keep a function that is named as its module: importing the module would hide it."""
-        if isinstance(value, ModuleType) and name in self._homes:
-            value = getattr(import_module(self._homes[name]), name)
-        super().__setattr__(name, value)
+        """Set an attribute, but no module that is named as something public: its import must not hide that."""
+        if not (isinstance(value, ModuleType) and name in self._homes):
+            super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._homes})
