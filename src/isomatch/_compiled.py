@@ -1,25 +1,20 @@
-"""Compiled loops: by numba, kept between runs where numba can write its cache, and compiled in every run elsewhere."""
+"""Compiled loops: functions that numba compiles at their first call, and is imported only then."""
 
 from __future__ import annotations
 
-import logging
-import pickle
-from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
-from multiprocessing import current_process
-from typing import Any, TypeVar
-
-import numba
-from numba.core.caching import FunctionCache
+from collections.abc import Callable, Iterator
+from functools import update_wrapper
+from threading import RLock
+from types import CodeType, FunctionType
+from typing import Any, TypeVar, cast
 
 F = TypeVar("F", bound=Callable[..., Any])
-UNREADABLE = (OSError, EOFError, pickle.UnpicklingError)
-logger = logging.getLogger(__name__)
 
 
 def compiled(**options: Any) -> Callable[[F], F]:
     """Decorate a loop to be compiled at its first call; it runs without the interpreter lock.
+
+    It may call other loops by their global names, but not itself.
 
     Parameters
     ----------
@@ -28,39 +23,46 @@ def compiled(**options: Any) -> Callable[[F], F]:
     """
 
     def decorate(function: F) -> F:
-        loop = numba.njit(nogil=True, **options)(function)
-        try:
-            loop._cache = _Cache(function)
-        except RuntimeError:  # there is no folder that numba can write to
-            _tell_uncached()
-        return loop  # type: ignore[no-any-return]
+        return cast(F, Loop(cast(FunctionType, function), options))
 
     return decorate
 
 
-class _Cache(FunctionCache):
-    """A cache that the loops can do without: what cannot be read or written is compiled for this process."""
+class Loop:
+    """A loop that waits for its first call; ``py_func`` is the function as it was written."""
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            return super().load_overload(sig, target_context)
-        except UNREADABLE:
-            with suppress(OSError):
-                self.flush()
-            return None
+    _building = RLock()
 
-    def save_overload(self, sig: Any, data: Any) -> None:
-        try:
-            super().save_overload(sig, data)
-        except OSError:
-            _tell_uncached()
+    def __init__(self, function: FunctionType, options: dict[str, Any]):
+        self.py_func = function
+        self.options = options
+        self._dispatcher: Callable[..., Any] | None = None
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return (self._dispatcher or self.dispatcher)(*arguments)
+
+    def __reduce__(self) -> str:
+        return self.py_func.__qualname__
+
+    @property
+    def dispatcher(self) -> Any:
+        """What numba makes of the loop; it sees the dispatchers of the loops that it calls, in a copy of its globals."""
+        with self._building:
+            if self._dispatcher is None:
+                from isomatch._dispatcher import dispatcher_of  # imports numba, which is slow
+
+                scope = dict(self.py_func.__globals__)
+                for name in _names(self.py_func.__code__):
+                    if isinstance(called := scope.get(name), Loop):
+                        scope[name] = called.dispatcher
+                self._dispatcher = dispatcher_of(self.py_func, scope, self.options)
+            return self._dispatcher
 
 
-@cache  # so that it is told once
-def _tell_uncached() -> None:
-    """Log it: Python shows that on standard error, and unlike a warning it never becomes an exception of an import."""
-    if current_process().name == "MainProcess":  # the workers of a benchmark need not repeat it
-        logger.warning(
-            "isomatch: compiled loops cannot be cached here, so each run compiles them again (about 10 s); "
-            "set NUMBA_CACHE_DIR to a folder of your own that can be written"
-        )
+def _names(code: CodeType) -> Iterator[str]:
+    """All global names and attributes that a function uses, also inside comprehensions."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pkgutil import resolve_name
 from types import ModuleType
 from typing import Any
@@ -47,7 +48,7 @@ def old_names(module: str) -> Callable[[str], Any]:
         Gives what an old name stands for, with a `DeprecationWarning`; `AttributeError` for any other name.
     """
     for old, new in RENAMED.items():
-        if old.rpartition(".")[0] == module and isinstance(resolve_name(new), ModuleType):
+        if old.rpartition(".")[0] == module and find_spec(new) is not None:
             # So that ``from isomatch.old import name`` works too. The stand-in passes every name on.
             stand_in = sys.modules[old] = ModuleType(old, f"The old name of `{new}`.")
             vars(stand_in)["__getattr__"] = old_names(old)

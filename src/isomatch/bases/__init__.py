@@ -1,30 +1,5 @@
 """Bases of functions on a surface: low-rank forms of its distances, and eigenfunctions of its Laplacian."""
 
-from isomatch.bases.build import BasisMethod, distance_basis
-from isomatch.bases.canonical_form import CanonicalForm, canonical_form
-from isomatch.bases.distance_basis import DistanceBasis, Weighting
-from isomatch.bases.domain import basis_domain
-from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
-from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
-from isomatch.bases.nystrom import exact_basis, nystrom_basis
-from isomatch.bases.prediction import ColumnPredictor, predicted_basis
+from isomatch._first_use import names_at_first_use
 
-__all__ = [
-    "BasisMethod",
-    "CanonicalForm",
-    "ColumnPredictor",
-    "DistanceBasis",
-    "LaplaceBasis",
-    "Weighting",
-    "basis_domain",
-    "canonical_form",
-    "distance_basis",
-    "exact_basis",
-    "fmds_basis",
-    "laplace_basis",
-    "nystrom_basis",
-    "predicted_basis",
-    "refined_laplace_basis",
-    "smds_basis",
-    "spectral_interpolant",
-]
+__all__ = names_at_first_use(__name__)

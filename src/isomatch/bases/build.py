@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -11,7 +11,8 @@ from numpy.typing import DTypeLike
 from isomatch._arrays import FloatArray
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
-from isomatch.bases.distance_basis import DistanceBasis, Weighting
+from isomatch.bases.choices import BasisMethod, Weighting
+from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
@@ -26,8 +27,6 @@ from isomatch.geodesics import (
     peripheral_vertex,
 )
 from isomatch.surfaces import Mesh, PointCloud
-
-BasisMethod = Literal["predicted", "nystrom", "fmds", "smds", "exact"]
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 

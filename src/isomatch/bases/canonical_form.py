@@ -11,7 +11,8 @@ from scipy.linalg import eigh
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
-from isomatch.bases.distance_basis import Weighting, orthonormalised
+from isomatch.bases.choices import Weighting
+from isomatch.bases.distance_basis import orthonormalised
 from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import biharmonic_interpolant, swapped
 from isomatch.bases.laplacian import require_mesh_or_points

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.bases.distance_basis import Weighting
+from isomatch.bases.choices import Weighting
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
 

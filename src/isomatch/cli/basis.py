@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.bases import BasisMethod, Weighting, canonical_form
+from isomatch.bases import BasisMethod, Weighting
 from isomatch.cli.distance import EngineOption
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say_json, say_table
@@ -87,7 +87,7 @@ def basis(
         }
         if canonical is not None:
             stage("canonical form")
-            form = canonical_form(mesh, weights=weights, seed=seed, engine=engine)
+            form = isomatch.canonical_form(mesh, weights=weights, seed=seed, engine=engine)
             isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
             record |= {"canonical_form": str(canonical), "stress": form.stress}
     if json:

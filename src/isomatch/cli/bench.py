@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from isomatch import evaluation
 from isomatch.cli.terminal import progress, say, say_json
-from isomatch.evaluation import BenchmarkRun, read_published_curves, run_benchmark, set_label, write_tables
 
 
 def bench(
@@ -68,10 +68,10 @@ def bench(
     json : bool
         Print one JSON object and nothing else.
     """
-    curves = [] if published is None else read_published_curves(published)
+    curves = [] if published is None else evaluation.read_published_curves(published)
     with progress() as stage:
         for name, each in product(sets.split(","), damage or (None,)):
-            run = BenchmarkRun(
+            run = evaluation.BenchmarkRun(
                 set_name=name,
                 methods=tuple(methods.split(",")),
                 folder=None if data is None else str(data),
@@ -83,14 +83,14 @@ def bench(
                 cycles=cycles,
                 damage=each,
             )
-            for count, row in enumerate(run_benchmark(run, output), 1):
-                stage(f"{set_label(row)}: {count} rows, last {row['pair']} by {row['method']}")
-    table = write_tables(output, curves)
+            for count, row in enumerate(evaluation.run_benchmark(run, output), 1):
+                stage(f"{evaluation.set_label(row)}: {count} rows, last {row['pair']} by {row['method']}")
+    table = evaluation.write_tables(output, curves)
     if json:
         say_json({"summary": table, "folder": str(output)})
         return
     say("mean geodesic error × 100 / √(target area)", "bold")
-    names = [set_label(row) for row in table]
+    names = [evaluation.set_label(row) for row in table]
     width = max([12, *map(len, names)])
     say(
         f"{'set':{width}} {'method':28} {'pairs':>5} {'mean':>6} {'median':>6} {'max':>6} {'> 10':>5} {'seconds':>8}"

@@ -9,19 +9,18 @@ from typing import Annotated, Literal, get_args
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.bases import basis_domain
+from isomatch import bases, matching
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
 from isomatch.cli.terminal import say, say_json
-from isomatch.matching import body_of
 
 Verb = Literal["distance", "basis", "match"]
 
 # how each command sets out, which is where it refuses a mesh
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
-    "basis": lambda mesh: basis_domain(mesh, n_columns=N_COLUMNS),
-    "match": lambda mesh: body_of(mesh, isomatch.Config().preparation),
+    "basis": lambda mesh: bases.basis_domain(mesh, n_columns=N_COLUMNS),
+    "match": lambda mesh: matching.body_of(mesh, isomatch.Config().preparation),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
+from isomatch import datasets, evaluation
 from isomatch.cli.outputs import ResultFolder, say_files
 from isomatch.cli.terminal import progress, say, say_table
 
@@ -24,18 +25,15 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
     output : Path
         Folder for map.npz, map.txt, result.json, demo.png and report.html. Existing files are replaced.
     """
-    from isomatch.datasets import example_pair, ground_truth
-    from isomatch.evaluation import geodesic_errors
-
     started = time.perf_counter()
-    source, target = example_pair()
+    source, target = datasets.example_pair()
     folder = ResultFolder(output, picture="demo.png")
     with folder.claimed(force=True), progress() as stage:
         result = isomatch.match(source.mesh, target.mesh, progress=stage)
         stage("comparing")
-        truth = ground_truth(source, target).vertices
+        truth = datasets.ground_truth(source, target).vertices
         pairs = np.column_stack([np.arange(len(truth)), truth])
-        errors = geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
+        errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
         stage("writing")
         folder.write(
             source.mesh,

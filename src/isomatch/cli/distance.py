@@ -10,6 +10,7 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import LimitedChoice
 
 import isomatch
+from isomatch import geodesics
 from isomatch._array_file import write_arrays
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._files import is_whole_number, write_text
@@ -17,7 +18,7 @@ from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import progress, say, say_json
 from isomatch.errors import FormatError
-from isomatch.geodesics import engine_names, pair_distances
+from isomatch.geodesics import engine_names
 
 WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
@@ -115,7 +116,9 @@ def _distances(
     if basis is None:
         chosen = isomatch.distance_engine(surface, engine)
         by_pairs = asked.ndim == 2
-        return chosen.name, pair_distances(chosen, asked) if by_pairs else chosen.distances_from(asked)
+        return chosen.name, geodesics.pair_distances(chosen, asked) if by_pairs else chosen.distances_from(
+            asked
+        )
     low_rank = isomatch.DistanceBasis.load(basis)
     if len(low_rank.vectors) != surface.n_vertices:
         raise isomatch.MeshError(

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from isomatch import Config, Correspondence, IsomatchError, LandmarkError, Mesh, PointCloud
+import isomatch
 from isomatch._arrays import IntArray
 from isomatch._files import read_integers
-from isomatch.errors import FormatError, SettingError
+from isomatch.errors import FormatError, IsomatchError, LandmarkError, SettingError
 
 
-def surface_of(mesh: Mesh) -> Mesh | PointCloud:
+def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
     """Take the vertices of a mesh without faces as a point cloud."""
-    return mesh if mesh.n_faces else PointCloud(mesh.vertices)
+    return mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
 
 
 @contextmanager
@@ -56,14 +56,14 @@ def read_pairs(path: Path, what: str, whose: str) -> IntArray:
 
 def read_initial_map(path: Path, n_target: int) -> IntArray:
     """Read the target vertex of each source vertex from text or ``.npz``; −1 if unknown."""
-    return Correspondence.load(path, n_target).vertices
+    return isomatch.Correspondence.load(path, n_target).vertices
 
 
-def read_config(path: Path | None) -> Config | None:
+def read_config(path: Path | None) -> isomatch.Config | None:
     """Read settings from a TOML file; None if there is no file."""
     if path is None:
         return None
     try:
-        return Config.from_file(path)
+        return isomatch.Config.from_file(path)
     except SettingError as error:
         raise FormatError(f"{error}; see the documentation of isomatch.Config") from None

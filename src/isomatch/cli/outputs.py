@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from isomatch import MatchResult, Mesh, Outcome, __version__
+import isomatch
+from isomatch import view
 from isomatch._files import claimed, write_text
 from isomatch.cli.terminal import json_text, say, say_table
 
@@ -51,9 +52,9 @@ class ResultFolder:
 
     def write(
         self,
-        source: Mesh,
-        target: Mesh,
-        result: MatchResult,
+        source: isomatch.Mesh,
+        target: isomatch.Mesh,
+        result: isomatch.MatchResult,
         *,
         names: tuple[str, str],
         titles: tuple[str, str],
@@ -65,16 +66,16 @@ class ResultFolder:
         The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
         ``result.json``, which begin with ``more``.
         """
-        from isomatch.view import draw_map, write_report  # imports matplotlib, which is slow
-
         self._result.unlink(missing_ok=True)
         result.map.save(self.files["map"])
         result.map.save(self.files["text"])
         picture = self.files["picture"]
-        draw_map(source, target, result.map, picture, titles=titles)
-        facts = {"isomatch": __version__, **facts}
-        write_report(self.files["report"], source, target, result, names=names, picture=picture, facts=facts)
-        record = {"isomatch": __version__, **more, **result.to_dict(), "files": self.files}
+        view.draw_map(source, target, result.map, picture, titles=titles)
+        facts = {"isomatch": isomatch.__version__, **facts}
+        view.write_report(
+            self.files["report"], source, target, result, names=names, picture=picture, facts=facts
+        )
+        record = {"isomatch": isomatch.__version__, **more, **result.to_dict(), "files": self.files}
         write_text(self._result, json_text(record))
         return record
 
@@ -88,12 +89,12 @@ def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
         yield
 
 
-_STYLES = {Outcome.CONVERGED: "bold green", Outcome.LOW_CONFIDENCE: "bold red"}
+_STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red"}
 
 
-def say_result(result: MatchResult) -> None:
+def say_result(result: isomatch.MatchResult) -> None:
     """Print the outcome, the quality, the timings and the notes."""
-    say(f"{result.outcome.value}: {result.outcome.advice}", _STYLES.get(result.outcome, "bold yellow"))
+    say(f"{result.outcome.value}: {result.outcome.advice}", _STYLES.get(result.outcome.name, "bold yellow"))
     say(f"{result.map!r}, from {result.origin}")
     say("")
     say_table(_quality_rows(result))
@@ -111,10 +112,9 @@ def say_files(files: dict[str, str]) -> None:
     say("wrote " + ", ".join(files.values()))
 
 
-def _quality_rows(result: MatchResult) -> list[tuple[str, str, str]]:
+def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, str, str]]:
     """Give the name, value and unit of every measure of quality."""
-    from isomatch.view import quality_measures  # imports matplotlib, which is slow
-
     return [
-        (measure.name, measure.value(number), measure.unit) for measure, number, _ in quality_measures(result)
+        (measure.name, measure.value(number), measure.unit)
+        for measure, number, _ in view.quality_measures(result)
     ]

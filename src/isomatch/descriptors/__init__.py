@@ -1,20 +1,5 @@
 """Descriptors: functions of a vertex by which corresponding vertices of two surfaces are recognised."""
 
-from isomatch.descriptors.curvature import mean_curvature
-from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor
-from isomatch.descriptors.spectral_signatures import (
-    heat_kernel_signature,
-    wave_kernel_map,
-    wave_kernel_signature,
-)
-from isomatch.descriptors.standardised import standardised
+from isomatch._first_use import names_at_first_use
 
-__all__ = [
-    "GeodesicDistanceDescriptor",
-    "geodesic_distance_descriptor",
-    "heat_kernel_signature",
-    "mean_curvature",
-    "standardised",
-    "wave_kernel_map",
-    "wave_kernel_signature",
-]
+__all__ = names_at_first_use(__name__)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import dijkstra
+import scipy
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
@@ -39,17 +38,21 @@ class Dijkstra(ColumnEngine):
         i, j = surface.edges.T
         both = np.concatenate([i, j]), np.concatenate([j, i])
         # coincident vertices are joined by an edge of length 0, which csr_array keeps as an explicit zero
-        self._graph = csr_array((np.tile(surface.edge_lengths, 2), both), shape=(self.n_points,) * 2)
+        self._graph = scipy.sparse.csr_array(
+            (np.tile(surface.edge_lengths, 2), both), shape=(self.n_points,) * 2
+        )
 
     def lower(self, nearest: FloatArray, source: int) -> None:
         """Lower ``nearest`` (n,) in place to the distance from one more source, where it is nearer."""
         self._require_in_range(np.array([source]))
-        column = dijkstra(self._graph, indices=int(source), limit=float(nearest.max(initial=0.0)))
+        column = scipy.sparse.csgraph.dijkstra(
+            self._graph, indices=int(source), limit=float(nearest.max(initial=0.0))
+        )
         np.minimum(nearest, column, out=nearest)
 
     def _columns(self, sources: IntArray) -> FloatArray:
         blocks = [sources[first : first + BLOCK] for first in range(0, len(sources), BLOCK)]
-        rows = parallel_map(lambda block: dijkstra(self._graph, indices=block), blocks)
+        rows = parallel_map(lambda block: scipy.sparse.csgraph.dijkstra(self._graph, indices=block), blocks)
         return np.concatenate(rows) if rows else np.zeros((0, self.n_points))
 
 
@@ -83,8 +86,8 @@ def distance_along_edges_to_nearest(surface: Surface, vertices: IntArray) -> tup
     """
     i, j = surface.edges.T
     lengths = np.maximum(surface.edge_lengths, 1e-300)
-    graph = coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()
-    distance, _, nearest = dijkstra(
+    graph = scipy.sparse.coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()
+    distance, _, nearest = scipy.sparse.csgraph.dijkstra(
         graph, directed=False, indices=vertices, min_only=True, return_predecessors=True
     )
     return distance, nearest

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from isomatch import surfaces
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
 from isomatch.geodesics.component_engine import ComponentEngine, Solver
-from isomatch.surfaces import Mesh, check
+from isomatch.surfaces import Mesh
 
 _REFUSED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 
@@ -41,7 +42,7 @@ class Exact(ComponentEngine):
     def __init__(self, mesh: Mesh) -> None:
         self._algorithm = _package()
         super().__init__(mesh)
-        report = check(mesh)
+        report = surfaces.check(mesh)
         found = [name.replace("_", " ") for name in _REFUSED if len(getattr(report, name))]
         if found:
             raise MeshError(

@@ -1,6 +1,5 @@
 """The figures and the table of Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, reproduced."""
 
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
-from isomatch.paper.reproduce import ITEMS, reproduce
+from isomatch._first_use import names_at_first_use
 
-__all__ = ["ITEMS", "Item", "Reproduction", "Setting", "Verdict", "reproduce"]
+__all__ = names_at_first_use(__name__)

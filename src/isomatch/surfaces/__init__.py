@@ -1,46 +1,5 @@
 """Surfaces: meshes, point clouds and graphs; their files, their defects, repair, and what a camera sees."""
 
-from typing import TypeAlias
+from isomatch._first_use import names_at_first_use
 
-from isomatch.surfaces._edges import EdgeTable
-from isomatch.surfaces.caps import capped
-from isomatch.surfaces.carrying import Resampling
-from isomatch.surfaces.check import check
-from isomatch.surfaces.decimation import Decimated, decimate
-from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
-from isomatch.surfaces.mesh import Mesh, vertex_normals
-from isomatch.surfaces.point_cloud import PointCloud
-from isomatch.surfaces.raster import Raster, rasterise
-from isomatch.surfaces.repair import Repair, repair
-from isomatch.surfaces.report import MeshReport
-from isomatch.surfaces.sheets import Separation, separate_sheets
-
-Surface: TypeAlias = Mesh | PointCloud | Graph
-"""Any of the three: a space with geodesic distances that can be matched."""
-
-__all__ = [
-    "FORMATS",
-    "Decimated",
-    "EdgeTable",
-    "Graph",
-    "Mesh",
-    "MeshFormat",
-    "MeshReport",
-    "PointCloud",
-    "Raster",
-    "Repair",
-    "Resampling",
-    "Separation",
-    "Surface",
-    "capped",
-    "check",
-    "decimate",
-    "rasterise",
-    "read_mesh",
-    "read_point_cloud",
-    "repair",
-    "separate_sheets",
-    "vertex_normals",
-    "write_mesh",
-]
+__all__ = names_at_first_use(__name__)

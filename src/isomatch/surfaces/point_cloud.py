@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 import robust_laplacian
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.errors import MeshError, SettingError, some
@@ -88,7 +88,7 @@ class PointCloud:
         The smaller index comes first; pairs are in lexicographic order.
         """
         n, k = self.n_vertices, self._n_joined
-        nearest = cKDTree(self._scaled).query(self._scaled, k + 1)[1]
+        nearest = scipy.spatial.cKDTree(self._scaled).query(self._scaled, k + 1)[1]
         itself = nearest == np.arange(n)[:, None]
         itself[~itself.any(axis=1), k] = True  # a point with more than k coincident ones may not find itself
         others = nearest[~itself].reshape(n, k)

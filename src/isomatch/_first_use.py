@@ -1,0 +1,58 @@
+"""Packages whose public names are imported at their first use, so that what is not used costs no time.
+
+The stub ``__init__.pyi`` beside the package is the only list of its names: type checkers and editors read it as usual.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from importlib import import_module
+from pkgutil import get_data
+from types import ModuleType
+from typing import Any
+
+
+class _Package(ModuleType):
+    """A package that looks for a public name where its stub imports it from."""
+
+    def __getattr__(self, name: str) -> Any:
+        homes, full = vars(self)["_homes"], f"{self.__name__}.{name}"
+        if name in homes:
+            found = getattr(import_module(homes[name]), name)
+            super().__setattr__(name, found)
+            return found
+        if full in homes.values():
+            return import_module(full)
+        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute, but no module that is named as something public: its import must not hide that."""
+        if not (isinstance(value, ModuleType) and name in self._homes):
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self._homes})
+
+
+def names_at_first_use(package: str) -> list[str]:
+    """Make a package import its public names at their first use.
+
+    Parameters
+    ----------
+    package : str
+        Full name of the package, whose stub has nothing but imports and ``__all__``.
+
+    Returns
+    -------
+    list of str
+        The ``__all__`` of the stub.
+    """
+    module: Any = sys.modules[package]
+    stub = get_data(package, "__init__.pyi")
+    body = ast.parse(stub or b"").body
+    public: list[str] = next(ast.literal_eval(node.value) for node in body if isinstance(node, ast.Assign))
+    imports = [node for node in body if isinstance(node, ast.ImportFrom)]
+    module._homes = {alias.name: node.module for node in imports for alias in node.names}
+    module.__class__ = _Package
+    return public

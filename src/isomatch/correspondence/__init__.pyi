@@ -1,0 +1,66 @@
+from isomatch.correspondence.alignment import (
+    Alignment,
+    alignment_residual,
+    iterative_closest_points,
+    signed_procrustes,
+)
+from isomatch.correspondence.correspondence import UNMATCHED, Correspondence
+from isomatch.correspondence.functional_maps import (
+    Embedding,
+    SampledBasis,
+    SpectralPair,
+    fit_functional_map,
+    spectral_embedding,
+)
+from isomatch.correspondence.interval_matching import (
+    IntervalCost,
+    assign_points,
+    pin_first,
+    trilaterate,
+)
+from isomatch.correspondence.linear_alignment import (
+    alignment_from_functions,
+    alignments_from_points,
+    nearest_under_rotation,
+)
+from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells, nearest_rows
+from isomatch.correspondence.precise_points import (
+    PrecisePoints,
+    faces_around_vertices,
+    nearest_in_triangle,
+    nearest_points,
+)
+from isomatch.correspondence.registration import register_nonrigid
+from isomatch.correspondence.signed_points import SignedPoints
+from isomatch.correspondence.surface_index import SurfaceIndex
+
+__all__ = [
+    "UNMATCHED",
+    "Alignment",
+    "Correspondence",
+    "Embedding",
+    "IntervalCost",
+    "PrecisePoints",
+    "SampledBasis",
+    "SignedPoints",
+    "SpectralPair",
+    "SurfaceIndex",
+    "VertexCells",
+    "alignment_from_functions",
+    "alignment_residual",
+    "alignments_from_points",
+    "assign_points",
+    "faces_around_vertices",
+    "fit_functional_map",
+    "iterative_closest_points",
+    "nearest_in_cells",
+    "nearest_in_triangle",
+    "nearest_points",
+    "nearest_rows",
+    "nearest_under_rotation",
+    "pin_first",
+    "register_nonrigid",
+    "signed_procrustes",
+    "spectral_embedding",
+    "trilaterate",
+]

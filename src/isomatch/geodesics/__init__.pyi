@@ -1,0 +1,43 @@
+from isomatch.geodesics.component_engine import ComponentEngine
+from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest
+from isomatch.geodesics.engines import (
+    ENGINES,
+    MetricSpace,
+    distance_engine,
+    engine_names,
+    geodesic_distances,
+)
+from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.intervals import MissingRegion
+from isomatch.geodesics.pairs import pair_distances
+from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
+from isomatch.geodesics.restricted import RestrictedEngine
+from isomatch.geodesics.sampling import (
+    Sampling,
+    euclidean_farthest_points,
+    farthest_point_sampling,
+    peripheral_vertex,
+)
+from isomatch.geodesics.units import ordinary_unit
+
+__all__ = [
+    "ENGINES",
+    "ColumnEngine",
+    "ComponentEngine",
+    "DistanceEngine",
+    "GivenFunction",
+    "GivenMatrix",
+    "MetricSpace",
+    "MissingRegion",
+    "RestrictedEngine",
+    "Sampling",
+    "distance_along_edges_to_nearest",
+    "distance_engine",
+    "engine_names",
+    "euclidean_farthest_points",
+    "farthest_point_sampling",
+    "geodesic_distances",
+    "ordinary_unit",
+    "pair_distances",
+    "peripheral_vertex",
+]

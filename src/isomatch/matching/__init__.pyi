@@ -1,0 +1,55 @@
+from isomatch.matching.body import Body, body_of
+from isomatch.matching.config import (
+    AnchorSettings,
+    Config,
+    MatchSettings,
+    Orientation,
+    OutcomeSettings,
+    PreparationSettings,
+    Refinement,
+    RefinementSettings,
+    SearchSettings,
+    SelectionSettings,
+    Start,
+    SymmetrySettings,
+)
+from isomatch.matching.first_map import first_map
+from isomatch.matching.hints import Hints
+from isomatch.matching.match import match
+from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
+from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
+from isomatch.matching.stage_timer import StageTimer
+
+__all__ = [
+    "Alternative",
+    "AnchorSettings",
+    "Body",
+    "Config",
+    "Hints",
+    "MatchResult",
+    "MatchSettings",
+    "Orientation",
+    "Outcome",
+    "OutcomeSettings",
+    "PreparationSettings",
+    "PreparedShape",
+    "Quality",
+    "Refinement",
+    "RefinementSettings",
+    "SearchSettings",
+    "SelectionSettings",
+    "ShapePair",
+    "StageTimer",
+    "Start",
+    "SymmetrySettings",
+    "body_of",
+    "contradicted_landmarks",
+    "first_map",
+    "match",
+    "measure_quality",
+    "outcome_of",
+    "prepare",
+    "prepare_pair",
+]

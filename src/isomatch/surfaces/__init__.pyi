@@ -1,0 +1,40 @@
+from isomatch.surfaces._edges import EdgeTable
+from isomatch.surfaces.caps import capped
+from isomatch.surfaces.carrying import Resampling
+from isomatch.surfaces.check import check
+from isomatch.surfaces.decimation import Decimated, decimate
+from isomatch.surfaces.graph import Graph
+from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.raster import Raster, rasterise
+from isomatch.surfaces.repair import Repair, repair
+from isomatch.surfaces.report import MeshReport
+from isomatch.surfaces.sheets import Separation, separate_sheets
+from isomatch.surfaces.surface import Surface
+
+__all__ = [
+    "FORMATS",
+    "Decimated",
+    "EdgeTable",
+    "Graph",
+    "Mesh",
+    "MeshFormat",
+    "MeshReport",
+    "PointCloud",
+    "Raster",
+    "Repair",
+    "Resampling",
+    "Separation",
+    "Surface",
+    "capped",
+    "check",
+    "decimate",
+    "rasterise",
+    "read_mesh",
+    "read_point_cloud",
+    "repair",
+    "separate_sheets",
+    "vertex_normals",
+    "write_mesh",
+]

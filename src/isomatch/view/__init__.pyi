@@ -1,0 +1,18 @@
+from isomatch.view.camera import camera_of, turn_to_target
+from isomatch.view.colours import position_colours
+from isomatch.view.measures import Measure, quality_measures
+from isomatch.view.report import write_report
+from isomatch.view.stills import ValuePanel, draw_map
+from isomatch.view.surface_image import surface_image
+
+__all__ = [
+    "Measure",
+    "ValuePanel",
+    "camera_of",
+    "draw_map",
+    "position_colours",
+    "quality_measures",
+    "surface_image",
+    "turn_to_target",
+    "write_report",
+]
