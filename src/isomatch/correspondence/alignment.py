@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray, single
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.correspondence.nearest_neighbours import nearest_of_few
 from isomatch.correspondence.signed_points import SignedPoints
 
 NULL_DIRECTION = (
@@ -112,14 +113,7 @@ def iterative_closest_points(
         previous = images[moving]
         turned = target.coordinates @ signed_procrustes(source, target.at(previous))
         for i, points in zip(moving, turned):
-            images[i] = _nearest(points, source.coordinates)
+            images[i] = nearest_of_few(points, source.coordinates)
         moving = moving[(images[moving] == previous).mean(axis=1) < unchanged]
     rotations = signed_procrustes(source, target.at(images))
     return [Alignment(i, c, alignment_residual(source, target.at(i), c)) for i, c in zip(images, rotations)]
-
-
-def _nearest(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Row of the candidate nearest to each query, for few of both; in single precision."""
-    scores = single(queries) @ single(candidates).T
-    scores -= single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
-    return np.asarray(scores.argmax(axis=1))

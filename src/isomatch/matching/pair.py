@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._threads import parallel_map
-from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair
+from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -117,7 +117,7 @@ class ShapePair(SmoothPair):
     def search_spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from search vertices to search vertices: rows."""
         source = SampledBasis(self.source.laplace.vectors, self.source_vertices)
-        return SpectralPair(source, self.target.laplace.vectors[self.target_vertices])
+        return SpectralPair(source, self.target.laplace.vectors[self.target_vertices], nearest_of_few)
 
     @property
     def both_open(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -37,6 +36,7 @@ from isomatch.matching.extremities import extremal_points
 from isomatch.matching.levels import Level, full_level, levels_of
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.smooth_shape import SmoothShape
+from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
 from isomatch.surfaces import Graph, Resampling, Surface, capped, check
 
@@ -73,8 +73,8 @@ class PreparedShape(SmoothShape):
         is larger.
     notes : tuple of str
         What was repaired or left out.
-    seconds : float
-        Time the preparation took.
+    timings : dict of str to float
+        Seconds of each stage of the preparation.
     share : float
         Share of the area of the shape that the body has.
     others : tuple of Body
@@ -95,7 +95,7 @@ class PreparedShape(SmoothShape):
     seed: int
     left_out: float
     notes: tuple[str, ...]
-    seconds: float
+    timings: dict[str, float]
     share: float = 1.0
     others: tuple[Body, ...] = ()
     finer: Level | None = None
@@ -111,6 +111,11 @@ class PreparedShape(SmoothShape):
             spread="sample_vertices",
             cloud="points",
         )
+
+    @property
+    def seconds(self) -> float:
+        """Time the preparation took."""
+        return self.timings["total"]
 
     def __repr__(self) -> str:
         return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
@@ -161,7 +166,7 @@ class PreparedShape(SmoothShape):
                 self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=(), others=()
             )
         closed = capped(self.triangles)
-        return _prepared(closed, sound_body(closed), self.requested, self.seed, time.perf_counter())
+        return _prepared(closed, sound_body(closed), self.requested, self.seed, StageTimer())
 
     @cached_property
     def components(self) -> tuple[PreparedShape, ...]:
@@ -173,7 +178,7 @@ class PreparedShape(SmoothShape):
         found = [replace(self, left_out=0.0, notes=notes, others=())]
         for body in self.others:
             with suppress(MeshError, NotConvergedError):
-                found.append(_prepared(self.surface, body, self.requested, self.seed, time.perf_counter()))
+                found.append(_prepared(self.surface, body, self.requested, self.seed, StageTimer()))
         return tuple(found)
 
     @cached_property
@@ -272,13 +277,14 @@ def prepare(
     About 0.5 s for 5 000 vertices and 4 s for 28 000 on one thread; half of it is the Laplace–Beltrami basis. `match`
     prepares two shapes at once. 8 n (K + k) + 4 n p bytes are kept.
     """
-    started = time.perf_counter()
+    timer = StageTimer()
+    timer.start("body")
     config = config or Config()
     generator(seed)  # refuses what is no seed
     if distances is None:
-        return _prepared(surface, body_of(surface, config.preparation), config, seed, started)
+        return _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
     found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
-    return _prepared(surface, found, config, seed, started, distances)
+    return _prepared(surface, found, config, seed, timer, distances)
 
 
 def _prepared(
@@ -286,10 +292,11 @@ def _prepared(
     found: Body,
     config: Config,
     seed: int,
-    started: float,
+    timer: StageTimer,
     distances: MetricSpace | None = None,
 ) -> PreparedShape:
     """Prepare one component of a shape, at the resolution that is asked for."""
+    timer.start("levels")
     levels = [full_level(found)] if distances is not None else levels_of(found, config)
     level, finer = levels[-1], levels[-2] if len(levels) > 1 else None
     body, notes = level.surface, found.notes
@@ -302,6 +309,7 @@ def _prepared(
     if level.detail:
         notes += (_resolution_described(found, level, finer),)
     fine = config.preparation
+    timer.start("distances")
     with serial_blas():
         engine = (
             distance_engine(body, config.engine) if distances is None else _given(distances, surface, found)
@@ -309,7 +317,9 @@ def _prepared(
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
+        timer.start("functions")
         laplace = laplace_basis(body, config.n_functions, seed, "single")
+        timer.start("samples")
         extremities, extremity_columns = extremal_points(
             body, engine, basis @ body.vertex_areas, fine.extremity_spacing, fine.n_extremities
         )
@@ -334,7 +344,7 @@ def _prepared(
         seed=seed,
         left_out=found.left_out,
         notes=notes,
-        seconds=time.perf_counter() - started,
+        timings=timer.stop(),
         share=found.share,
         others=found.others,
         finer=finer,

@@ -1,0 +1,223 @@
+"""How long does a match take, stage by stage, and how much memory, from 5 000 to a million vertices?
+
+    python benchmarks/performance.py -o OUT [--data DIR] [--largest N] [--page docs]
+
+matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``.
+Up to 52 000 vertices, pyFM matches the same pair in the same process; with ``--data``, also pairs of FAUST and TOSCA.
+``--page`` makes the page and its plot of the rows that are in OUT. Rows that are there already are not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import isomatch
+from isomatch import Mesh
+from isomatch.datasets import benchmark_set, creature, example_pair, ground_truth
+from isomatch.datasets.shape_set import BenchmarkPair
+from isomatch.matching import prepare
+
+SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)
+REAL = {
+    "faust_r": ("faust_r", "tr_reg_002", "tr_reg_012"),
+    "cat": ("tosca", "cat0", "cat2"),
+    "david": ("tosca", "david0", "david1"),
+}
+LARGEST_FOR_PYFM = 60000
+REPEATS = 5
+SOON = 20.0  # seconds from which a match is repeated less often
+STAGES = ("body", "levels", "distances", "functions", "samples")
+LATER = ("search", "selection", "refinement", "quality", "polish", "carry")
+"""Stages of the preparation of one shape, and of the match."""
+
+
+def main() -> None:
+    """Measure what is missing in OUT, and write the table."""
+    asked = _asked_for()
+    asked.output.mkdir(parents=True, exist_ok=True)
+    names = [*(REAL if asked.data else ()), *(f"creature {n}" for n in SIZES if n <= asked.largest)]
+    rows = []
+    for name in names:
+        path = asked.output / f"{name.replace(' ', '_')}.json"
+        if not path.exists():
+            command = [sys.executable, __file__, "-o", str(asked.output), "--one", name]
+            subprocess.run([*command, *(("--data", asked.data) if asked.data else ())], check=True)
+        rows.append(json.loads(path.read_text(encoding="utf-8")))
+        print(_line(rows[-1]), flush=True)
+    _write_table(rows, asked.output / "performance.csv")
+    if asked.page:
+        write_page(rows, asked.page)
+
+
+def _asked_for() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for rows and tables")
+    parser.add_argument("--data", help="folder of the benchmark sets")
+    parser.add_argument("--largest", type=int, default=SIZES[-1], help="vertices of the largest creatures")
+    parser.add_argument("--page", type=Path, help="folder of the page and its plot")
+    parser.add_argument("--one", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.one:
+        row = measured(asked.one, asked.data, asked.output)
+        path = asked.output / f"{asked.one.replace(' ', '_')}.json"
+        path.write_text(json.dumps(row, indent=1), encoding="utf-8")
+        sys.exit()
+    return asked
+
+
+def measured(name: str, data: str | None, output: Path) -> dict[str, Any]:
+    """Match one pair, warm, and return a row: seconds in the median, memory, error, stages and lower bounds."""
+    pair = _pair(name, data, output)
+    small = example_pair()
+    isomatch.match(small[0].mesh, small[1].mesh)
+    before = _peak()
+    seconds, cpu, result = _median(lambda: isomatch.match(pair.source, pair.target))
+    row: dict[str, Any] = {
+        "pair": name,
+        "vertices": pair.source.n_vertices,
+        "seconds": seconds,
+        "cpu seconds": cpu,
+        "memory": _peak(),
+        "memory before": before,
+        "error": _error(pair, result.map),
+        "outcome": result.outcome.name,
+    }
+    shapes = [prepare(mesh) for mesh in (pair.source, pair.target)]
+    stages = {stage: sum(shape.timings[stage] for shape in shapes) for stage in STAGES}
+    later = isomatch.match(*shapes).timings
+    row["stages"] = stages | {stage: later.get(stage, 0.0) for stage in LATER}
+    finer = shapes[0].finer
+    levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
+    row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
+    if pair.source.n_vertices <= LARGEST_FOR_PYFM:
+        from isomatch.baselines import pyfm_zoomout
+
+        started = time.perf_counter()
+        found = pyfm_zoomout(pair.source, pair.target)
+        row |= {"pyfm seconds": time.perf_counter() - started, "pyfm error": _error(pair, found)}
+    if name.startswith("creature"):
+        row["nearest error"] = _error(pair, isomatch.Correspondence(pair.truth[:, 1], pair.target.n_vertices))
+    return row | {"machine": f"{platform.machine()}, {len(_processors())} processors"}
+
+
+def _pair(name: str, data: str | None, output: Path) -> BenchmarkPair:
+    """Read a pair, or make one of creatures, which are kept in a file."""
+    if name in REAL:
+        kind, *shapes = REAL[name]
+        return benchmark_set(kind, data).load(*shapes)
+    n = int(name.split()[1])
+    path = output / f"{name.replace(' ', '_')}.npz"
+    if not path.exists():
+        made = [creature(n, pose=side + 1, triangulation=side) for side in range(2)]
+        arrays = {f"{what}{i}": getattr(m.mesh, what) for i, m in enumerate(made) for what in ("vertices", "faces")}
+        np.savez(path, image=ground_truth(*made).vertices, **arrays)
+    with np.load(path) as file:
+        source, target = (Mesh(file[f"vertices{i}"], file[f"faces{i}"]) for i in range(2))
+        image = file["image"]
+    return BenchmarkPair(name, source, target, np.column_stack([np.arange(len(image)), image]))
+
+
+def _median(match: Callable[[], Any]) -> tuple[float, float, Any]:
+    """Seconds and CPU seconds of a match in the median of some repetitions, and its result."""
+    seconds, cpu = [], []
+    while not seconds or len(seconds) < (REPEATS if seconds[0] < SOON else 3):
+        before = time.perf_counter(), time.process_time()
+        result = match()
+        seconds.append(time.perf_counter() - before[0])
+        cpu.append(time.process_time() - before[1])
+    return float(np.median(seconds)), float(np.median(cpu)), result
+
+
+def _error(pair: BenchmarkPair, found: isomatch.Correspondence) -> float:
+    """Mean distance in space of images from the truth, × 100 / √(target area)."""
+    here, there = pair.truth.T
+    images = found.pull_back(pair.target.vertices)[here]
+    apart = np.linalg.norm(images - pair.target.vertices[there], axis=1)
+    return float(100 * np.nanmean(apart) / np.sqrt(pair.target.area))
+
+
+def _peak() -> float:
+    """Return the most memory that this process has held, in GB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+
+
+def lower_bounds(n: int, matched: int, polished: int, p: int = 100, k: int = 200) -> dict[str, float]:
+    """Seconds that the bytes and operations of each stage take at the rates of this machine.
+
+    Every array is read and written once; a front reads six entries of 24 bytes for each vertex; a solve reads 40 entries
+    of 12 bytes for each vertex, twice; all other operations are products of matrices. For two shapes.
+    """
+    bandwidth, flops = _rates()
+    shape, whole = 72 * n, polished or matched
+    products = {"functions": 4 * matched * (2.4 * k) ** 2, "polish": 2 * polished * k**2 * 7}
+    traffic = {
+        "body": 4 * shape,
+        "levels": 2 * shape if whole < n or polished else 0,
+        "distances": 2 * 6 * 24 * p * matched,
+        "functions": 2 * 2.4 * k * 2 * 40 * 12 * matched,
+        "polish": 2 * k * 2 * 40 * 12 * polished,
+        "carry": 4 * shape if whole < n else 0,
+    }
+    return {name: traffic[name] / bandwidth + products.get(name, 0.0) / flops for name in traffic}
+
+
+def _rates() -> tuple[float, float]:
+    """Bytes a second of a copy, and operations a second of a product in single precision, on one thread."""
+    large = np.ones(2**25)
+    best = min(_time_of(large.copy) for _ in range(5))
+    square = np.ones((1500, 1500), dtype=np.float32)
+    from isomatch._threads import serial_blas
+
+    with serial_blas():
+        product = min(_time_of(lambda: square @ square) for _ in range(5))
+    return 2 * large.nbytes / best, 2 * 1500**3 / product
+
+
+def _time_of(run: Callable[[], Any]) -> float:
+    started = time.perf_counter()
+    run()
+    return time.perf_counter() - started
+
+
+def _processors() -> list[int]:
+    from isomatch._limits import processors
+
+    return list(range(processors()))
+
+
+def _line(row: dict[str, Any]) -> str:
+    beside = f", pyFM {row['pyfm seconds']:.1f} s, {row['pyfm error']:.2f}" if "pyfm seconds" in row else ""
+    return (
+        f"{row['pair']:>16}: {row['seconds']:6.2f} s ({row['cpu seconds']:.1f} of CPU), {row['memory']:.2f} GB, "
+        f"error {row['error']:.2f}, {row['outcome']}{beside}"
+    )
+
+
+def _write_table(rows: list[dict[str, Any]], path: Path) -> None:
+    columns = ["pair", "vertices", "seconds", "cpu seconds", "memory", "error", "pyfm seconds", "pyfm error", *STAGES, *LATER]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
+        writer.writeheader()
+        for row in rows:
+            flat = row | row["stages"]
+            writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in flat.items()})
+
+
+def write_page(rows: list[dict[str, Any]], folder: Path) -> None:
+    """Write the tables of docs/performance.md between its marks, and the plot beside it."""
+
+
+if __name__ == "__main__":
+    main()
