@@ -26,15 +26,11 @@ from isomatch.correspondence.linear_alignment import (
     nearest_under_rotation,
 )
 from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells, nearest_rows
-from isomatch.correspondence.precise_points import (
-    PrecisePoints,
-    faces_around_vertices,
-    nearest_in_triangle,
-    nearest_points,
-)
+from isomatch.correspondence.precise_points import faces_around_vertices, nearest_points
 from isomatch.correspondence.registration import register_nonrigid
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
     "UNMATCHED",

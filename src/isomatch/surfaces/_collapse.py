@@ -42,7 +42,7 @@ def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, 
         kind = marks[v, KIND] = _kind(v, marks, corners, link)
         corner = marks[v, FIRST]
         while corner >= 0:
-            b, c = _others(corners, corner)
+            b, c = other_vertices(corners, corner)
             px, py, pz = _difference(vertices, b, v)
             qx, qy, qz = _difference(vertices, c, v)
             x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
@@ -66,13 +66,13 @@ def _kind(v: int, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins the neighbours that share a face."""
     corner = marks[v, FIRST]
     while corner >= 0:
-        for end in _others(corners, corner):
+        for end in other_vertices(corners, corner):
             link[end, 0] = link[end, 1] = -1
         corner = corners[corner, 1]
     n_faces, n_ends, start = 0, 0, -1
     corner = marks[v, FIRST]
     while corner >= 0:
-        b, c = _others(corners, corner)
+        b, c = other_vertices(corners, corner)
         if link[b, 1] >= 0 or link[c, 1] >= 0:
             return FIXED  # three faces at an edge
         link[b, int(link[b, 0] >= 0)] = c
@@ -81,7 +81,7 @@ def _kind(v: int, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
         corner = corners[corner, 1]
     corner = marks[v, FIRST]
     while corner >= 0:
-        for end in _others(corners, corner):
+        for end in other_vertices(corners, corner):
             if link[end, 1] < 0:
                 n_ends, start = n_ends + 1, end
         corner = corners[corner, 1]
@@ -191,7 +191,7 @@ def _enqueue(
     """Put the edges from v to its neighbours above a number into the queue; without room they wait for the next round."""
     corner = marks[v, FIRST]
     while corner >= 0:
-        for w in _others(corners, corner):
+        for w in other_vertices(corners, corner):
             if w <= above or marks[w, MARK] == turn:
                 continue
             marks[w, MARK] = turn
@@ -225,7 +225,7 @@ def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn
     n_shared, n_here = 0, 0
     corner = marks[u, FIRST]
     while corner >= 0:
-        b, c = _others(corners, corner)
+        b, c = other_vertices(corners, corner)
         if b == v or c == v:
             across = b + c - v
             if marks[across, MARK] == opposite:
@@ -241,7 +241,7 @@ def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn
     n_there, closes_there = 0, False
     corner = marks[v, FIRST]
     while corner >= 0:
-        b, c = _others(corners, corner)
+        b, c = other_vertices(corners, corner)
         n_there += b >= 0
         if b >= 0 and b != u and c != u:
             if marks[b, MARK] == turn or marks[c, MARK] == turn:
@@ -251,7 +251,7 @@ def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn
     if closes_there:  # would another face come to lie on that one, as in a tetrahedron?
         corner = marks[u, FIRST]
         while corner >= 0:
-            b, c = _others(corners, corner)
+            b, c = other_vertices(corners, corner)
             if b >= 0 and marks[b, MARK] == opposite and marks[c, MARK] == opposite:
                 return False
             corner = corners[corner, 1]
@@ -267,7 +267,7 @@ def _spoils(
     """Whether a face at u without v turns too far, or becomes too thin, when u moves to (x, y, z)."""
     corner = marks[u, FIRST]
     while corner >= 0:
-        b, c = _others(corners, corner)
+        b, c = other_vertices(corners, corner)
         corner = corners[corner, 1]
         if b < 0 or b == v or c == v:
             continue
@@ -297,7 +297,7 @@ def _merge_corners(u: int, v: int, marks: AnyArray, corners: AnyArray) -> None:
         corner = marks[vertex, FIRST]
         while corner >= 0:
             after = corners[corner, 1]
-            b, c = _others(corners, corner)
+            b, c = other_vertices(corners, corner)
             if b == v or c == v:
                 face = corner - corner % 3
                 corners[face, 0] = corners[face + 1, 0] = corners[face + 2, 0] = -1
@@ -350,7 +350,7 @@ def _placement(vertices: FloatArray, marks: AnyArray, u: int, v: int) -> tuple[f
 
 
 @compiled(error_model="numpy")
-def _others(corners: AnyArray, corner: int) -> tuple[int, int]:
+def other_vertices(corners: AnyArray, corner: int) -> tuple[int, int]:
     """Vertices of the other two corners of a face, in its direction."""
     k = corner % 3
     b = corner - 2 if k == 2 else corner + 1

@@ -103,7 +103,7 @@ def decimate(mesh: Mesh, n_vertices: int) -> Decimated:
         return Decimated(mesh, owner, n_vertices)
     faces = _sound_faces(mesh)
     n = mesh.n_vertices
-    points, centre, size = _normalised(mesh.vertices)
+    points, centre, size = normalised(mesh.vertices)
     vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
     vertices[:, :3] = points
     corners = np.empty((faces.size, 2), dtype=np.int32)
@@ -143,7 +143,7 @@ def _costs(vertices: FloatArray, marks: AnyArray, corners: AnyArray, share: floa
     return scale, float(np.quantile(costs, share)) if share < 1.0 else np.inf
 
 
-def _normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Vertices about their middle, of size 1 or less; the middle, and the size."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre = low / 2 + high / 2
