@@ -2,50 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from scipy.sparse import csr_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
+from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
-
-
-class PrecisePoints(NamedTuple):
-    """Points on the triangles of a surface.
-
-    Parameters
-    ----------
-    corners : (m, 3) array of int
-        Vertices of the triangle that holds each point.
-    barycentric : (m, 3) array of float
-        Their weights: not negative, sum 1.
-    """
-
-    corners: IntArray
-    barycentric: FloatArray
-
-    @classmethod
-    def at_vertices(cls, vertices: IntArray) -> PrecisePoints:
-        """Take vertices (m,) themselves."""
-        return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
-
-    def interpolated(self, values: FloatArray) -> FloatArray:
-        """Values (n, q) at the vertices, interpolated at the points: (m, q)."""
-        weights = self.barycentric.astype(values.dtype)
-        total: FloatArray = weights[:, :1] * values[self.corners[:, 0]]
-        for corner in (1, 2):
-            total += weights[:, corner, None] * values[self.corners[:, corner]]
-        return total
-
-    def interpolation(self, n_vertices: int) -> csr_array:
-        """(m, n) matrix whose product with values at the n vertices interpolates them at the points."""
-        rows = np.repeat(np.arange(len(self.corners)), 3)
-        entries = (self.barycentric.ravel(), (rows, self.corners.ravel()))
-        return csr_array(entries, shape=(len(self.corners), n_vertices))
 
 
 def nearest_points(
@@ -124,32 +88,3 @@ def _nearest(
                 best = gain
                 corners[i, 1], corners[i, 2] = b, c
                 barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
-
-
-@compiled(inline="always")
-def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -> tuple[float, float, float]:
-    """Minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, from inner products: s, t and the minimum less |p|²."""
-    best_s = best_t = best = 0.0
-    # the edges (a, b), (a, c), (b, c), then the inside
-    for case in range(4):
-        s = t = 0.0
-        if case == 0 and uu > 0.0:
-            s = min(max(up / uu, 0.0), 1.0)
-        elif case == 1 and vv > 0.0:
-            t = min(max(vp / vv, 0.0), 1.0)
-        elif case == 2:
-            across = uu - 2.0 * uv + vv
-            if across > 0.0:
-                t = min(max((uu - uv + vp - up) / across, 0.0), 1.0)
-                s = 1.0 - t
-        elif case == 3:
-            determinant = uu * vv - uv * uv
-            if determinant <= 1e-12 * uu * vv:
-                continue
-            s, t = (up * vv - vp * uv) / determinant, (vp * uu - up * uv) / determinant
-            if s < 0.0 or t < 0.0 or s + t > 1.0:
-                continue
-        gain = s * s * uu + 2.0 * s * t * uv + t * t * vv - 2.0 * (s * up + t * vp)
-        if gain < best:
-            best_s, best_t, best = s, t, gain
-    return best_s, best_t, best

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from isomatch._arrays import IntArray
 from isomatch.matching.body import Body
 from isomatch.matching.config import Config
-from isomatch.surfaces import Mesh, Resampling, Surface, decimate
+from isomatch.surfaces import Mesh, Surface, Transfer, decimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Level:
         Vertex of the shape for each vertex of this level; the nearest one, if the level is coarser.
     detail : Detail, optional
         The body in full, if this level is coarser.
-    refining : Resampling, optional
+    refining : Transfer, optional
         Between the next finer level and this one, if this is a coarser level.
     """
 
@@ -37,7 +37,7 @@ class Level:
     body_vertex: IntArray
     user_vertex: IntArray
     detail: Detail | None = None
-    refining: Resampling | None = None
+    refining: Transfer | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +46,15 @@ class Detail:
 
     Parameters
     ----------
-    resampling : Resampling
-        Between the body in full and the coarser one, in the units of the latter.
+    transfer : Transfer
+        Between the body in full and the coarser one.
     body_vertex : (n,) array of int
         Vertex of the body in full for each vertex of the shape; −1 for those left out.
     user_vertex : (n_body,) array of int
         Vertex of the shape for each vertex of the body in full.
     """
 
-    resampling: Resampling
+    transfer: Transfer
     body_vertex: IntArray
     user_vertex: IntArray
 
@@ -82,28 +82,34 @@ def levels_of(found: Body, config: Config) -> list[Level]:
 def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
     """Coarser levels of a mesh, of about so many vertices each; each one is made from the one before."""
     levels: list[Level] = []
-    mesh, owner = body, np.arange(body.n_vertices)
+    finer, owner = body, np.arange(body.n_vertices)
     for size in sizes:
-        decimated = decimate(mesh, size)
-        refining = Resampling(mesh, decimated.mesh, decimated.owner)
-        mesh, owner = decimated.mesh, decimated.owner[owner]
-        levels.append(_level(found, body, mesh, owner, refining))
+        decimated = decimate(finer, size)
+        owner = decimated.owner[owner]
+        levels.append(_level(found, Transfer(body, replace(decimated, owner=owner)), Transfer(finer, decimated)))
+        finer = decimated.mesh
     return levels
 
 
-def _level(found: Body, body: Mesh, coarse: Mesh, owner: IntArray, refining: Resampling) -> Level:
-    unit = np.sqrt(coarse.area)
+def _level(found: Body, transfer: Transfer, refining: Transfer) -> Level:
+    coarse, owner = transfer.coarse.mesh, transfer.coarse.owner
+    unit = float(np.sqrt(coarse.area))
     middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)
-    surface, full = (Mesh((mesh.vertices - middle) / unit, mesh.faces) for mesh in (coarse, body))
-    apart = ((full.vertices - surface.vertices[owner]) ** 2).sum(axis=1)
-    nearest = np.zeros(coarse.n_vertices, dtype=np.int64)
-    farthest_first = np.argsort(-apart, kind="stable")
-    nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
     return Level(
-        surface,
-        found.scale * float(unit),
+        coarse.moved((coarse.vertices - middle) / unit),
+        found.scale * unit,
         np.append(owner, -1)[found.body_vertex],
-        found.user_vertex[nearest],
-        Detail(Resampling(full, surface, owner), found.body_vertex, found.user_vertex),
+        found.user_vertex[_nearest_members(transfer)],
+        Detail(transfer, found.body_vertex, found.user_vertex),
         refining,
     )
+
+
+def _nearest_members(transfer: Transfer) -> IntArray:
+    """For each coarse vertex, the nearest of those merged into it."""
+    owner = transfer.coarse.owner
+    apart = ((transfer.fine.vertices - transfer.coarse.mesh.vertices[owner]) ** 2).sum(axis=1)
+    nearest = np.zeros(transfer.coarse.mesh.n_vertices, dtype=np.int64)
+    farthest_first = np.argsort(-apart, kind="stable")
+    nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
+    return nearest

@@ -38,7 +38,7 @@ from isomatch.matching.orientation import orientation_of
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Resampling, Surface, capped, check
+from isomatch.surfaces import Graph, Transfer, Surface, capped, check
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -81,7 +81,7 @@ class PreparedShape(SmoothShape):
         Further components of a mesh that can be matched by themselves, largest first; not prepared.
     finer : Level, optional
         A finer level, on which maps of complete shapes are polished.
-    refining : Resampling, optional
+    refining : Transfer, optional
         Between the finer level and the body.
     """
 
@@ -99,7 +99,7 @@ class PreparedShape(SmoothShape):
     share: float = 1.0
     others: tuple[Body, ...] = ()
     finer: Level | None = None
-    refining: Resampling | None = None
+    refining: Transfer | None = None
 
     if not TYPE_CHECKING:  # otherwise a misspelt attribute would pass as one that was renamed
         __getattr__ = old_attributes(
@@ -187,7 +187,7 @@ class PreparedShape(SmoothShape):
         if self.finer is None or self.refining is None:
             return self
         body = self.finer.surface
-        between = PrecisePoints(*self.refining.place).interpolation(self.body.n_vertices)
+        between = self.refining.on_coarse.interpolation(self.body.n_vertices)
         laplace = refined_laplace_basis(body, self.laplace, between)
         return SmoothShape(
             surface=self.surface,

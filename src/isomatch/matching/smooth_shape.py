@@ -15,7 +15,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.levels import Detail
 from isomatch.matching.signatures import point_signatures
-from isomatch.surfaces import Mesh, Resampling, Surface
+from isomatch.surfaces import Decimated, Mesh, Surface, Transfer
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -105,11 +105,12 @@ class SmoothShape:
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
     @cached_property
-    def resampling(self) -> Resampling:
+    def transfer(self) -> Transfer:
         """Between the body at the user's resolution and this one."""
         if self.detail:
-            return self.detail.resampling
-        return Resampling(self.mesh_body, self.mesh_body, np.arange(self.body.n_vertices))
+            return self.detail.transfer
+        everything = np.arange(self.body.n_vertices)
+        return Transfer(self.mesh_body, Decimated(self.mesh_body, everything, len(everything)))
 
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
@@ -153,22 +154,23 @@ class SmoothShape:
 
         Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear.
         """
-        here, there = self.mesh_body, target.mesh_body
-        images = points.interpolation(there.n_vertices) @ np.hstack([there.vertices, there.vertex_normals])
-        corners, weights = self.resampling.place
-        row = np.arange(len(corners))
-        owner = corners[row, weights.argmax(axis=1)]
-        reach = np.sqrt(self.config.outcome.torn) * _apart(here.vertices, corners, owner)
-        weights = weights * (_apart(images[:, :3], corners, owner) <= reach)
-        weights /= weights.sum(axis=1, keepdims=True)
-        moved = np.einsum("ij,ijk->ik", weights, images[corners])
-        found = target.resampling.nearest(moved[:, :3], moved[:, 3:], points.corners[owner, 0])
-        return PrecisePoints(*found), owner
+        there = target.transfer.coarse.mesh
+        positions, normals = (points.interpolated(values) for values in (there.vertices, there.vertex_normals))
+        corners, weights = self.transfer.on_coarse
+        lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
+        torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths
+        weights = np.where(torn, 0.0, weights)
+        mixed = PrecisePoints(corners, weights / weights.sum(axis=1, keepdims=True))
+        owner = corners[:, 0]
+        found = target.transfer.near_fine(
+            mixed.interpolated(positions), mixed.interpolated(normals), points.corners[owner]
+        )
+        return found, owner
 
 
-def _apart(points: FloatArray, corners: IntArray, owner: IntArray) -> FloatArray:
-    """Distances (m, 3) of corners from an owner, one for each row."""
-    return np.linalg.norm(points[corners] - points[owner][:, None], axis=2)
+def _apart(points: FloatArray, corners: IntArray) -> FloatArray:
+    """Distances (m, 3) of corners from the first of them."""
+    return np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
 
 
 def _lifted(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:

@@ -1,12 +1,13 @@
 from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.caps import capped
-from isomatch.surfaces.carrying import Resampling
+from isomatch.surfaces.carrying import Transfer
 from isomatch.surfaces.check import check
 from isomatch.surfaces.decimation import Decimated, decimate
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
 from isomatch.surfaces.repair import Repair, repair
 from isomatch.surfaces.report import MeshReport
@@ -22,14 +23,16 @@ __all__ = [
     "MeshFormat",
     "MeshReport",
     "PointCloud",
+    "PrecisePoints",
     "Raster",
     "Repair",
-    "Resampling",
     "Separation",
     "Surface",
+    "Transfer",
     "capped",
     "check",
     "decimate",
+    "nearest_in_triangle",
     "rasterise",
     "read_mesh",
     "read_point_cloud",

@@ -1,8 +1,11 @@
 """Compiled loops of the decimation: quadrics of vertices, costs of edges and their collapse.
 
-Corner 3 f + k of a mesh is the place k of face f, and ``at`` (3 m,) the vertex there, −1 in a face that has vanished. The
-corners at a vertex are linked: ``first`` (n,) is one, ``following`` (3 m,) the next one, and −1 ends the list. A quadric
-is the error xᵀ A x + 2 bᵀ x + c at a point x: the upper triangle of A, b and c.
+Three arrays hold the state; what belongs together lies together in memory.
+
+- ``vertices`` (n, 13): position, and the quadric xᵀ A x + 2 bᵀ x + c: the upper triangle of A, b and c.
+- ``marks`` (n, 5) of int32: the columns FIRST, KIND, VERSION, MARK, PARENT.
+- ``corners`` (3 m, 2) of int32: corner 3 f + k, the place k of face f, has a vertex, −1 in a face that has vanished, and
+  the corner that follows it in the list of those at this vertex, which starts at FIRST and ends at −1.
 """
 
 from __future__ import annotations
@@ -12,291 +15,207 @@ import numpy as np
 from isomatch._arrays import AnyArray, FloatArray
 from isomatch._compiled import compiled
 
-INSIDE, BOUNDARY, FIXED = 0, 1, 2  # kinds of vertices
+FIRST, KIND, VERSION, MARK, PARENT = range(5)
+INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
 POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
 BOUNDARY_WEIGHT = 1.0  # of a plane through a boundary edge, beside a face as large as the square on that edge
 LARGEST_TURN = 0.2  # least cosine of the angle by which a face may turn in one collapse
-SLIVER = 0.2  # shape of a face that must not become worse: 4 √3 area / squared edges, 1 if equilateral
+SLIVER = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
 N_BUCKETS = 1024  # of costs, in the order of which edges are collapsed
-N_SAMPLES = 20_000  # vertices whose edges tell which costs there are
 
 
-@compiled()
-def linked_corners(at: AnyArray, n: int) -> tuple[AnyArray, AnyArray]:
-    """Link the corners at each of n vertices, in their order."""
-    first = np.full(n, -1, np.int32)
-    following = np.empty(len(at), np.int32)
-    for corner in range(len(at) - 1, -1, -1):
-        following[corner] = first[at[corner]]
-        first[at[corner]] = corner
-    return first, following
+@compiled(error_model="numpy")
+def link_corners(marks: AnyArray, corners: AnyArray) -> None:
+    """Make the lists of the corners at each vertex, in their order."""
+    for v in range(len(marks)):
+        marks[v, FIRST] = -1
+    for corner in range(len(corners) - 1, -1, -1):
+        v = corners[corner, 0]
+        corners[corner, 1] = marks[v, FIRST]
+        marks[v, FIRST] = corner
 
 
-@compiled()
-def describe_vertices(
-    points: FloatArray, at: AnyArray, first: AnyArray, following: AnyArray
-) -> tuple[AnyArray, FloatArray]:
-    """Kind of each vertex, (n,), and its quadric, (n, 10)."""
-    n = len(points)
-    kind = np.empty(n, np.int8)
-    quadrics = np.zeros((n, 10))
-    link = np.empty((n, 2), np.int32)
-    for v in range(n):
-        kind[v] = _kind(v, at, first, following, link)
-        corner = first[v]
+@compiled(error_model="numpy")
+def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray) -> None:
+    """Set the kind of each vertex and its quadric, given zeros and working space (n, 2)."""
+    for v in range(len(vertices)):
+        kind = marks[v, KIND] = _kind(v, marks, corners, link)
+        corner = marks[v, FIRST]
         while corner >= 0:
-            b, c = at[_next(corner)], at[_next(_next(corner))]
-            x, y, z = _normal(points, v, b, c)
+            b, c = other_vertices(corners, corner)
+            px, py, pz = _difference(vertices, b, v)
+            qx, qy, qz = _difference(vertices, c, v)
+            x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
-                _add_plane(quadrics, v, points, x, y, z, length / 6.0)
-                _add_point(quadrics, v, points, POINT_WEIGHT * length / 6.0)
+                _add_planes(vertices, v, x, y, z, length / 6.0, POINT_WEIGHT * length / 6.0)
                 for end in (b, c):
-                    if kind[v] == BOUNDARY and link[end, 1] < 0:
-                        _add_wall(quadrics, v, end, points, x, y, z)
-            corner = following[corner]
-    return kind, quadrics
+                    if kind == BOUNDARY and link[end, 1] < 0:
+                        # the plane through that boundary edge that is perpendicular to the face
+                        ex, ey, ez = _difference(vertices, end, v)
+                        weight = BOUNDARY_WEIGHT / 3.0
+                        _add_planes(
+                            vertices, v, ey * z - ez * y, ez * x - ex * z, ex * y - ey * x, weight, 0.0
+                        )
+            corner = corners[corner, 1]
 
 
-@compiled()
-def _kind(v: int, at: AnyArray, first: AnyArray, following: AnyArray, link: AnyArray) -> int:
+@compiled(error_model="numpy")
+def _kind(v: int, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins the neighbours that share a face."""
-    n_faces, start, n_ends, fits = 0, -1, 0, True
-    corner = first[v]
+    corner = marks[v, FIRST]
     while corner >= 0:
-        for end in (at[_next(corner)], at[_next(_next(corner))]):
+        for end in other_vertices(corners, corner):
             link[end, 0] = link[end, 1] = -1
-        n_faces += 1
-        corner = following[corner]
-    corner = first[v]
+        corner = corners[corner, 1]
+    n_faces, n_ends, start = 0, 0, -1
+    corner = marks[v, FIRST]
     while corner >= 0:
-        b, c = at[_next(corner)], at[_next(_next(corner))]
-        for one, other in ((b, c), (c, b)):
-            if link[one, 0] < 0:
-                link[one, 0] = other
-            elif link[one, 1] < 0:
-                link[one, 1] = other
-            else:
-                fits = False
-        start = b
-        corner = following[corner]
-    corner = first[v]
+        b, c = other_vertices(corners, corner)
+        if link[b, 1] >= 0 or link[c, 1] >= 0:
+            return FIXED  # three faces at an edge
+        link[b, int(link[b, 0] >= 0)] = c
+        link[c, int(link[c, 0] >= 0)] = b
+        n_faces, start = n_faces + 1, b
+        corner = corners[corner, 1]
+    corner = marks[v, FIRST]
     while corner >= 0:
-        for end in (at[_next(corner)], at[_next(_next(corner))]):
+        for end in other_vertices(corners, corner):
             if link[end, 1] < 0:
-                n_ends += 1
-                start = end
-        corner = following[corner]
-    if not fits or n_faces == 0 or n_ends > 2:
+                n_ends, start = n_ends + 1, end
+        corner = corners[corner, 1]
+    before, here = -1, start
+    for _ in range(n_faces):
+        if here == start and before >= 0:
+            return FIXED  # several fans
+        before, here = here, link[here, int(link[here, 0] == before)]
+    if n_ends > 2 or n_faces == 0:
         return FIXED
-    before, here, steps = -1, start, 0
-    while steps < n_faces:
-        after = link[here, 0] if link[here, 0] != before else link[here, 1]
-        before, here = here, after
-        steps += 1
-        if here < 0 or here == start:
-            break
-    if steps < n_faces:
-        return FIXED  # several fans
     return BOUNDARY if n_ends == 2 else INSIDE
 
 
-@compiled()
-def sampled_costs(
-    points: FloatArray,
-    quadrics: FloatArray,
-    kind: AnyArray,
-    at: AnyArray,
-    first: AnyArray,
-    following: AnyArray,
-) -> FloatArray:
-    """Costs of the edges at some of the vertices; infinite for those that cannot be collapsed."""
-    step = len(points) // N_SAMPLES + 1
-    n_costs = 0
-    for v in range(0, len(points), step):
-        corner = first[v]
-        while corner >= 0:
-            n_costs += 1
-            corner = following[corner]
-    costs = np.empty(n_costs)
-    n_costs = 0
-    for v in range(0, len(points), step):
-        corner = first[v]
-        while corner >= 0:
-            costs[n_costs] = _placement(points, quadrics, kind, v, at[_next(corner)])[3]
-            n_costs += 1
-            corner = following[corner]
+@compiled(error_model="numpy")
+def sampled_costs(vertices: FloatArray, marks: AnyArray, corners: AnyArray, faces: AnyArray) -> FloatArray:
+    """Costs of one edge of some faces; infinite if it cannot be collapsed."""
+    costs = np.empty(len(faces))
+    for i in range(len(faces)):
+        corner = 3 * faces[i]
+        costs[i] = _placement(vertices, marks, int(corners[corner, 0]), int(corners[corner + 1, 0]))[3]
     return costs
 
 
-@compiled()
+@compiled(error_model="numpy")
 def collapse_edges(
-    points: FloatArray,
-    quadrics: FloatArray,
-    kind: AnyArray,
-    at: AnyArray,
-    first: AnyArray,
-    following: AnyArray,
+    vertices: FloatArray,
+    marks: AnyArray,
+    corners: AnyArray,
+    queue: AnyArray,
     scale: float,
     limit: float,
     most: int,
-) -> AnyArray:
+) -> int:
     """Collapse edges of a cost below the limit, the cheapest first, until so many vertices are gone.
 
-    The arrays are changed. The queue has buckets of costs; ``scale`` is the cost in the middle of them.
+    PARENT becomes the vertex into which each was merged, the first of all that were merged with it.
 
-    Returns
-    -------
-    (n,) array of int
-        The vertex into which each was merged, the first of all that were merged with it.
+    Rows of the queue are edges: the next one in the same bucket, their ends, and the sum of the VERSIONs of those. The
+    first N_BUCKETS rows start the buckets, in which ``scale`` is the cost in the middle. The row after them starts the
+    list of free rows; it has also the number of rows in use and the lowest bucket that may hold something.
     """
-    n = len(points)
-    parent = np.arange(n).astype(np.int32)
-    version = np.zeros(n, np.int32)
-    mark = np.zeros(n, np.int32)
+    n = len(vertices)
+    for v in range(n):
+        marks[v, VERSION] = marks[v, MARK] = 0
+        marks[v, PARENT] = v
+    for i in range(N_BUCKETS + 1):
+        queue[i, 0] = -1
+    queue[N_BUCKETS, 1] = N_BUCKETS + 1
     turn = 0
-    bucket = np.full(N_BUCKETS, -1, np.int32)
-    # an edge of the queue: the next one, its ends, and the sum of their versions
-    queue = np.empty((3 * n + 64, 4), np.int32)
-    state = np.array(
-        [0, -1, 0]
-    )  # number of edges that were ever in the queue at once, a free one, the lowest bucket
     for v in range(n - 1, -1, -1):
         turn += 1
-        queue = _enqueue(
-            v,
-            v,
-            points,
-            quadrics,
-            kind,
-            at,
-            first,
-            following,
-            version,
-            mark,
-            turn,
-            bucket,
-            queue,
-            state,
-            scale,
-            limit,
-        )
-    state[2] = 0
-    n_gone = 0
+        _enqueue(v, v, vertices, marks, corners, queue, turn, scale, limit)
+    n_gone = bucket = 0
     while n_gone < most:
-        while state[2] < N_BUCKETS and bucket[state[2]] < 0:
-            state[2] += 1
-        if state[2] == N_BUCKETS:
+        while bucket < N_BUCKETS and queue[bucket, 0] < 0:
+            bucket += 1
+        if bucket == N_BUCKETS:
             break
-        edge = bucket[state[2]]
-        bucket[state[2]] = queue[edge, 0]
-        queue[edge, 0] = state[1]
-        state[1] = edge
-        u, v = min(queue[edge, 1], queue[edge, 2]), max(queue[edge, 1], queue[edge, 2])
-        if parent[u] != u or parent[v] != v or queue[edge, 3] != version[u] + version[v]:
-            continue
-        x, y, z, _ = _placement(points, quadrics, kind, u, v)
-        turn += 2
-        if not _preserves_topology(u, v, kind, at, first, following, mark, turn):
-            continue
-        if _spoils(u, v, x, y, z, points, at, first, following) or _spoils(
-            v, u, x, y, z, points, at, first, following
+        edge = queue[bucket, 0]
+        queue[bucket, 0] = queue[edge, 0]
+        queue[edge, 0] = queue[N_BUCKETS, 0]
+        queue[N_BUCKETS, 0] = edge
+        u, v = int(queue[edge, 1]), int(queue[edge, 2])
+        if (
+            marks[u, PARENT] != u
+            or marks[v, PARENT] != v
+            or queue[edge, 3] != marks[u, VERSION] + marks[v, VERSION]
         ):
             continue
-        points[u, 0], points[u, 1], points[u, 2] = x, y, z
-        for i in range(10):
-            quadrics[u, i] += quadrics[v, i]
-        kind[u] = max(kind[u], kind[v])
-        version[u] += 1
-        parent[v] = u
-        n_gone += 1
-        _merge_corners(u, v, at, first, following)
         turn += 2
-        queue = _enqueue(
-            u,
-            -1,
-            points,
-            quadrics,
-            kind,
-            at,
-            first,
-            following,
-            version,
-            mark,
-            turn,
-            bucket,
-            queue,
-            state,
-            scale,
-            limit,
-        )
+        if not _preserves_topology(u, v, marks, corners, turn):
+            continue
+        x, y, z, _ = _placement(vertices, marks, u, v)
+        if _spoils(u, v, x, y, z, vertices, marks, corners) or _spoils(
+            v, u, x, y, z, vertices, marks, corners
+        ):
+            continue
+        vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
+        for i in range(3, 13):
+            vertices[u, i] += vertices[v, i]
+        marks[u, KIND] = max(marks[u, KIND], marks[v, KIND])
+        marks[u, VERSION] += 1
+        marks[v, PARENT] = u
+        n_gone += 1
+        _merge_corners(u, v, marks, corners)
+        turn += 2
+        queue[N_BUCKETS, 2] = bucket
+        _enqueue(u, -1, vertices, marks, corners, queue, turn, scale, limit)
+        bucket = queue[N_BUCKETS, 2]
     for v in range(n):
-        parent[v] = parent[parent[v]]  # it comes before v
-    return parent
+        marks[v, PARENT] = marks[marks[v, PARENT], PARENT]  # which comes before v
+    return n_gone
 
 
-@compiled()
+@compiled(error_model="numpy")
 def _enqueue(
     v: int,
     above: int,
-    points: FloatArray,
-    quadrics: FloatArray,
-    kind: AnyArray,
-    at: AnyArray,
-    first: AnyArray,
-    following: AnyArray,
-    version: AnyArray,
-    mark: AnyArray,
-    turn: int,
-    bucket: AnyArray,
+    vertices: FloatArray,
+    marks: AnyArray,
+    corners: AnyArray,
     queue: AnyArray,
-    state: AnyArray,
+    turn: int,
     scale: float,
     limit: float,
-) -> AnyArray:
-    """Put the edges from v to its neighbours above a number into the queue; return the queue, which may be a longer one."""
-    corner = first[v]
+) -> None:
+    """Put the edges from v to its neighbours above a number into the queue; without room they wait for the next round."""
+    corner = marks[v, FIRST]
     while corner >= 0:
-        for w in (at[_next(corner)], at[_next(_next(corner))]):
-            if w <= above or mark[w] == turn:
+        for w in other_vertices(corners, corner):
+            if w <= above or marks[w, MARK] == turn:
                 continue
-            mark[w] = turn
-            cost = _placement(points, quadrics, kind, v, w)[3]
+            marks[w, MARK] = turn
+            cost = _placement(vertices, marks, v, w)[3]
             if not cost < limit:
                 continue
-            edge = state[1]
+            edge = queue[N_BUCKETS, 0]
             if edge >= 0:
-                state[1] = queue[edge, 0]
+                queue[N_BUCKETS, 0] = queue[edge, 0]
             else:
-                edge = state[0]
-                state[0] += 1
+                edge = queue[N_BUCKETS, 1]
                 if edge == len(queue):
-                    longer = np.empty((2 * len(queue), 4), np.int32)
-                    for i in range(len(queue)):
-                        for j in range(4):
-                            longer[i, j] = queue[i, j]
-                    queue = longer
+                    return
+                queue[N_BUCKETS, 1] += 1
             rank = min(int(N_BUCKETS * (cost / (cost + scale))), N_BUCKETS - 1) if cost > 0.0 else 0
-            queue[edge, 0], queue[edge, 1], queue[edge, 2] = bucket[rank], v, w
-            queue[edge, 3] = version[v] + version[w]
-            bucket[rank] = edge
-            state[2] = min(state[2], rank)
-        corner = following[corner]
-    return queue
+            queue[edge, 0], queue[edge, 1], queue[edge, 2] = queue[rank, 0], min(v, w), max(v, w)
+            queue[edge, 3] = marks[v, VERSION] + marks[w, VERSION]
+            queue[rank, 0] = edge
+            queue[N_BUCKETS, 2] = min(queue[N_BUCKETS, 2], rank)
+        corner = corners[corner, 1]
 
 
-@compiled()
-def _preserves_topology(
-    u: int,
-    v: int,
-    kind: AnyArray,
-    at: AnyArray,
-    first: AnyArray,
-    following: AnyArray,
-    mark: AnyArray,
-    turn: int,
-) -> bool:
+@compiled(error_model="numpy")
+def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
     """Whether the surface stays the same when u and v become one: Dey et al. 1999.
 
     Their common neighbours must be the vertices opposite to their edge. At the edge of two boundary vertices there must
@@ -304,133 +223,118 @@ def _preserves_topology(
     """
     opposite = turn + 1
     n_shared, n_here = 0, 0
-    corner = first[u]
+    corner = marks[u, FIRST]
     while corner >= 0:
-        b, c = at[_next(corner)], at[_next(_next(corner))]
+        b, c = other_vertices(corners, corner)
         if b == v or c == v:
-            across = c if b == v else b
-            if mark[across] == opposite:
+            across = b + c - v
+            if marks[across, MARK] == opposite:
                 return False  # two faces with the same vertices
-            mark[across] = opposite
+            marks[across, MARK] = opposite
             n_shared += 1
         elif b >= 0:
             for w in (b, c):
-                if mark[w] != opposite:
-                    mark[w] = turn
-        if b >= 0:
-            n_here += 1
-        corner = following[corner]
+                if marks[w, MARK] != opposite:
+                    marks[w, MARK] = turn
+        n_here += b >= 0
+        corner = corners[corner, 1]
     n_there, closes_there = 0, False
-    corner = first[v]
+    corner = marks[v, FIRST]
     while corner >= 0:
-        b, c = at[_next(corner)], at[_next(_next(corner))]
-        if b >= 0:
-            n_there += 1
-            if b != u and c != u:
-                if mark[b] == turn or mark[c] == turn:
-                    return False
-                closes_there = closes_there or (mark[b] == opposite and mark[c] == opposite)
-        corner = following[corner]
-    if closes_there:  # would another face come to lie on that one, as in a tetrahedron?
-        corner = first[u]
-        while corner >= 0:
-            b, c = at[_next(corner)], at[_next(_next(corner))]
-            if b >= 0 and mark[b] == opposite and mark[c] == opposite:
+        b, c = other_vertices(corners, corner)
+        n_there += b >= 0
+        if b >= 0 and b != u and c != u:
+            if marks[b, MARK] == turn or marks[c, MARK] == turn:
                 return False
-            corner = following[corner]
-    if kind[u] == BOUNDARY and kind[v] == BOUNDARY:
+            closes_there |= marks[b, MARK] == opposite and marks[c, MARK] == opposite
+        corner = corners[corner, 1]
+    if closes_there:  # would another face come to lie on that one, as in a tetrahedron?
+        corner = marks[u, FIRST]
+        while corner >= 0:
+            b, c = other_vertices(corners, corner)
+            if b >= 0 and marks[b, MARK] == opposite and marks[c, MARK] == opposite:
+                return False
+            corner = corners[corner, 1]
+    if marks[u, KIND] == BOUNDARY and marks[v, KIND] == BOUNDARY:
         return n_shared == 1 and n_here + n_there > 2
     return n_shared == 2
 
 
-@compiled()
+@compiled(error_model="numpy")
 def _spoils(
-    u: int,
-    v: int,
-    x: float,
-    y: float,
-    z: float,
-    points: FloatArray,
-    at: AnyArray,
-    first: AnyArray,
-    following: AnyArray,
+    u: int, v: int, x: float, y: float, z: float, vertices: FloatArray, marks: AnyArray, corners: AnyArray
 ) -> bool:
     """Whether a face at u without v turns too far, or becomes too thin, when u moves to (x, y, z)."""
-    corner = first[u]
+    corner = marks[u, FIRST]
     while corner >= 0:
-        b, c = at[_next(corner)], at[_next(_next(corner))]
-        corner = following[corner]
+        b, c = other_vertices(corners, corner)
+        corner = corners[corner, 1]
         if b < 0 or b == v or c == v:
             continue
-        ex, ey, ez = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
-        px, py, pz = points[u, 0] - points[b, 0], points[u, 1] - points[b, 1], points[u, 2] - points[b, 2]
-        qx, qy, qz = x - points[b, 0], y - points[b, 1], z - points[b, 2]
+        ex, ey, ez = _difference(vertices, c, b)
+        px, py, pz = _difference(vertices, u, b)
+        qx, qy, qz = x - vertices[b, 0], y - vertices[b, 1], z - vertices[b, 2]
         mx, my, mz = ey * pz - ez * py, ez * px - ex * pz, ex * py - ey * px
         nx, ny, nz = ey * qz - ez * qy, ez * qx - ex * qz, ex * qy - ey * qx
         before = np.sqrt(mx * mx + my * my + mz * mz)
         after = np.sqrt(nx * nx + ny * ny + nz * nz)
         if mx * nx + my * ny + mz * nz < LARGEST_TURN * before * after:
             return True
-        edges = ex * ex + ey * ey + ez * ez
-        before /= edges + px * px + py * py + pz * pz + (px - ex) ** 2 + (py - ey) ** 2 + (pz - ez) ** 2
-        after /= edges + qx * qx + qy * qy + qz * qz + (qx - ex) ** 2 + (qy - ey) ** 2 + (qz - ez) ** 2
-        if 2.0 * np.sqrt(3.0) * after < SLIVER and after <= before:
+        # squared edges: with a = c − b, and p from b, |a|² + |p|² + |p − a|² is twice |a|² + |p|² − a·p
+        edge = ex * ex + ey * ey + ez * ez
+        before /= edge + px * px + py * py + pz * pz - ex * px - ey * py - ez * pz
+        after /= edge + qx * qx + qy * qy + qz * qz - ex * qx - ey * qy - ez * qz
+        if np.sqrt(3.0) * after < SLIVER and after < 0.5 * before:
             return True
     return False
 
 
-@compiled()
-def _merge_corners(u: int, v: int, at: AnyArray, first: AnyArray, following: AnyArray) -> None:
+@compiled(error_model="numpy")
+def _merge_corners(u: int, v: int, marks: AnyArray, corners: AnyArray) -> None:
     """Remove the faces that u and v share, and give u the others of v."""
     last = -1
     for vertex in (u, v):
-        corner = first[vertex]
+        corner = marks[vertex, FIRST]
         while corner >= 0:
-            after = following[corner]
-            b, c = _next(corner), _next(_next(corner))
-            if at[b] == v or at[c] == v:
-                at[corner] = at[b] = at[c] = -1
-            elif at[corner] >= 0:
-                at[corner] = u
+            after = corners[corner, 1]
+            b, c = other_vertices(corners, corner)
+            if b == v or c == v:
+                face = corner - corner % 3
+                corners[face, 0] = corners[face + 1, 0] = corners[face + 2, 0] = -1
+            elif b >= 0:
+                corners[corner, 0] = u
                 if last < 0:
-                    first[u] = corner
+                    marks[u, FIRST] = corner
                 else:
-                    following[last] = corner
+                    corners[last, 1] = corner
                 last = corner
             corner = after
-    if last < 0:
-        first[u] = -1
-    else:
-        following[last] = -1
+    if last >= 0:
+        corners[last, 1] = -1
 
 
-@compiled()
-def _placement(
-    points: FloatArray, quadrics: FloatArray, kind: AnyArray, u: int, v: int
-) -> tuple[float, float, float, float]:
+@compiled(error_model="numpy")
+def _placement(vertices: FloatArray, marks: AnyArray, u: int, v: int) -> tuple[float, float, float, float]:
     """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
     xx, xy, xz = (
-        quadrics[u, 0] + quadrics[v, 0],
-        quadrics[u, 1] + quadrics[v, 1],
-        quadrics[u, 2] + quadrics[v, 2],
+        vertices[u, 3] + vertices[v, 3],
+        vertices[u, 4] + vertices[v, 4],
+        vertices[u, 5] + vertices[v, 5],
     )
     yy, yz, zz = (
-        quadrics[u, 3] + quadrics[v, 3],
-        quadrics[u, 4] + quadrics[v, 4],
-        quadrics[u, 5] + quadrics[v, 5],
+        vertices[u, 6] + vertices[v, 6],
+        vertices[u, 7] + vertices[v, 7],
+        vertices[u, 8] + vertices[v, 8],
     )
     bx, by, bz = (
-        quadrics[u, 6] + quadrics[v, 6],
-        quadrics[u, 7] + quadrics[v, 7],
-        quadrics[u, 8] + quadrics[v, 8],
+        vertices[u, 9] + vertices[v, 9],
+        vertices[u, 10] + vertices[v, 10],
+        vertices[u, 11] + vertices[v, 11],
     )
-    constant = quadrics[u, 9] + quadrics[v, 9]
-    if kind[u] == kind[v]:
-        x, y, z = (
-            (points[u, 0] + points[v, 0]) / 2,
-            (points[u, 1] + points[v, 1]) / 2,
-            (points[u, 2] + points[v, 2]) / 2,
-        )
+    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    if marks[u, KIND] > marks[v, KIND]:
+        x, y, z = vertices[u, 0], vertices[u, 1], vertices[u, 2]
+    elif marks[u, KIND] == marks[v, KIND]:
         cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         determinant = xx * cx + xy * cy + xz * cz
         if determinant > 1e-12 * xx * yy * zz:
@@ -438,65 +342,41 @@ def _placement(
             x = -(cx * bx + cy * by + cz * bz) / determinant
             y = -(cy * bx + cyy * by + cyz * bz) / determinant
             z = -(cz * bx + cyz * by + czz * bz) / determinant
-    else:
-        w = u if kind[u] > kind[v] else v
-        x, y, z = points[w, 0], points[w, 1], points[w, 2]
-    cost = constant + x * (xx * x + 2.0 * (xy * y + xz * z + bx)) + y * (yy * y + 2.0 * (yz * z + by))
-    cost += z * (zz * z + 2.0 * bz)
-    if kind[u] + kind[v] > FIXED:
+    cost = vertices[u, 12] + vertices[v, 12] + x * (xx * x + 2.0 * (xy * y + xz * z + bx))
+    cost += y * (yy * y + 2.0 * (yz * z + by)) + z * (zz * z + 2.0 * bz)
+    if marks[u, KIND] + marks[v, KIND] > FIXED:
         cost = np.inf
     return x, y, z, cost
 
 
-@compiled()
-def _next(corner: int) -> int:
-    """The corner after that one in its face."""
-    return corner - 2 if corner % 3 == 2 else corner + 1
+@compiled(error_model="numpy")
+def other_vertices(corners: AnyArray, corner: int) -> tuple[int, int]:
+    """Vertices of the other two corners of a face, in its direction."""
+    k = corner % 3
+    b = corner - 2 if k == 2 else corner + 1
+    c = corner + 2 if k == 0 else corner - 1
+    return int(corners[b, 0]), int(corners[c, 0])
 
 
-@compiled()
-def _normal(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float, float]:
-    """Cross product of the edges from a to b and c."""
-    px, py, pz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    qx, qy, qz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    return py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+@compiled(error_model="numpy")
+def _difference(vertices: FloatArray, a: int, b: int) -> tuple[float, float, float]:
+    return vertices[a, 0] - vertices[b, 0], vertices[a, 1] - vertices[b, 1], vertices[a, 2] - vertices[b, 2]
 
 
-@compiled()
-def _add_plane(
-    quadrics: FloatArray, v: int, points: FloatArray, x: float, y: float, z: float, weight: float
+@compiled(error_model="numpy")
+def _add_planes(
+    vertices: FloatArray, v: int, x: float, y: float, z: float, weight: float, point_weight: float
 ) -> None:
-    """Add the squared distance to a plane through v with a unit normal."""
-    d = -(x * points[v, 0] + y * points[v, 1] + z * points[v, 2])
-    quadrics[v, 0] += weight * x * x
-    quadrics[v, 1] += weight * x * y
-    quadrics[v, 2] += weight * x * z
-    quadrics[v, 3] += weight * y * y
-    quadrics[v, 4] += weight * y * z
-    quadrics[v, 5] += weight * z * z
-    quadrics[v, 6] += weight * x * d
-    quadrics[v, 7] += weight * y * d
-    quadrics[v, 8] += weight * z * d
-    quadrics[v, 9] += weight * d * d
-
-
-@compiled()
-def _add_point(quadrics: FloatArray, v: int, points: FloatArray, weight: float) -> None:
-    """Add the squared distance to v."""
-    _add_plane(quadrics, v, points, 1.0, 0.0, 0.0, weight)
-    _add_plane(quadrics, v, points, 0.0, 1.0, 0.0, weight)
-    _add_plane(quadrics, v, points, 0.0, 0.0, 1.0, weight)
-
-
-@compiled()
-def _add_wall(
-    quadrics: FloatArray, v: int, end: int, points: FloatArray, x: float, y: float, z: float
-) -> None:
-    """Add the squared distance to the plane through a boundary edge that holds the unit normal of its face."""
-    ex, ey, ez = points[end, 0] - points[v, 0], points[end, 1] - points[v, 1], points[end, 2] - points[v, 2]
-    squared = ex * ex + ey * ey + ez * ez
-    if squared > 0.0:
-        length = np.sqrt(squared)
-        ex, ey, ez = ex / length, ey / length, ez / length
-        nx, ny, nz = ey * z - ez * y, ez * x - ex * z, ex * y - ey * x
-        _add_plane(quadrics, v, points, nx, ny, nz, BOUNDARY_WEIGHT * squared / 3.0)
+    """Add the squared distances to the plane through v with that normal, and to v itself."""
+    px, py, pz = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+    d = -weight * (x * px + y * py + z * pz)
+    vertices[v, 3] += weight * x * x + point_weight
+    vertices[v, 4] += weight * x * y
+    vertices[v, 5] += weight * x * z
+    vertices[v, 6] += weight * y * y + point_weight
+    vertices[v, 7] += weight * y * z
+    vertices[v, 8] += weight * z * z + point_weight
+    vertices[v, 9] += x * d - point_weight * px
+    vertices[v, 10] += y * d - point_weight * py
+    vertices[v, 11] += z * d - point_weight * pz
+    vertices[v, 12] += -d * (x * px + y * py + z * pz) + point_weight * (px * px + py * py + pz * pz)

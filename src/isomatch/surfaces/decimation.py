@@ -6,13 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.surfaces._collapse import collapse_edges, describe_vertices, linked_corners, sampled_costs
+from isomatch.surfaces._collapse import (
+    N_BUCKETS,
+    PARENT,
+    collapse_edges,
+    describe_vertices,
+    link_corners,
+    sampled_costs,
+)
 from isomatch.surfaces.mesh import Mesh
 
-SHARE = 0.4  # of the edges that are cheap enough in a round
-LEAST_PROGRESS = 0.98  # of the vertices; where more remain after a round, the next one admits more edges
+SHARES = (
+    0.4,
+    0.6,
+    0.8,
+    1.0,
+)  # of the edges that a round may collapse; the next one after little progress
+LEAST_PROGRESS = 0.02  # of the vertices, in a round
+N_SAMPLES = 20_000  # faces, whose edges tell the distribution of costs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,8 +83,8 @@ def decimate(mesh: Mesh, n_vertices: int) -> Decimated:
     Notes
     -----
     Garland & Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997, with planes perpendicular to
-    the surface at boundaries, and with a small multiple of the squared distance to the merged vertices, so that flat parts
-    get even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology
+    the surface at boundaries, and a small multiple of the squared distance to the merged vertices, so that flat parts get
+    even triangles. An edge is collapsed if that preserves the topology (Dey, Edelsbrunner, Guha & Nekhayev, *Topology
     preserving edge contraction*, 1999), and turns no face too far nor makes it a sliver. In rounds: each collapses edges
     below a cost, the cheapest first, on a mesh that is compact in memory. O(n) time, about 200 bytes for each vertex.
 
@@ -85,37 +98,52 @@ def decimate(mesh: Mesh, n_vertices: int) -> Decimated:
     """
     if n_vertices < 1:
         raise SettingError(f"n_vertices = {n_vertices} leaves nothing of the mesh; ask for at least 1")
-    owner = np.arange(mesh.n_vertices)
+    owner: IntArray = np.arange(mesh.n_vertices)
     if n_vertices >= mesh.n_vertices:
         return Decimated(mesh, owner, n_vertices)
-    at = _sound_faces(mesh).ravel().astype(np.int32)
-    points, centre, size = _normalised(mesh.vertices)
-    first, following = linked_corners(at, len(points))
-    kind, quadrics = describe_vertices(points, at, first, following)
-    share = SHARE
-    while len(points) > n_vertices and share <= 1.0:
-        costs = sampled_costs(points, quadrics, kind, at, first, following)
-        costs = costs[np.isfinite(costs)]
-        if not len(costs):
-            break
-        limit = np.quantile(costs, share) if share < 1.0 else np.inf
-        scale = max(float(np.median(costs)), np.finfo(float).tiny)
-        parent = collapse_edges(
-            points, quadrics, kind, at, first, following, scale, limit, len(points) - n_vertices
-        )
-        is_kept = parent == np.arange(len(parent))
-        if is_kept.mean() > LEAST_PROGRESS:
-            share += (1.0 - SHARE) / 3
-        number = np.cumsum(is_kept, dtype=np.int32) - 1
-        owner = number[parent][owner]
-        points, quadrics, kind = points[is_kept], quadrics[is_kept], kind[is_kept]
-        at = number[at[at >= 0]]
-        first, following = linked_corners(at, len(points))
-    coarse = Mesh(points * size + centre, at.reshape(-1, 3))
-    return Decimated(coarse, owner.astype(np.int64), n_vertices)
+    faces = _sound_faces(mesh)
+    n = mesh.n_vertices
+    points, centre, size = normalised(mesh.vertices)
+    vertices, marks = np.zeros((n, 13)), np.zeros((n, 5), dtype=np.int32)
+    vertices[:, :3] = points
+    corners = np.empty((faces.size, 2), dtype=np.int32)
+    corners[:, 0] = faces.ravel()
+    link_corners(marks, corners)
+    describe_vertices(vertices, marks, corners, np.empty((n, 2), dtype=np.int32))
+    rounds = iter(SHARES)
+    share, n_gone = 0.0, 0
+    while n > n_vertices:
+        if n_gone <= LEAST_PROGRESS * n:
+            if share == 1.0 and not n_gone:
+                break
+            share = next(rounds, 1.0)
+        scale, limit = _costs(vertices, marks, corners, share)
+        queue = np.empty((N_BUCKETS + 1 + len(corners) // 2, 4), dtype=np.int32)
+        n_gone = collapse_edges(vertices, marks, corners, queue, scale, limit, n - n_vertices)
+        parent = marks[:, PARENT]
+        is_kept = parent == np.arange(n)
+        number = np.cumsum(is_kept) - 1
+        owner = number[parent[owner]]
+        n, vertices, marks = n - n_gone, vertices[is_kept], marks[is_kept]
+        corners = corners[corners[:, 0] >= 0]
+        corners[:, 0] = number[corners[:, 0]]
+        link_corners(marks, corners)
+    coarse = Mesh(vertices[:, :3] * size + centre, corners[:, 0].reshape(-1, 3))
+    return Decimated(coarse, owner, n_vertices)
 
 
-def _normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _costs(vertices: FloatArray, marks: AnyArray, corners: AnyArray, share: float) -> tuple[float, float]:
+    """Median of the costs of edges, and the cost below which a share of them is."""
+    n_faces = len(corners) // 3
+    costs = sampled_costs(vertices, marks, corners, np.arange(0, n_faces, n_faces // N_SAMPLES + 1))
+    costs = costs[np.isfinite(costs)]
+    if not len(costs):
+        return 1.0, np.inf
+    scale = max(float(np.median(costs)), float(np.finfo(float).tiny))
+    return scale, float(np.quantile(costs, share)) if share < 1.0 else np.inf
+
+
+def normalised(vertices: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Vertices about their middle, of size 1 or less; the middle, and the size."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     centre = low / 2 + high / 2
