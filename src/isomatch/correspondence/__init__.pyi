@@ -23,7 +23,12 @@ from isomatch.correspondence.linear_alignment import (
     alignments_from_points,
     nearest_under_rotation,
 )
-from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells, nearest_of_few, nearest_rows
+from isomatch.correspondence.nearest_neighbours import (
+    VertexCells,
+    nearest_in_cells,
+    nearest_of_few,
+    nearest_rows,
+)
 from isomatch.correspondence.precise_points import (
     PrecisePoints,
     faces_around_vertices,
@@ -55,8 +60,8 @@ __all__ = [
     "iterative_closest_points",
     "nearest_in_cells",
     "nearest_in_triangle",
-    "nearest_points",
     "nearest_of_few",
+    "nearest_points",
     "nearest_rows",
     "nearest_under_rotation",
     "pin_first",

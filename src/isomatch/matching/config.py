@@ -120,7 +120,7 @@ class LevelSettings(Settings):
     fast: int = setting(2500, "docs/performance.md, resolution", least=200)
     polished: int = setting(20000, "docs/performance.md, resolution", least=200)
     spared: float = setting(1.5, "chosen: less is hardly faster", least=1)
-    polished_sizes: tuple[int, ...] = setting((150, 200), "the last of refining.sizes", least=4)
+    polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
     normal_weight: float = setting(0.05, "docs/performance.md, resolution", least=0)
 
 

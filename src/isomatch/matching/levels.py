@@ -86,7 +86,9 @@ def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
     for size in sizes:
         decimated = decimate(finer, size)
         owner = decimated.owner[owner]
-        levels.append(_level(found, Transfer(body, replace(decimated, owner=owner)), Transfer(finer, decimated)))
+        levels.append(
+            _level(found, Transfer(body, replace(decimated, owner=owner)), Transfer(finer, decimated))
+        )
         finer = decimated.mesh
     return levels
 

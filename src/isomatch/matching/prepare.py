@@ -15,7 +15,6 @@ from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases import DistanceBasis, laplace_basis, nystrom_basis, refined_laplace_basis
 from isomatch.correspondence import (
-    PrecisePoints,
     SampledBasis,
     SignedPoints,
 )
@@ -38,7 +37,7 @@ from isomatch.matching.orientation import orientation_of
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Transfer, Surface, capped, check
+from isomatch.surfaces import Graph, Surface, Transfer, capped, check
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -155,7 +155,9 @@ class SmoothShape:
         Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear.
         """
         there = target.transfer.coarse.mesh
-        positions, normals = (points.interpolated(values) for values in (there.vertices, there.vertex_normals))
+        positions, normals = (
+            points.interpolated(values) for values in (there.vertices, there.vertex_normals)
+        )
         corners, weights = self.transfer.on_coarse
         lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
         torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths

@@ -17,7 +17,9 @@ from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-NORMAL_WEIGHT = 0.1  # of 1 − cos of the angle between normals, times the coarse vertex area, beside squared distances
+NORMAL_WEIGHT = (
+    0.1  # of 1 − cos of the angle between normals, times the coarse vertex area, beside squared distances
+)
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -120,7 +122,9 @@ class Transfer:
                 f"points have corners outside 0…{coarse.n_vertices - 1}, the vertices of the coarse mesh, so they are "
                 "points of another one"
             )
-        positions, normals = (points.interpolated(values) for values in (coarse.vertices, coarse.vertex_normals))
+        positions, normals = (
+            points.interpolated(values) for values in (coarse.vertices, coarse.vertex_normals)
+        )
         return self.near_fine(positions, normals, corners)
 
     def near_fine(self, positions: FloatArray, normals: FloatArray, corners: IntArray) -> PrecisePoints:
@@ -211,7 +215,10 @@ class Transfer:
 
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     """Faces around each vertex a and around its neighbours: ``near[start[a]:start[a + 1]]``."""
-    entries = np.ones(mesh.faces.size, dtype=bool), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3))
+    entries = (
+        np.ones(mesh.faces.size, dtype=bool),
+        (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)),
+    )
     around = csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
     near = (around @ around.T) @ around
     near.sort_indices()
