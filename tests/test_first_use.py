@@ -38,6 +38,15 @@ def test_the_import_loads_nothing_slow():
     assert loaded_by("import isomatch\nisomatch.Mesh, isomatch.Config, isomatch.distance_engine") == []
 
 
+def test_serial_blas_holds_for_what_is_loaded_later():
+    loaded_by(
+        "from isomatch._threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"
+        "with serial_blas():\n"
+        "    import scipy.linalg\n"
+        "    assert {pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'} == {1}"
+    )
+
+
 def test_what_matches_loads_no_pictures_and_no_data():
     slow = loaded_by("import isomatch\nisomatch.match, isomatch.prepare")
     assert not {"numba", "matplotlib", "skimage"} & set(slow)

@@ -91,6 +91,8 @@ class _SerialBlas:
     def __call__(self) -> Iterator[None]:
         with self._lock:
             if self._controller is None:
+                import scipy.linalg  # noqa: F401 - the controller sees only libraries that are loaded
+
                 self._controller = ThreadpoolController()
             self._depth += 1
             if self._depth == 1:

@@ -56,5 +56,7 @@ def _version(distribution: str) -> str:
 
 
 def _blas() -> str:
+    import scipy.linalg  # noqa: F401 - only libraries that are loaded are listed
+
     libraries = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
     return ", ".join(f"{pool['internal_api']} {pool['version']}" for pool in libraries) or "not recognised"

@@ -79,22 +79,25 @@ def assign_points(
     O(width c m²).
     """
     m, c = unary.shape
+    distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
     assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
     for point in range(m):
-        added = _added(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers)
+        added = np.zeros((len(assigned), c))
+        _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
         children = (total[:, None] + unary[point] + added).ravel()
         take = min(len(children), 12 * width)
         best = np.argpartition(children, take - 1)[:take]
         best = best[np.lexsort((best, children[best]))]
         parent, candidate = np.divmod(best, c)
         grown = np.column_stack([assigned[parent], candidate])
-        kept = _differing(distances, grown, width, apart)
+        kept = np.zeros(width, dtype=np.int64)
+        kept = kept[: _keep_differing(distances, grown, apart, kept)]
         assigned, total = grown[kept], children[best[kept]]
     return assigned, total
 
 
 @compiled()
-def _added(
+def _add_costs(
     distances: FloatArray,
     assigned: IntArray,
     lower: FloatArray,
@@ -103,27 +106,24 @@ def _added(
     inside: float,
     most: float,
     soft: float,
-) -> FloatArray:
-    """Cost (h, c) of each candidate for one more point, towards the points of each assignment (h, m)."""
+    added: FloatArray,
+) -> None:
+    """Add the cost (h, c) of each candidate for one more point, towards the points of each assignment (h, m)."""
     h, m = assigned.shape
-    c = len(distances)
-    added = np.zeros((h, c))
     for i in range(h):
         for a in range(m):
             u = upper[a]
             low, high, scale = lower[a] * (1 - tolerance), u * (1 + tolerance), soft + u
-            row = distances[assigned[i, a]]
-            for k in range(c):
-                d = row[k]
+            row = assigned[i, a]
+            for k in range(len(distances)):
+                d = distances[row, k]
                 added[i, k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) / scale
-    return added
 
 
 @compiled()
-def _differing(distances: FloatArray, tuples: IntArray, most: int, apart: float) -> IntArray:
-    """Rows of tuples, first ones first, whose mean distance to all kept before is at least ``apart``."""
+def _keep_differing(distances: FloatArray, tuples: IntArray, apart: float, kept: IntArray) -> int:
+    """Keep the first rows of tuples whose mean distance to all kept before is at least ``apart``, and count them."""
     m = tuples.shape[1]
-    kept = np.zeros(most, dtype=np.int64)
     n = 0
     for i in range(len(tuples)):
         differs = True
@@ -137,9 +137,9 @@ def _differing(distances: FloatArray, tuples: IntArray, most: int, apart: float)
         if differs:
             kept[n] = i
             n += 1
-            if n == most:
+            if n == len(kept):
                 break
-    return kept[:n]
+    return n
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
@@ -169,16 +169,14 @@ def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cos
     -----
     O(q m c).
     """
-    return _trilaterated(
-        np.ascontiguousarray(lower),
-        np.ascontiguousarray(upper),
-        np.ascontiguousarray(distances),
-        *cost.numbers,
-    )
+    placed = np.zeros(len(lower), dtype=np.int64)
+    lower, upper, distances = map(np.ascontiguousarray, (lower, upper, distances))
+    _trilaterate(lower, upper, distances, *cost.numbers, np.zeros(distances.shape[1]), placed)
+    return placed
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
-def _trilaterated(
+def _trilaterate(
     lower: FloatArray,
     upper: FloatArray,
     distances: FloatArray,
@@ -186,18 +184,21 @@ def _trilaterated(
     inside: float,
     most: float,
     soft: float,
-) -> IntArray:
+    total: FloatArray,
+    placed: IntArray,
+) -> None:
+    """Set ``placed`` (q,); ``total`` is room for the cost of each candidate."""
     q, m = lower.shape
     c = distances.shape[1]
-    placed = np.zeros(q, dtype=np.int64)
-    total = np.zeros(c)
     for i in range(q):
-        total[:] = 0.0
+        for k in range(c):
+            total[k] = 0.0
         for a in range(m):
             u = upper[i, a]
             low, high, weight = lower[i, a] * (1 - tolerance), u * (1 + tolerance), 1 / (soft + u)
             for k in range(c):
                 d = distances[a, k]
                 total[k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) * weight
-        placed[i] = np.argmin(total)
-    return placed
+        for k in range(c):
+            if total[k] < total[placed[i]]:
+                placed[i] = k

@@ -106,10 +106,14 @@ def _march(
     nearer than its bound stays at ``inf``, and the front does not continue from it.
     """
     n = len(start) - 1
-    known = np.full(n, np.inf)  # final distances; inf while tentative, −1 where the bound is nearer
-    excess = np.zeros(n)
-    slot = np.full(n, -1, np.int32)  # index in the heap, −1 for a vertex never reached
-    heap = np.zeros(n, np.int32)
+    known = np.empty(n, np.float64)  # final distances; inf while tentative, −1 where the bound is nearer
+    excess = np.empty(n, np.float64)
+    slot = np.empty(n, np.int32)  # index in the heap, −1 for a vertex never reached
+    heap = np.empty(n, np.int32)
+    for v in range(n):
+        known[v] = np.inf
+        excess[v] = 0.0
+        slot[v] = -1
     size = 1
     heap[0] = source
     slot[source] = 0

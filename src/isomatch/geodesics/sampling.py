@@ -128,24 +128,26 @@ def euclidean_farthest_points(points: FloatArray, n_samples: int, start: int) ->
         raise SettingError(f"start = {start} must lie in 0…{n - 1}, the points")
     chosen = np.zeros(n_samples, dtype=np.int64)
     chosen[0] = start
-    _fill_with_farthest(np.asarray(points, dtype=np.float64), chosen)
+    _fill_with_farthest(np.array(points, dtype=np.float64, order="C"), chosen, np.full(n, np.inf))
     return chosen
 
 
 @compiled()
-def _fill_with_farthest(points: FloatArray, chosen: IntArray) -> None:
-    """Fill ``chosen`` after its first entry."""
-    nearest = np.full(len(points), np.inf)  # squared distance to the points chosen so far
+def _fill_with_farthest(points: FloatArray, chosen: IntArray, nearest: FloatArray) -> None:
+    """Fill ``chosen`` after its first entry; ``nearest`` (n,), squared distances to it, is all inf on entry."""
+    farthest = chosen[0]
     for i in range(len(chosen)):
-        if i:
-            chosen[i] = np.argmax(nearest)
+        last = chosen[i] = farthest
+        nearest[last] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
+        most = -1.0
         for j in range(len(points)):
             squared = 0.0
             for axis in range(points.shape[1]):
-                squared += (points[j, axis] - points[chosen[i], axis]) ** 2
+                squared += (points[j, axis] - points[last, axis]) ** 2
             if squared < nearest[j]:
                 nearest[j] = squared
-        nearest[chosen[i]] = -1.0  # below the 0 of coincident points, so that no point is chosen twice
+            if nearest[j] > most:
+                most, farthest = nearest[j], j
 
 
 def peripheral_vertex(surface: MetricSpace, engine: DistanceEngine, seed: int = 0) -> int:

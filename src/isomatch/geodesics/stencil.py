@@ -73,14 +73,17 @@ def stencil_of(mesh: Mesh) -> Stencil:
     """
     faces = mesh.sound_faces
     opposite = _opposite_corners(faces, mesh.n_vertices)
-    extra = _split_obtuse(mesh.vertices, faces.ravel(), opposite)
+    most = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
+    extra = np.zeros((most, 3), dtype=np.int64), np.zeros((most, 3))
+    found = _split_obtuse(mesh.vertices, faces.ravel(), opposite, *extra)
     # every corner c of every face, with its edge (a, b), as (c, a, b, |ab|, x, y)
     corner = faces.ravel()
     a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     points = mesh.vertices
     plain = np.column_stack([corner, a, b]), _triangle(points[a], points[b], points[corner])
     curvature = _gaussian_curvature(mesh, opposite)
-    return _group(np.concatenate([plain[0], extra[0]]), np.concatenate([plain[1], extra[1]]), curvature)
+    corners, shape = (np.concatenate([every, split[:found]]) for every, split in zip(plain, extra))
+    return _group(corners, shape, curvature)
 
 
 def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
@@ -147,26 +150,21 @@ def _opposite_corners(faces: IntArray, n: int) -> IntArray:
 
 @compiled()
 def _split_obtuse(
-    points: FloatArray, corner_vertex: IntArray, opposite: IntArray
-) -> tuple[IntArray, FloatArray]:
-    """Find the updates (c; e, d) of obtuse corners c by unfolded vertices d, (u, 3), and their shapes, (u, 3)."""
-    n_corners = len(corner_vertex)
-    limit = 2 * (n_corners // 3)  # a face has at most one obtuse corner, which gives at most two updates
-    corners = np.zeros((limit, 3), np.int64)
-    shape = np.zeros((limit, 3), np.float64)
+    points: FloatArray, corner_vertex: IntArray, opposite: IntArray, corners: IntArray, shape: FloatArray
+) -> int:
+    """Write the updates (c; e, d) of obtuse corners c by unfolded vertices d and their shapes, and count them."""
     count = 0
-    for h in range(n_corners):
+    for h in range(len(corner_vertex)):
         base = h - h % 3
         c = corner_vertex[h]
         a = corner_vertex[base + (h + 1) % 3]
         b = corner_vertex[base + (h + 2) % 3]
         # the plane of the face: c at the origin, a on the positive axis, b above it
-        ax = np.sqrt(((points[a] - points[c]) ** 2).sum())
-        cb = points[b] - points[c]
+        ax = np.sqrt(_product(points, c, a, c, a))
         if ax == 0.0:
             continue
-        bx = ((points[a] - points[c]) * cb).sum() / ax
-        by = np.sqrt(max((cb**2).sum() - bx * bx, 0.0))
+        bx = _product(points, c, a, c, b) / ax
+        by = np.sqrt(max(_product(points, c, b, c, b) - bx * bx, 0.0))
         cb_length = np.sqrt(bx * bx + by * by)
         if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:
             continue
@@ -183,10 +181,8 @@ def _split_obtuse(
             if length == 0.0:
                 break
             # position of d relative to the edge (left, right), measured in space: lengths do not change by unfolding
-            edge = points[right] - points[left]
-            to_d = points[d] - points[left]
-            along = (edge * to_d).sum() / length
-            away = np.sqrt(max((to_d**2).sum() - along * along, 0.0))
+            along = _product(points, left, right, left, d) / length
+            away = np.sqrt(max(_product(points, left, d, left, d) - along * along, 0.0))
             # unit normal of the unfolded edge, pointing away from c
             nx, ny = ey / length, -ex / length
             if nx * -lx + ny * -ly > 0.0:
@@ -224,4 +220,13 @@ def _split_obtuse(
                 if v != left_new and v != right_new:
                     gate = opposite[face + i]
             left, right = left_new, right_new
-    return corners[:count], shape[:count]
+    return count
+
+
+@compiled()
+def _product(points: FloatArray, a: int, b: int, c: int, d: int) -> float:
+    """Inner product of the edges a → b and c → d."""
+    total = 0.0
+    for i in range(3):
+        total += (points[b, i] - points[a, i]) * (points[d, i] - points[c, i])
+    return total
