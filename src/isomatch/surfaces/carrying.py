@@ -12,12 +12,16 @@ from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError
-from isomatch.surfaces._collapse import link_corners, other_vertices
+from isomatch.surfaces._collapse import difference, link_corners, other_vertices
 from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-NORMAL_WEIGHT = 0.1  # of 1 − cos of the angle between normals, times the coarse vertex area, beside squared distances
+LEAST_COSINE = 0.5  # of the angle between the normals of a vertex and of a face; what is missing costs
+NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
+MOST_TRIED = (
+    32  # fine vertices of each corner, from the nearest of which the nearest of all is sought by steps
+)
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -125,14 +129,11 @@ class Transfer:
 
         def chunk(first: int) -> None:
             rows = slice(first, first + CHUNK)
-            _nearest_on_fine(
+            _inverse_image(
                 corners[rows],
                 barycentric[rows],
                 coarse.vertices,
-                coarse.vertex_normals,
-                self._tolerance,
-                self._points,
-                self._normals,
+                self._places,
                 start,
                 members,
                 marks,
@@ -170,6 +171,12 @@ class Transfer:
         return NORMAL_WEIGHT * self._coarse.vertex_areas
 
     @cached_property
+    def _places(self) -> FloatArray:
+        """(n, 3) positions of the fine vertices on the coarse mesh."""
+        places: FloatArray = self.on_coarse.interpolation(self._coarse.n_vertices) @ self._coarse.vertices
+        return places
+
+    @cached_property
     def _members(self) -> tuple[AnyArray, AnyArray]:
         """Fine vertices of each owner a: ``members[start[a]:start[a + 1]]``."""
         n, owner = self.fine.n_vertices, self.coarse.owner
@@ -190,7 +197,10 @@ class Transfer:
 
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
     """Faces around each vertex a and around its neighbours: ``near[start[a]:start[a + 1]]``."""
-    entries = np.ones(mesh.faces.size, dtype=bool), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3))
+    entries = (
+        np.ones(mesh.faces.size, dtype=bool),
+        (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)),
+    )
     around = csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
     near = (around @ around.T) @ around
     near.sort_indices()
@@ -215,8 +225,8 @@ def _nearest_on_coarse(
         best = np.inf
         for at in range(start[owner], start[owner + 1]):
             a, b, c = faces[near[at], 0], faces[near[at], 1], faces[near[at], 2]
-            ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-            vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
+            ux, uy, uz = difference(x, b, a)
+            vx, vy, vz = difference(x, c, a)
             px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
             s, t, gain = nearest_in_triangle(
                 ux * ux + uy * uy + uz * uz,
@@ -230,27 +240,21 @@ def _nearest_on_coarse(
                 continue
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             facing = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]
-            cost += tolerance[owner] * (1.0 - facing / max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300))
+            facing /= max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+            cost += tolerance[owner] * max(0.0, LEAST_COSINE - facing)
             if cost < best:
                 best = cost
-                r = 1.0 - s - t
-                if s > r and s >= t:
-                    a, b, c, r, s, t = b, c, a, s, t, r
-                elif t > r:
-                    a, b, c, r, s, t = c, a, b, t, r, s
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
-                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, s, t
+                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
+        _sort_corners(corners, barycentric, i)
 
 
 @compiled(error_model="numpy")
-def _nearest_on_fine(
+def _inverse_image(
     corners: IntArray,
     barycentric: FloatArray,
     coarse: FloatArray,
-    coarse_normals: FloatArray,
-    tolerance: FloatArray,
-    x: FloatArray,
-    normals: FloatArray,
+    places: FloatArray,
     start: AnyArray,
     members: AnyArray,
     marks: AnyArray,
@@ -258,62 +262,61 @@ def _nearest_on_fine(
     found: IntArray,
     weights: FloatArray,
 ) -> None:
-    """Find the nearest points of the fine mesh, see `Transfer.to_fine`."""
-    q = np.empty(7)  # position, normal times tolerance, which is the last
+    """Find the points of the fine mesh whose places are nearest to points q of the coarse mesh."""
     for i in range(len(corners)):
-        for d in range(3):
-            q[d] = q[3 + d] = 0.0
-            for k in range(3):
-                q[d] += barycentric[i, k] * coarse[corners[i, k], d]
-                q[3 + d] += barycentric[i, k] * coarse_normals[corners[i, k], d]
-        q[6] = tolerance[corners[i, 0]]
-        length = max(np.sqrt(q[3] * q[3] + q[4] * q[4] + q[5] * q[5]), 1e-300)
-        for d in range(3, 6):
-            q[d] *= q[6] / length
-        best, nearest = np.inf, -1
-        for k in range(3):
-            owner = corners[i, k]
-            if k > 0 and owner == corners[i, 0]:
-                continue
-            for at in range(start[owner], start[owner + 1]):
-                cost = _cost(x, normals, members[at], q)
-                if cost < best:
-                    best, nearest = cost, members[at]
-        before = -1
+        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+        r, s, t = barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
+        qx = r * coarse[a, 0] + s * coarse[b, 0] + t * coarse[c, 0]
+        qy = r * coarse[a, 1] + s * coarse[b, 1] + t * coarse[c, 1]
+        qz = r * coarse[a, 2] + s * coarse[b, 2] + t * coarse[c, 2]
+        nearest, least = np.int64(0), np.inf
+        for owner in (a, b, c):
+            step = (start[owner + 1] - start[owner]) // MOST_TRIED + 1
+            for at in range(start[owner], start[owner + 1], step):
+                v = np.int64(members[at])
+                squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                if squared < least:
+                    nearest, least = v, squared
+        before = np.int64(-1)
         while before != nearest:
             before = nearest
             corner = marks[before, 0]
             while corner >= 0:
-                for w in other_vertices(linked, corner):
-                    cost = _cost(x, normals, w, q)
-                    if cost < best:
-                        best, nearest = cost, w
+                for v in other_vertices(linked, corner):
+                    squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                    if squared < least:
+                        nearest, least = v, squared
                 corner = linked[corner, 1]
-        found[i, 0] = found[i, 1] = found[i, 2] = a = nearest
-        best = 0.0  # squared distance, less that of the vertex
-        px, py, pz = q[0] - x[a, 0], q[1] - x[a, 1], q[2] - x[a, 2]
-        corner = marks[a, 0]
-        while corner >= 0:
-            b, c = other_vertices(linked, corner)
-            ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-            vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-            s, t, gain = nearest_in_triangle(
-                ux * ux + uy * uy + uz * uz,
-                ux * vx + uy * vy + uz * vz,
-                vx * vx + vy * vy + vz * vz,
-                ux * px + uy * py + uz * pz,
-                vx * px + vy * py + vz * pz,
-            )
-            if gain < best:
-                best = gain
-                found[i, 1], found[i, 2] = b, c
-                weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
-            corner = linked[corner, 1]
+        found[i, 0] = found[i, 1] = found[i, 2] = nearest
+        for k in range(3):  # around the nearest vertex, then around the other corners of the face found
+            a = found[i, k]
+            px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
+            corner = marks[a, 0]
+            while corner >= 0:
+                b, c = other_vertices(linked, corner)
+                corner = linked[corner, 1]
+                ux, uy, uz = difference(places, b, a)
+                vx, vy, vz = difference(places, c, a)
+                s, t, gain = nearest_in_triangle(
+                    ux * ux + uy * uy + uz * uz,
+                    ux * vx + uy * vy + uz * vz,
+                    vx * vx + vy * vy + vz * vz,
+                    ux * px + uy * py + uz * pz,
+                    vx * px + vy * py + vz * pz,
+                )
+                squared = px * px + py * py + pz * pz + gain
+                if squared < least:
+                    least = squared
+                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
+                    weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
+        _sort_corners(found, weights, i)
 
 
 @compiled(error_model="numpy")
-def _cost(x: FloatArray, normals: FloatArray, v: int, q: FloatArray) -> float:
-    """Squared distance from a vertex to q, plus the tolerance × (1 − cos of the angle between their normals)."""
-    dx, dy, dz = x[v, 0] - q[0], x[v, 1] - q[1], x[v, 2] - q[2]
-    facing = normals[v, 0] * q[3] + normals[v, 1] * q[4] + normals[v, 2] * q[5]
-    return dx * dx + dy * dy + dz * dz + q[6] - facing
+def _sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
+    """Turn the corners of a point so that the one of greatest weight comes first."""
+    k = np.argmax(barycentric[i])
+    a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
+    r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
+    corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
+    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, max(s, 0.0), max(t, 0.0)

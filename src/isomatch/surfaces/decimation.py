@@ -12,9 +12,9 @@ from isomatch.surfaces._collapse import (
     N_BUCKETS,
     PARENT,
     collapse_edges,
+    costs_of_edges,
     describe_vertices,
     link_corners,
-    sampled_costs,
 )
 from isomatch.surfaces.mesh import Mesh
 
@@ -134,8 +134,9 @@ def decimate(mesh: Mesh, n_vertices: int) -> Decimated:
 
 def _costs(vertices: FloatArray, marks: AnyArray, corners: AnyArray, share: float) -> tuple[float, float]:
     """Median of the costs of edges, and the cost below which a share of them is."""
-    n_faces = len(corners) // 3
-    costs = sampled_costs(vertices, marks, corners, np.arange(0, n_faces, n_faces // N_SAMPLES + 1))
+    step = len(corners) // (3 * N_SAMPLES) + 1
+    ends = corners[:, 0].reshape(-1, 3)[::step, :2].astype(np.int64)
+    costs = costs_of_edges(vertices, marks, ends)
     costs = costs[np.isfinite(costs)]
     if not len(costs):
         return 1.0, np.inf
