@@ -46,6 +46,7 @@ class Transfer:
 
     Examples
     --------
+    >>> from isomatch.surfaces import decimate
     >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
     >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
