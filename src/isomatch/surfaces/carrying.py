@@ -12,16 +12,14 @@ from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError
-from isomatch.surfaces._collapse import difference, link_corners, other_vertices
+from isomatch.surfaces._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-LEAST_COSINE = 0.5  # of the angle between the normals of a vertex and of a face; what is missing costs
+LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
 NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
-MOST_TRIED = (
-    32  # fine vertices of each corner, from the nearest of which the nearest of all is sought by steps
-)
+MOST_TRIED = 32  # fine vertices of each corner, where steps to the nearest of all may start
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -72,10 +70,13 @@ class Transfer:
 
     @cached_property
     def on_coarse(self) -> PrecisePoints:
-        """The point of the coarse mesh nearest to each fine vertex, n points; the nearest corner comes first.
+        """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first.
 
-        Sought on the coarse faces around its owner and the neighbours of that, by position and normal. About 25 n faces.
+        This is the nearest point of the coarse faces around its owner and the neighbours of that. A face counts as
+        farther away if its normal differs by more than 60° from that of the vertex. About 25 n faces.
         """
+        points, _, _ = normalised(self.fine.vertices)
+        normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
         found = PrecisePoints.at_vertices(self.coarse.owner)
@@ -83,10 +84,10 @@ class Transfer:
         def chunk(first: int) -> None:
             rows = slice(first, first + CHUNK)
             _nearest_on_coarse(
-                self._points[rows],
-                self._normals[rows],
+                points[rows],
+                normals[rows],
                 coarse.vertices,
-                self._tolerance,
+                NORMAL_WEIGHT * coarse.vertex_areas,
                 coarse.faces,
                 start,
                 near,
@@ -98,10 +99,7 @@ class Transfer:
         return found
 
     def to_fine(self, points: PrecisePoints) -> PrecisePoints:
-        """Find the point of the fine mesh nearest to each of m points of the coarse one.
-
-        The nearest vertex, by position and normal, is sought among those merged into the corners of the coarse face, and
-        from there by steps to neighbours that are nearer. Then the nearest point in the faces around it.
+        """Carry m points of the coarse mesh to the fine one: the inverse of `on_coarse`.
 
         Parameters
         ----------
@@ -111,12 +109,19 @@ class Transfer:
         Returns
         -------
         PrecisePoints
-            m points; the nearest vertex is the first corner.
+            m points of the fine mesh; the corner of greatest weight comes first. Of all points in its triangles, whose
+            corners are taken at their places on the coarse mesh, the nearest. So it is exact where the fine triangles lie
+            in coarse ones, and otherwise off by less than a fine triangle.
 
         Raises
         ------
         InputError
             If a corner is no vertex of the coarse mesh.
+
+        Notes
+        -----
+        The nearest vertex is sought among those merged into the corners of the coarse face, and from there by steps to
+        neighbours that are nearer; the point, in the faces around it. O(m).
         """
         corners, barycentric = points
         coarse = self._coarse
@@ -126,55 +131,28 @@ class Transfer:
                 "points of another one"
             )
         found = PrecisePoints.at_vertices(np.zeros(len(corners), dtype=np.int64))
-        (start, members), (marks, linked) = self._members, self._linked_corners
+        fixed = coarse.vertices, self._places, *self._members, *self._linked_corners
 
         def chunk(first: int) -> None:
             rows = slice(first, first + CHUNK)
             _inverse_image(
-                corners[rows],
-                barycentric[rows],
-                coarse.vertices,
-                self._places,
-                start,
-                members,
-                marks,
-                linked,
-                found.corners[rows],
-                found.barycentric[rows],
+                corners[rows], barycentric[rows], *fixed, found.corners[rows], found.barycentric[rows]
             )
 
         parallel_map(chunk, range(0, len(corners), CHUNK))
         return found
 
     @cached_property
-    def _normalised(self) -> tuple[FloatArray, FloatArray, float]:
-        return normalised(self.fine.vertices)
-
-    @property
-    def _points(self) -> FloatArray:
-        """(n, 3) fine vertices, in units in which squares neither overflow nor underflow."""
-        return self._normalised[0]
-
-    @cached_property
-    def _normals(self) -> FloatArray:
-        """(n, 3) unit normals of the fine vertices."""
-        return vertex_normals(self._points, self.fine.sound_faces)
-
-    @cached_property
     def _coarse(self) -> Mesh:
-        """The coarse mesh in the same units."""
-        _, centre, size = self._normalised
+        """The coarse mesh in units in which squares neither overflow nor underflow."""
+        _, centre, size = normalised(self.fine.vertices)
         return Mesh((self.coarse.mesh.vertices - centre) / size, self.coarse.mesh.faces)
-
-    @cached_property
-    def _tolerance(self) -> FloatArray:
-        """(n_coarse,) squared distance that weighs as much as a right angle between normals at each coarse vertex."""
-        return NORMAL_WEIGHT * self._coarse.vertex_areas
 
     @cached_property
     def _places(self) -> FloatArray:
         """(n, 3) positions of the fine vertices on the coarse mesh."""
         places: FloatArray = self.on_coarse.interpolation(self._coarse.n_vertices) @ self._coarse.vertices
+        places.flags.writeable = False  # as the vertices of a mesh, so that loops are compiled once
         return places
 
     @cached_property
@@ -226,19 +204,13 @@ def _nearest_on_coarse(
         best = np.inf
         for at in range(start[owner], start[owner + 1]):
             a, b, c = faces[near[at], 0], faces[near[at], 1], faces[near[at], 2]
-            ux, uy, uz = difference(x, b, a)
-            vx, vy, vz = difference(x, c, a)
             px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
-            s, t, gain = nearest_in_triangle(
-                ux * ux + uy * uy + uz * uz,
-                ux * vx + uy * vy + uz * vz,
-                vx * vx + vy * vy + vz * vz,
-                ux * px + uy * py + uz * pz,
-                vx * px + vy * py + vz * pz,
-            )
+            s, t, gain = _nearest_in(x, a, b, c, px, py, pz)
             cost = px * px + py * py + pz * pz + gain
             if cost >= best:
                 continue
+            ux, uy, uz = difference(x, b, a)
+            vx, vy, vz = difference(x, c, a)
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             facing = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]
             facing /= max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
@@ -296,15 +268,7 @@ def _inverse_image(
             while corner >= 0:
                 b, c = other_vertices(linked, corner)
                 corner = linked[corner, 1]
-                ux, uy, uz = difference(places, b, a)
-                vx, vy, vz = difference(places, c, a)
-                s, t, gain = nearest_in_triangle(
-                    ux * ux + uy * uy + uz * uz,
-                    ux * vx + uy * vy + uz * vz,
-                    vx * vx + vy * vy + vz * vz,
-                    ux * px + uy * py + uz * pz,
-                    vx * px + vy * py + vz * pz,
-                )
+                s, t, gain = _nearest_in(places, a, b, c, px, py, pz)
                 squared = px * px + py * py + pz * pz + gain
                 if squared < least:
                     least = squared
@@ -314,9 +278,28 @@ def _inverse_image(
 
 
 @compiled(error_model="numpy")
+def _nearest_in(
+    x: FloatArray, a: Index, b: Index, c: Index, px: float, py: float, pz: float
+) -> tuple[float, float, float]:
+    """Call `nearest_in_triangle` for a triangle and a point given by its position from a."""
+    ux, uy, uz = difference(x, b, a)
+    vx, vy, vz = difference(x, c, a)
+    return nearest_in_triangle(
+        ux * ux + uy * uy + uz * uz,
+        ux * vx + uy * vy + uz * vz,
+        vx * vx + vy * vy + vz * vz,
+        ux * px + uy * py + uz * pz,
+        vx * px + vy * py + vz * pz,
+    )
+
+
+@compiled(error_model="numpy")
 def _sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
     """Turn the corners of a point so that the one of greatest weight comes first."""
-    k = np.argmax(barycentric[i])
+    k = 0
+    for other in range(1, 3):
+        if barycentric[i, other] > barycentric[i, k]:
+            k = other
     a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
     r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
     corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
