@@ -80,19 +80,19 @@ class Transfer:
         coarse = self._coarse
         start, near = _faces_near(coarse)
         found = PrecisePoints.at_vertices(self.coarse.owner)
+        _, by_owner = self._members
 
         def chunk(first: int) -> None:
-            rows = slice(first, first + CHUNK)
             _nearest_on_coarse(
-                points[rows],
-                normals[rows],
+                by_owner[first : first + CHUNK],
+                points,
+                normals,
                 coarse.vertices,
                 NORMAL_WEIGHT * coarse.vertex_areas,
                 coarse.faces,
                 start,
                 near,
-                found.corners[rows],
-                found.barycentric[rows],
+                *found,
             )
 
         parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
@@ -131,13 +131,11 @@ class Transfer:
                 "points of another one"
             )
         found = PrecisePoints.at_vertices(np.zeros(len(corners), dtype=np.int64))
-        fixed = coarse.vertices, self._places, *self._members, *self._linked_corners
+        given = corners, barycentric, coarse.vertices, self._places, *self._members, *self._linked_corners
+        by_corner = np.argsort(corners[:, 0])  # neighbours one after the other, for the sake of the cache
 
         def chunk(first: int) -> None:
-            rows = slice(first, first + CHUNK)
-            _inverse_image(
-                corners[rows], barycentric[rows], *fixed, found.corners[rows], found.barycentric[rows]
-            )
+            _inverse_image(by_corner[first : first + CHUNK], *given, *found)
 
         parallel_map(chunk, range(0, len(corners), CHUNK))
         return found
@@ -188,6 +186,7 @@ def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
 
 @compiled(error_model="numpy")
 def _nearest_on_coarse(
+    rows: AnyArray,
     points: FloatArray,
     normals: FloatArray,
     x: FloatArray,
@@ -199,7 +198,7 @@ def _nearest_on_coarse(
     barycentric: FloatArray,
 ) -> None:
     """Replace the owners in ``corners`` by the nearest points of the faces near them, the nearest corner first."""
-    for i in range(len(points)):
+    for i in rows:
         owner = corners[i, 0]
         best = np.inf
         for at in range(start[owner], start[owner + 1]):
@@ -224,6 +223,7 @@ def _nearest_on_coarse(
 
 @compiled(error_model="numpy")
 def _inverse_image(
+    rows: IntArray,
     corners: IntArray,
     barycentric: FloatArray,
     coarse: FloatArray,
@@ -236,7 +236,7 @@ def _inverse_image(
     weights: FloatArray,
 ) -> None:
     """Find the points of the fine mesh whose places are nearest to points q of the coarse mesh."""
-    for i in range(len(corners)):
+    for i in rows:
         a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
         r, s, t = barycentric[i, 0], barycentric[i, 1], barycentric[i, 2]
         qx = r * coarse[a, 0] + s * coarse[b, 0] + t * coarse[c, 0]
