@@ -18,12 +18,7 @@ from isomatch.surfaces._collapse import (
 )
 from isomatch.surfaces.mesh import Mesh
 
-SHARES = (
-    0.4,
-    0.6,
-    0.8,
-    1.0,
-)  # of the edges that a round may collapse; the next one after little progress
+SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round
 N_SAMPLES = 20_000  # faces, whose edges tell the distribution of costs
 
