@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells
-from isomatch.correspondence.precise_points import PrecisePoints, nearest_points
+from isomatch.correspondence.precise_points import nearest_points
+from isomatch.surfaces import PrecisePoints
 
 
 @dataclass(frozen=True, eq=False)

@@ -154,20 +154,14 @@ class SmoothShape:
 
         Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear.
         """
-        there = target.transfer.coarse.mesh
-        positions, normals = (
-            points.interpolated(values) for values in (there.vertices, there.vertex_normals)
-        )
+        positions = points.interpolated(target.transfer.coarse.mesh.vertices)
         corners, weights = self.transfer.on_coarse
         lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
         torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths
         weights = np.where(torn, 0.0, weights)
         mixed = PrecisePoints(corners, weights / weights.sum(axis=1, keepdims=True))
         owner = corners[:, 0]
-        found = target.transfer.near_fine(
-            mixed.interpolated(positions), mixed.interpolated(normals), points.corners[owner]
-        )
-        return found, owner
+        return target.transfer.near_fine(mixed.interpolated(positions), points.corners[owner]), owner
 
 
 def _apart(points: FloatArray, corners: IntArray) -> FloatArray:

@@ -3,17 +3,23 @@
 Three arrays hold the state; what belongs together lies together in memory.
 
 - ``vertices`` (n, 13): position, and the quadric xᵀ A x + 2 bᵀ x + c: the upper triangle of A, b and c.
-- ``marks`` (n, 5) of int32: the columns FIRST, KIND, VERSION, MARK, PARENT.
+- ``marks`` (n, 5) of int32: the columns Index: TypeAlias = int | np.int64
+
+FIRST, KIND, VERSION, MARK, PARENT.
 - ``corners`` (3 m, 2) of int32: corner 3 f + k, the place k of face f, has a vertex, −1 in a face that has vanished, and
   the corner that follows it in the list of those at this vertex, which starts at FIRST and ends at −1.
 """
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray
+from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._compiled import compiled
+
+Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
@@ -21,7 +27,7 @@ POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those
 BOUNDARY_WEIGHT = 1.0  # of a plane through a boundary edge, beside a face as large as the square on that edge
 LARGEST_TURN = 0.2  # least cosine of the angle by which a face may turn in one collapse
 SLIVER = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
-N_BUCKETS = 1024  # of costs, in the order of which edges are collapsed
+N_BUCKETS = 128  # of costs, in the order of which edges are collapsed; with 1024 the result is no better
 
 
 @compiled(error_model="numpy")
@@ -43,8 +49,8 @@ def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, 
         corner = marks[v, FIRST]
         while corner >= 0:
             b, c = other_vertices(corners, corner)
-            px, py, pz = _difference(vertices, b, v)
-            qx, qy, qz = _difference(vertices, c, v)
+            px, py, pz = difference(vertices, b, v)
+            qx, qy, qz = difference(vertices, c, v)
             x, y, z = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
@@ -53,7 +59,7 @@ def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, 
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
                         # the plane through that boundary edge that is perpendicular to the face
-                        ex, ey, ez = _difference(vertices, end, v)
+                        ex, ey, ez = difference(vertices, end, v)
                         weight = BOUNDARY_WEIGHT / 3.0
                         _add_planes(
                             vertices, v, ey * z - ez * y, ez * x - ex * z, ex * y - ey * x, weight, 0.0
@@ -62,14 +68,14 @@ def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, 
 
 
 @compiled(error_model="numpy")
-def _kind(v: int, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
+def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
     """Whether the faces at v form a disc, inside or at the boundary; ``link`` joins the neighbours that share a face."""
     corner = marks[v, FIRST]
     while corner >= 0:
         for end in other_vertices(corners, corner):
             link[end, 0] = link[end, 1] = -1
         corner = corners[corner, 1]
-    n_faces, n_ends, start = 0, 0, -1
+    n_faces, n_ends, start = 0, 0, np.int64(-1)
     corner = marks[v, FIRST]
     while corner >= 0:
         b, c = other_vertices(corners, corner)
@@ -85,23 +91,22 @@ def _kind(v: int, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
             if link[end, 1] < 0:
                 n_ends, start = n_ends + 1, end
         corner = corners[corner, 1]
-    before, here = -1, start
-    for _ in range(n_faces):
-        if here == start and before >= 0:
-            return FIXED  # several fans
-        before, here = here, link[here, int(link[here, 0] == before)]
     if n_ends > 2 or n_faces == 0:
         return FIXED
+    before, here = np.int64(-1), start
+    for _ in range(n_faces):
+        if here < 0 or (here == start and before >= 0):
+            return FIXED  # several fans
+        before, here = here, np.int64(link[here, int(link[here, 0] == before)])
     return BOUNDARY if n_ends == 2 else INSIDE
 
 
 @compiled(error_model="numpy")
-def sampled_costs(vertices: FloatArray, marks: AnyArray, corners: AnyArray, faces: AnyArray) -> FloatArray:
-    """Costs of one edge of some faces; infinite if it cannot be collapsed."""
-    costs = np.empty(len(faces))
-    for i in range(len(faces)):
-        corner = 3 * faces[i]
-        costs[i] = _placement(vertices, marks, int(corners[corner, 0]), int(corners[corner + 1, 0]))[3]
+def costs_of_edges(vertices: FloatArray, marks: AnyArray, ends: IntArray) -> FloatArray:
+    """Costs of edges (k, 2); infinite for those that cannot be collapsed."""
+    costs = np.empty(len(ends))
+    for i in range(len(ends)):
+        costs[i] = _placement(vertices, marks, ends[i, 0], ends[i, 1])[3]
     return costs
 
 
@@ -124,16 +129,16 @@ def collapse_edges(
     list of free rows; it has also the number of rows in use and the lowest bucket that may hold something.
     """
     n = len(vertices)
-    for v in range(n):
-        marks[v, VERSION] = marks[v, MARK] = 0
-        marks[v, PARENT] = v
+    for w in range(n):
+        marks[w, VERSION] = marks[w, MARK] = 0
+        marks[w, PARENT] = w
     for i in range(N_BUCKETS + 1):
         queue[i, 0] = -1
     queue[N_BUCKETS, 1] = N_BUCKETS + 1
     turn = 0
-    for v in range(n - 1, -1, -1):
+    for w in range(n - 1, -1, -1):
         turn += 1
-        _enqueue(v, v, vertices, marks, corners, queue, turn, scale, limit)
+        _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit)
     n_gone = bucket = 0
     while n_gone < most:
         while bucket < N_BUCKETS and queue[bucket, 0] < 0:
@@ -144,7 +149,7 @@ def collapse_edges(
         queue[bucket, 0] = queue[edge, 0]
         queue[edge, 0] = queue[N_BUCKETS, 0]
         queue[N_BUCKETS, 0] = edge
-        u, v = int(queue[edge, 1]), int(queue[edge, 2])
+        u, v = np.int64(queue[edge, 1]), np.int64(queue[edge, 2])
         if (
             marks[u, PARENT] != u
             or marks[v, PARENT] != v
@@ -155,9 +160,10 @@ def collapse_edges(
         if not _preserves_topology(u, v, marks, corners, turn):
             continue
         x, y, z, _ = _placement(vertices, marks, u, v)
-        if _spoils(u, v, x, y, z, vertices, marks, corners) or _spoils(
-            v, u, x, y, z, vertices, marks, corners
-        ):
+        spoils = False
+        for one, other in ((u, v), (v, u)):
+            spoils = spoils or _spoils(one, other, x, y, z, vertices, marks, corners)
+        if spoils:
             continue
         vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z
         for i in range(3, 13):
@@ -169,17 +175,17 @@ def collapse_edges(
         _merge_corners(u, v, marks, corners)
         turn += 2
         queue[N_BUCKETS, 2] = bucket
-        _enqueue(u, -1, vertices, marks, corners, queue, turn, scale, limit)
+        _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit)
         bucket = queue[N_BUCKETS, 2]
-    for v in range(n):
-        marks[v, PARENT] = marks[marks[v, PARENT], PARENT]  # which comes before v
+    for w in range(n):
+        marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
     return n_gone
 
 
 @compiled(error_model="numpy")
 def _enqueue(
-    v: int,
-    above: int,
+    v: Index,
+    below: int,
     vertices: FloatArray,
     marks: AnyArray,
     corners: AnyArray,
@@ -188,11 +194,11 @@ def _enqueue(
     scale: float,
     limit: float,
 ) -> None:
-    """Put the edges from v to its neighbours above a number into the queue; without room they wait for the next round."""
+    """Put the edges from v to its neighbours below a number into the queue; without room they wait for the next round."""
     corner = marks[v, FIRST]
     while corner >= 0:
         for w in other_vertices(corners, corner):
-            if w <= above or marks[w, MARK] == turn:
+            if w >= below or marks[w, MARK] == turn:
                 continue
             marks[w, MARK] = turn
             cost = _placement(vertices, marks, v, w)[3]
@@ -215,7 +221,7 @@ def _enqueue(
 
 
 @compiled(error_model="numpy")
-def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
+def _preserves_topology(u: Index, v: Index, marks: AnyArray, corners: AnyArray, turn: int) -> bool:
     """Whether the surface stays the same when u and v become one: Dey et al. 1999.
 
     Their common neighbours must be the vertices opposite to their edge. At the edge of two boundary vertices there must
@@ -236,13 +242,13 @@ def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn
             for w in (b, c):
                 if marks[w, MARK] != opposite:
                     marks[w, MARK] = turn
-        n_here += b >= 0
+        n_here += int(b >= 0)
         corner = corners[corner, 1]
     n_there, closes_there = 0, False
     corner = marks[v, FIRST]
     while corner >= 0:
         b, c = other_vertices(corners, corner)
-        n_there += b >= 0
+        n_there += int(b >= 0)
         if b >= 0 and b != u and c != u:
             if marks[b, MARK] == turn or marks[c, MARK] == turn:
                 return False
@@ -262,7 +268,7 @@ def _preserves_topology(u: int, v: int, marks: AnyArray, corners: AnyArray, turn
 
 @compiled(error_model="numpy")
 def _spoils(
-    u: int, v: int, x: float, y: float, z: float, vertices: FloatArray, marks: AnyArray, corners: AnyArray
+    u: Index, v: Index, x: float, y: float, z: float, vertices: FloatArray, marks: AnyArray, corners: AnyArray
 ) -> bool:
     """Whether a face at u without v turns too far, or becomes too thin, when u moves to (x, y, z)."""
     corner = marks[u, FIRST]
@@ -271,8 +277,8 @@ def _spoils(
         corner = corners[corner, 1]
         if b < 0 or b == v or c == v:
             continue
-        ex, ey, ez = _difference(vertices, c, b)
-        px, py, pz = _difference(vertices, u, b)
+        ex, ey, ez = difference(vertices, c, b)
+        px, py, pz = difference(vertices, u, b)
         qx, qy, qz = x - vertices[b, 0], y - vertices[b, 1], z - vertices[b, 2]
         mx, my, mz = ey * pz - ez * py, ez * px - ex * pz, ex * py - ey * px
         nx, ny, nz = ey * qz - ez * qy, ez * qx - ex * qz, ex * qy - ey * qx
@@ -290,7 +296,7 @@ def _spoils(
 
 
 @compiled(error_model="numpy")
-def _merge_corners(u: int, v: int, marks: AnyArray, corners: AnyArray) -> None:
+def _merge_corners(u: Index, v: Index, marks: AnyArray, corners: AnyArray) -> None:
     """Remove the faces that u and v share, and give u the others of v."""
     last = -1
     for vertex in (u, v):
@@ -314,7 +320,9 @@ def _merge_corners(u: int, v: int, marks: AnyArray, corners: AnyArray) -> None:
 
 
 @compiled(error_model="numpy")
-def _placement(vertices: FloatArray, marks: AnyArray, u: int, v: int) -> tuple[float, float, float, float]:
+def _placement(
+    vertices: FloatArray, marks: AnyArray, u: Index, v: Index
+) -> tuple[float, float, float, float]:
     """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
     xx, xy, xz = (
         vertices[u, 3] + vertices[v, 3],
@@ -350,22 +358,22 @@ def _placement(vertices: FloatArray, marks: AnyArray, u: int, v: int) -> tuple[f
 
 
 @compiled(error_model="numpy")
-def other_vertices(corners: AnyArray, corner: int) -> tuple[int, int]:
+def other_vertices(corners: AnyArray, corner: Index) -> tuple[np.int64, np.int64]:
     """Vertices of the other two corners of a face, in its direction."""
     k = corner % 3
     b = corner - 2 if k == 2 else corner + 1
     c = corner + 2 if k == 0 else corner - 1
-    return int(corners[b, 0]), int(corners[c, 0])
+    return np.int64(corners[b, 0]), np.int64(corners[c, 0])
 
 
 @compiled(error_model="numpy")
-def _difference(vertices: FloatArray, a: int, b: int) -> tuple[float, float, float]:
+def difference(vertices: FloatArray, a: Index, b: Index) -> tuple[float, float, float]:
     return vertices[a, 0] - vertices[b, 0], vertices[a, 1] - vertices[b, 1], vertices[a, 2] - vertices[b, 2]
 
 
 @compiled(error_model="numpy")
 def _add_planes(
-    vertices: FloatArray, v: int, x: float, y: float, z: float, weight: float, point_weight: float
+    vertices: FloatArray, v: Index, x: float, y: float, z: float, weight: float, point_weight: float
 ) -> None:
     """Add the squared distances to the plane through v with that normal, and to v itself."""
     px, py, pz = vertices[v, 0], vertices[v, 1], vertices[v, 2]

@@ -12,14 +12,14 @@ from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError
-from isomatch.surfaces._collapse import link_corners, other_vertices
+from isomatch.surfaces._collapse import Index, difference, link_corners, other_vertices
 from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 
-NORMAL_WEIGHT = (
-    0.1  # of 1 − cos of the angle between normals, times the coarse vertex area, beside squared distances
-)
+LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
+NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
+MOST_TRIED = 32  # fine vertices of each corner, where steps to the nearest of all may start
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -44,6 +44,7 @@ class Transfer:
 
     Examples
     --------
+    >>> from isomatch.surfaces import decimate
     >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
     >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
@@ -69,36 +70,36 @@ class Transfer:
 
     @cached_property
     def on_coarse(self) -> PrecisePoints:
-        """The point of the coarse mesh nearest to each fine vertex, n points; the nearest corner comes first.
+        """The place of each fine vertex on the coarse mesh, n points; the corner of greatest weight comes first.
 
-        Sought on the coarse faces around its owner and the neighbours of that, by position and normal. About 25 n faces.
+        This is the nearest point of the coarse faces around its owner and the neighbours of that. A face counts as
+        farther away if its normal differs by more than 60° from that of the vertex. About 25 n faces.
         """
+        points, _, _ = normalised(self.fine.vertices)
+        normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
         found = PrecisePoints.at_vertices(self.coarse.owner)
+        _, by_owner = self._members
 
         def chunk(first: int) -> None:
-            rows = slice(first, first + CHUNK)
             _nearest_on_coarse(
-                self._points[rows],
-                self._normals[rows],
+                by_owner[first : first + CHUNK],
+                points,
+                normals,
                 coarse.vertices,
-                self._tolerance,
+                NORMAL_WEIGHT * coarse.vertex_areas,
                 coarse.faces,
                 start,
                 near,
-                found.corners[rows],
-                found.barycentric[rows],
+                *found,
             )
 
         parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
         return found
 
     def to_fine(self, points: PrecisePoints) -> PrecisePoints:
-        """Find the point of the fine mesh nearest to each of m points of the coarse one.
-
-        The nearest vertex, by position and normal, is sought among those merged into the corners of the coarse face, and
-        from there by steps to neighbours that are nearer. Then the nearest point in the faces around it.
+        """Carry m points of the coarse mesh to the fine one: the inverse of `on_coarse`.
 
         Parameters
         ----------
@@ -108,91 +109,62 @@ class Transfer:
         Returns
         -------
         PrecisePoints
-            m points; the nearest vertex is the first corner.
+            m points of the fine mesh; the corner of greatest weight comes first. Of all points in its triangles, whose
+            corners are taken at their places on the coarse mesh, the nearest. So it is exact where the fine triangles lie
+            in coarse ones, and otherwise off by less than a fine triangle.
 
         Raises
         ------
         InputError
             If a corner is no vertex of the coarse mesh.
+
+        Notes
+        -----
+        The nearest vertex is sought among those merged into the corners of the coarse face, and from there by steps to
+        neighbours that are nearer; the point, in the faces around it. O(m).
         """
-        coarse = self.coarse.mesh
-        corners = points.corners
+        corners, coarse = points.corners, self.coarse.mesh
         if len(corners) and not 0 <= corners.min() <= corners.max() < coarse.n_vertices:
             raise InputError(
                 f"points have corners outside 0…{coarse.n_vertices - 1}, the vertices of the coarse mesh, so they are "
                 "points of another one"
             )
-        positions, normals = (
-            points.interpolated(values) for values in (coarse.vertices, coarse.vertex_normals)
-        )
-        return self.near_fine(positions, normals, corners)
+        return self.near_fine(points.interpolated(coarse.vertices), corners)
 
-    def near_fine(self, positions: FloatArray, normals: FloatArray, corners: IntArray) -> PrecisePoints:
-        """Find the point of the fine mesh nearest to each of m positions near the coarse one.
+    def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
+        """Carry m positions near the coarse mesh to the fine one, as `to_fine`.
 
         Parameters
         ----------
-        positions, normals : (m, 3) arrays of float
-            Normals of any length.
+        positions : (m, 3) array of float
+            In the units of the meshes.
         corners : (m, q) array of int
-            Coarse vertices near each position: the nearest fine vertex is sought from those merged into them.
-
-        Returns
-        -------
-        PrecisePoints
-            As of `to_fine`.
+            Coarse vertices near each position: the search starts at the fine vertices merged into them.
         """
-        _, centre, size = self._normalised
-        queries = np.empty((len(positions), 7))  # position, normal × tolerance, tolerance
-        queries[:, :3] = (positions - centre) / size
-        queries[:, 6] = self._tolerance[corners[:, 0]]
-        length = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
-        queries[:, 3:6] = normals * (queries[:, 6] / length)[:, None]
+        _, centre, size = normalised(self.fine.vertices)
         found = PrecisePoints.at_vertices(np.zeros(len(corners), dtype=np.int64))
-        (start, members), (marks, linked) = self._members, self._linked_corners
+        queries = (positions - centre) / size
+        given = queries, corners, self._places, *self._members, *self._linked_corners
+        by_corner = np.argsort(corners[:, 0])  # neighbours one after the other, for the sake of the cache
 
         def chunk(first: int) -> None:
-            rows = slice(first, first + CHUNK)
-            _nearest_on_fine(
-                queries[rows],
-                corners[rows],
-                self._points,
-                self._normals,
-                start,
-                members,
-                marks,
-                linked,
-                found.corners[rows],
-                found.barycentric[rows],
-            )
+            _inverse_image(by_corner[first : first + CHUNK], *given, *found)
 
         parallel_map(chunk, range(0, len(corners), CHUNK))
         return found
 
     @cached_property
-    def _normalised(self) -> tuple[FloatArray, FloatArray, float]:
-        return normalised(self.fine.vertices)
-
-    @property
-    def _points(self) -> FloatArray:
-        """(n, 3) fine vertices, in units in which squares neither overflow nor underflow."""
-        return self._normalised[0]
-
-    @cached_property
-    def _normals(self) -> FloatArray:
-        """(n, 3) unit normals of the fine vertices."""
-        return vertex_normals(self._points, self.fine.sound_faces)
-
-    @cached_property
     def _coarse(self) -> Mesh:
-        """The coarse mesh in the same units."""
-        _, centre, size = self._normalised
+        """The coarse mesh in units in which squares neither overflow nor underflow."""
+        _, centre, size = normalised(self.fine.vertices)
         return Mesh((self.coarse.mesh.vertices - centre) / size, self.coarse.mesh.faces)
 
     @cached_property
-    def _tolerance(self) -> FloatArray:
-        """(n_coarse,) squared distance that weighs as much as a right angle between normals at each coarse vertex."""
-        return NORMAL_WEIGHT * self._coarse.vertex_areas
+    def _places(self) -> FloatArray:
+        """(n, 3) positions of the fine vertices on the coarse mesh."""
+        places: FloatArray = self.on_coarse.interpolation(self._coarse.n_vertices) @ self._coarse.vertices
+        places.flags.writeable = False  # as the vertices of a mesh, so that loops are compiled once
+        return places
 
     @cached_property
     def _members(self) -> tuple[AnyArray, AnyArray]:
@@ -227,6 +199,7 @@ def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
 
 @compiled(error_model="numpy")
 def _nearest_on_coarse(
+    rows: AnyArray,
     points: FloatArray,
     normals: FloatArray,
     x: FloatArray,
@@ -238,44 +211,35 @@ def _nearest_on_coarse(
     barycentric: FloatArray,
 ) -> None:
     """Replace the owners in ``corners`` by the nearest points of the faces near them, the nearest corner first."""
-    for i in range(len(points)):
+    for i in rows:
         owner = corners[i, 0]
         best = np.inf
         for at in range(start[owner], start[owner + 1]):
             a, b, c = faces[near[at], 0], faces[near[at], 1], faces[near[at], 2]
-            ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-            vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
             px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
-            s, t, gain = nearest_in_triangle(
-                ux * ux + uy * uy + uz * uz,
-                ux * vx + uy * vy + uz * vz,
-                vx * vx + vy * vy + vz * vz,
-                ux * px + uy * py + uz * pz,
-                vx * px + vy * py + vz * pz,
-            )
+            s, t, gain = _nearest_in(x, a, b, c, px, py, pz)
             cost = px * px + py * py + pz * pz + gain
             if cost >= best:
                 continue
+            ux, uy, uz = difference(x, b, a)
+            vx, vy, vz = difference(x, c, a)
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             facing = nx * normals[i, 0] + ny * normals[i, 1] + nz * normals[i, 2]
-            cost += tolerance[owner] * (1.0 - facing / max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300))
+            facing /= max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+            cost += tolerance[owner] * max(0.0, LEAST_COSINE - facing)
             if cost < best:
                 best = cost
-                r = 1.0 - s - t
-                if s > r and s >= t:
-                    a, b, c, r, s, t = b, c, a, s, t, r
-                elif t > r:
-                    a, b, c, r, s, t = c, a, b, t, r, s
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
-                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, s, t
+                barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
+        _sort_corners(corners, barycentric, i)
 
 
 @compiled(error_model="numpy")
-def _nearest_on_fine(
+def _inverse_image(
+    rows: IntArray,
     queries: FloatArray,
     corners: IntArray,
-    x: FloatArray,
-    normals: FloatArray,
+    places: FloatArray,
     start: AnyArray,
     members: AnyArray,
     marks: AnyArray,
@@ -283,53 +247,69 @@ def _nearest_on_fine(
     found: IntArray,
     weights: FloatArray,
 ) -> None:
-    """Find the nearest points of the fine mesh, see `Transfer.near_fine`."""
-    for i in range(len(corners)):
-        q = queries[i]
-        best, nearest = np.inf, -1
-        for k in range(corners.shape[1]):
-            owner = corners[i, k]
-            if k > 0 and owner == corners[i, 0]:
-                continue
-            for at in range(start[owner], start[owner + 1]):
-                cost = _cost(x, normals, members[at], q)
-                if cost < best:
-                    best, nearest = cost, members[at]
-        before = -1
+    """Find the points of the fine mesh whose places are nearest to queries near the coarse mesh."""
+    for i in rows:
+        qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
+        nearest, least = np.int64(0), np.inf
+        for j in range(corners.shape[1]):
+            owner = corners[i, j]
+            step = (start[owner + 1] - start[owner]) // MOST_TRIED + 1
+            for at in range(start[owner], start[owner + 1], step):
+                v = np.int64(members[at])
+                squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                if squared < least:
+                    nearest, least = v, squared
+        before = np.int64(-1)
         while before != nearest:
             before = nearest
             corner = marks[before, 0]
             while corner >= 0:
-                for w in other_vertices(linked, corner):
-                    cost = _cost(x, normals, w, q)
-                    if cost < best:
-                        best, nearest = cost, w
+                for v in other_vertices(linked, corner):
+                    squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                    if squared < least:
+                        nearest, least = v, squared
                 corner = linked[corner, 1]
-        found[i, 0] = found[i, 1] = found[i, 2] = a = nearest
-        best = 0.0  # squared distance, less that of the vertex
-        px, py, pz = q[0] - x[a, 0], q[1] - x[a, 1], q[2] - x[a, 2]
-        corner = marks[a, 0]
-        while corner >= 0:
-            b, c = other_vertices(linked, corner)
-            ux, uy, uz = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
-            vx, vy, vz = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
-            s, t, gain = nearest_in_triangle(
-                ux * ux + uy * uy + uz * uz,
-                ux * vx + uy * vy + uz * vz,
-                vx * vx + vy * vy + vz * vz,
-                ux * px + uy * py + uz * pz,
-                vx * px + vy * py + vz * pz,
-            )
-            if gain < best:
-                best = gain
-                found[i, 1], found[i, 2] = b, c
-                weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
-            corner = linked[corner, 1]
+        found[i, 0] = found[i, 1] = found[i, 2] = nearest
+        for k in range(3):  # around the nearest vertex, then around the other corners of the face found
+            a = found[i, k]
+            px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
+            corner = marks[a, 0]
+            while corner >= 0:
+                b, c = other_vertices(linked, corner)
+                corner = linked[corner, 1]
+                s, t, gain = _nearest_in(places, a, b, c, px, py, pz)
+                squared = px * px + py * py + pz * pz + gain
+                if squared < least:
+                    least = squared
+                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
+                    weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
+        _sort_corners(found, weights, i)
 
 
 @compiled(error_model="numpy")
-def _cost(x: FloatArray, normals: FloatArray, v: int, q: FloatArray) -> float:
-    """Squared distance from a vertex to q, plus the tolerance × (1 − cos of the angle between their normals)."""
-    dx, dy, dz = x[v, 0] - q[0], x[v, 1] - q[1], x[v, 2] - q[2]
-    facing = normals[v, 0] * q[3] + normals[v, 1] * q[4] + normals[v, 2] * q[5]
-    return dx * dx + dy * dy + dz * dz + q[6] - facing
+def _nearest_in(
+    x: FloatArray, a: Index, b: Index, c: Index, px: float, py: float, pz: float
+) -> tuple[float, float, float]:
+    """Call `nearest_in_triangle` for a triangle and a point given by its position from a."""
+    ux, uy, uz = difference(x, b, a)
+    vx, vy, vz = difference(x, c, a)
+    return nearest_in_triangle(
+        ux * ux + uy * uy + uz * uz,
+        ux * vx + uy * vy + uz * vz,
+        vx * vx + vy * vy + vz * vz,
+        ux * px + uy * py + uz * pz,
+        vx * px + vy * py + vz * pz,
+    )
+
+
+@compiled(error_model="numpy")
+def _sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
+    """Turn the corners of a point so that the one of greatest weight comes first."""
+    k = 0
+    for other in range(1, 3):
+        if barycentric[i, other] > barycentric[i, k]:
+            k = other
+    a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
+    r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
+    corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
+    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, max(s, 0.0), max(t, 0.0)
