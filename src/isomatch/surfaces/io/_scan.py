@@ -118,7 +118,7 @@ def select(
     return size, row
 
 
-@compiled()
+@compiled(error_model="numpy")
 def parse(lines: AnyArray, powers: FloatArray, at: IntArray, values: FloatArray, counts: IntArray) -> bool:
     """Parse words as floats, from byte, value and row ``at`` on, to the end or to a word for which this is too simple.
 
@@ -166,7 +166,8 @@ def parse(lines: AnyArray, powers: FloatArray, at: IntArray, values: FloatArray,
                 k += 1
             first, exponent = k, 0
             while 0 <= lines[k] - ZERO < 10:
-                exponent = min(10 * exponent + lines[k] - ZERO, 9999)
+                if exponent < 1000:
+                    exponent = 10 * exponent + lines[k] - ZERO
                 k += 1
             if k == first:
                 return False
@@ -200,7 +201,7 @@ def parse(lines: AnyArray, powers: FloatArray, at: IntArray, values: FloatArray,
     return True
 
 
-@compiled()
+@compiled(error_model="numpy")
 def _product_error(a: float, b: float, product: float) -> float:
     """Compute what rounding took from the product of two floats, by Dekker's splitting."""
     a_high = 134217729.0 * a

@@ -16,7 +16,9 @@ from isomatch.surfaces.io._scan import POWERS, normalise, parse, select
 EXPORT_AGAIN = "correct the line or export the file again"
 
 _WORD = re.compile(rb"[^ \n]*")
-_WITHOUT_BLANKS = np.array([32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256)], np.uint8)
+_COPIED = np.array([32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256)], np.uint8)
+"""What is copied of each byte: a space of every kind of blank but a line end."""
+_LOWER = _COPIED[list(bytes(range(256)).lower())]
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,9 @@ def is_count(word: str) -> bool:
     return word.isdecimal() and len(word) < 19
 
 
-def read_lines(name: str, data: bytes, before: int = 0, continued: bool = False) -> TextLines:
+def read_lines(
+    name: str, data: bytes, before: int = 0, continued: bool = False, lower: bool = False
+) -> TextLines:
     r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
 
     Bytes that are not ASCII are accepted, because comments may have any encoding, and so is every kind of line end.
@@ -172,6 +176,8 @@ def read_lines(name: str, data: bytes, before: int = 0, continued: bool = False)
         Number of lines that precede these bytes in the file.
     continued : bool
         Whether a line that ends in ``\`` goes on in the next.
+    lower : bool
+        Whether capital letters become small.
 
     Notes
     -----
@@ -180,7 +186,7 @@ def read_lines(name: str, data: bytes, before: int = 0, continued: bool = False)
     octets = octets_of(data.removeprefix(b"\xef\xbb\xbf"))
     lines = np.zeros(len(octets) + 2, dtype=np.uint8)
     numbers = np.zeros(len(lines) // 2, dtype=np.int64)  # a line that is kept has a byte and a newline
-    sizes = normalise(octets, _WITHOUT_BLANKS, continued, lines, numbers, before + 1)
+    sizes = normalise(octets, _LOWER if lower else _COPIED, continued, lines, numbers, before + 1)
     return TextLines(name, *_cut(lines, numbers, sizes), before)
 
 

@@ -23,7 +23,7 @@ def read(data: bytes, name: str) -> Mesh:
         with np.errstate(invalid="ignore"):  # which a signalling nan sets
             corners = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(np.float64)
     elif data.lstrip()[:5].lower() == b"solid":
-        corners = _read_text(read_lines(name, data.lower()))
+        corners = _read_text(read_lines(name, data, lower=True))
     elif len(data) < _HEADER_SIZE:
         raise FormatError(
             f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
