@@ -29,9 +29,8 @@ def normalise(
     """
     n, size, row, start = len(octets), 0, 0, 0
     line, last, comment = number, NEWLINE, False
-    for k in range(
-        n + 2
-    ):  # the two line ends that are added close the last line, and let it not be continued
+    # two line ends are added: they close the last line, and let it not be continued
+    for k in range(n + 2):
         octet = table[octets[k]] if k < n else NEWLINE
         if octet > HASH and octet != BACKSLASH and not comment:  # nearly all of them
             lines[size] = last = octet
