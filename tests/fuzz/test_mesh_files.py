@@ -49,6 +49,13 @@ FACTOR = 20  # times the size of the file
 ROOM = 2**21  # bytes; what a reader needs for a file of any size
 
 
+@pytest.fixture(autouse=True, scope="module")
+def compiled_loops():
+    """Load the compiled loops, which take memory of their own."""
+    for suffix, seed in CASES:
+        FORMATS[suffix].read(seed, "file")
+
+
 def outcome(suffix, data):
     """Read a file; return the mesh, or None if it was refused. Memory is limited, any other error passes."""
     mesh, problem = None, "file:"

@@ -135,5 +135,10 @@ def test_what_needs_sound_faces_names_the_bad_ones():
         _ = specimen("wild").mesh.area
 
 
+def test_normals_of_faces_out_of_range_are_refused():
+    with pytest.raises(MeshError, match=r"faces 0 refer to vertices outside 0…2"):
+        vertex_normals(np.eye(3), np.array([[0, 1, 3]]))
+
+
 def test_vertices_without_faces_have_no_normal():
     assert not vertex_normals(np.eye(3), np.zeros((0, 3), dtype=np.int64)).any()

@@ -72,7 +72,7 @@ def stencil_of(mesh: Mesh) -> Stencil:
     about 240 bytes per vertex.
     """
     faces = mesh.sound_faces
-    opposite = _opposite_corners(faces, mesh.n_vertices)
+    opposite = _opposite_corners(mesh)
     most = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
     extra = np.zeros((most, 3), dtype=np.int64), np.zeros((most, 3))
     found = _split_obtuse(mesh.vertices, faces.ravel(), opposite, *extra)
@@ -135,16 +135,14 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     )
 
 
-def _opposite_corners(faces: IntArray, n: int) -> IntArray:
+def _opposite_corners(mesh: Mesh) -> IntArray:
     """Corner across the edge opposite to each corner h = 3 face + i, (3 m,); −1 at boundary and non-manifold edges."""
-    a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
-    key = np.minimum(a, b) * n + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
-    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    pair = first[count == 2]  # edges of exactly two faces
-    opposite = np.full(faces.size, -1, dtype=np.int64)
-    opposite[order[pair]] = order[pair + 1]
-    opposite[order[pair + 1]] = order[pair]
+    edges = mesh.edge_table
+    pair = (np.cumsum(edges.n_faces) - edges.n_faces)[edges.n_faces == 2]  # edges of exactly two faces
+    corner = edges.sides + np.where(edges.sides % 3 == 0, 2, -1)  # opposite to each side
+    opposite = np.full(mesh.faces.size, -1, dtype=np.int64)
+    opposite[corner[pair]] = corner[pair + 1]
+    opposite[corner[pair + 1]] = corner[pair]
     return opposite
 
 

@@ -112,8 +112,6 @@ class LevelSettings(Settings):
         A mesh of up to so many times these sizes is not decimated.
     polished_sizes : tuple of int
         Laplace–Beltrami functions in the steps that polish.
-    normal_weight : float
-        Weight of unit normals beside positions, in √area, where points are carried to the fine mesh.
     """
 
     matched: int = setting(5000, "docs/performance.md, resolution", least=200)
@@ -121,7 +119,6 @@ class LevelSettings(Settings):
     polished: int = setting(20000, "docs/performance.md, resolution", least=200)
     spared: float = setting(1.5, "chosen: less is hardly faster", least=1)
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
-    normal_weight: float = setting(0.05, "docs/performance.md, resolution", least=0)
 
 
 @dataclass(frozen=True)

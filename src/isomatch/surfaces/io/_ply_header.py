@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.surfaces.io._text import TextLines, is_count
+from isomatch.surfaces.io._text import TextLines, is_count, octets_of
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -96,7 +96,7 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
             f"{name}:1: expected a header closed by 'end_header', found none in the first 256 KiB; copy the file again"
         )
     text = data[:end].replace(b"\r\n", b"\n").replace(b"\r", b"\n").rstrip(b"\n") + b"\n"
-    return TextLines(name, text, np.arange(1, text.count(b"\n") + 1)), end + 1
+    return TextLines(name, octets_of(text), np.arange(1, text.count(b"\n") + 1)), end + 1
 
 
 def _is_list(count: str, kind: str) -> bool:

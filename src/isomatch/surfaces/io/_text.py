@@ -3,41 +3,36 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from io import BytesIO, TextIOWrapper
 from typing import NoReturn
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 from isomatch.errors import FormatError
+from isomatch.surfaces.io._scan import POWERS, normalise, parse, select
 
 EXPORT_AGAIN = "correct the line or export the file again"
 
-_BLANKS = bytes(10 if c == 13 else 32 if c != 10 and chr(c).isspace() else c for c in range(256))
-"""Table that turns every kind of blank into a space, and the end of line of old Macintosh files into a newline."""
-
-_LINE_END = re.compile(rb"(?<!\\)\n")
-BLOCK = 2**16
-"""Bytes that are split into lines at a time."""
-LONG_ROW = 100
-"""Numbers on a line from which they are parsed one by one, because `numpy.loadtxt` needs much memory for a line."""
+_WORD = re.compile(rb"[^ \n]*")
+_COPIED = np.array([32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256)], np.uint8)
+"""What is copied of each byte: a space of every kind of blank but a line end."""
+_LOWER = _COPIED[list(bytes(range(256)).lower())]
 
 
 @dataclass(frozen=True)
 class TextLines:
     """Some lines of a file, without comments, blank lines and leading blanks.
 
-    They are one string of bytes, because an object for each line would take many times the memory of the file.
+    They are one array of bytes, because an object for each line would take many times the memory of the file.
 
     Parameters
     ----------
     name : str
         Name of the file, for messages.
-    data : bytes
-        The lines, each closed by a newline; the only other blanks are spaces.
+    data : (bytes,) array of uint8
+        Read-only. The lines, each closed by a newline; the only other blanks are spaces.
     numbers : (rows,) array of int
         The 1-based number of each line in the file.
     before : int
@@ -45,7 +40,7 @@ class TextLines:
     """
 
     name: str
-    data: bytes
+    data: AnyArray
     numbers: IntArray
     before: int = 0
 
@@ -55,16 +50,11 @@ class TextLines:
     @cached_property
     def ends(self) -> IntArray:
         """(rows,) position of the newline of each line."""
-        return np.flatnonzero(_octets(self.data) == ord("\n"))
-
-    @property
-    def starts(self) -> IntArray:
-        """(rows,) position of the first byte of each line."""
-        return _after(self.ends)
+        return np.flatnonzero(self.data == ord("\n"))
 
     def row(self, i: int) -> str:
         """Return the text of one line."""
-        return self.data[self._start(i) : self.ends[i]].decode("latin-1")
+        return self.data[self._start(i) : self.ends[i]].tobytes().decode("latin-1")
 
     def _start(self, i: int) -> int:
         return int(self.ends[i - 1]) + 1 if i else 0
@@ -72,7 +62,7 @@ class TextLines:
     def __getitem__(self, part: slice) -> TextLines:
         first, stop, _ = part.indices(len(self))
         before = int(self.numbers[first - 1]) if first and len(self) else self.before
-        data = self.data[self._start(first) : self.ends[stop - 1] + 1] if first < stop else b""
+        data = self.data[self._start(first) : self.ends[stop - 1] + 1] if first < stop else self.data[:0]
         return TextLines(self.name, data, self.numbers[part], before)
 
     def fail(self, row: int, expected: str, remedy: str = EXPORT_AGAIN) -> NoReturn:
@@ -89,46 +79,33 @@ class TextLines:
             "it is cut short, copy or export it again"
         )
 
-    def starting_with(self, keyword: str) -> TextLines:
-        """Return the lines whose first word is the keyword, without this word."""
-        octets, after = _octets(self.data), self.starts
-        rows = np.arange(len(self))
-        for letter in keyword.encode():
-            rows = rows[octets[after[rows]] == letter]
-            after += 1
-        rows = rows[_is_blank(octets[after[rows]])]
-        data = octets[_inside(len(octets), after[rows], self.ends[rows] + 1)].tobytes()
-        return TextLines(self.name, data, self.numbers[rows])
+    def starting_with(self, keyword: str, textured: bool = False) -> TextLines:
+        """Return the lines whose first word is the keyword, without this word.
+
+        If they are ``textured``, only the first number of ``v/vt/vn`` is kept; a word in another form is left as it is.
+        """
+        chosen, numbers = np.zeros(len(self.data), dtype=np.uint8), np.zeros(len(self), dtype=np.int64)
+        sizes = select(self.data, octets_of(keyword.encode()), textured, self.numbers, chosen, numbers)
+        return TextLines(self.name, *_cut(chosen, numbers, sizes))
 
     def parse(self) -> NumberRows:
         """Parse every row as blank-separated numbers."""
-        counts = self._word_counts()
-        if not counts.any():
-            return NumberRows(self, np.zeros(0), counts)
-        regular = counts[0] < LONG_ROW and (counts == counts[0]).all()
-        data = self.data if regular else self.data.replace(b" ", b"\n")
-        try:
-            values = np.loadtxt(TextIOWrapper(BytesIO(data), "latin-1", newline="\n"), comments=None)
-        except ValueError:
-            self._refuse_first_word()
-        return NumberRows(self, values.ravel(), counts)
-
-    def _word_counts(self) -> IntArray:
-        words = _word_starts(_octets(self.data))
-        return np.diff(np.searchsorted(words, self.starts), append=len(words))
-
-    def _refuse_first_word(self) -> NoReturn:
-        """Raise a `FormatError` for the first row with a word that is not a number."""
-        for i in range(len(self)):
-            row = self.row(i)
+        at = np.zeros(3, dtype=np.int64)
+        values, counts = np.zeros(len(self.data) // 2), np.zeros(len(self), dtype=np.int64)
+        while not parse(self.data, POWERS, at, values, counts):
+            start, count, row = at.tolist()
+            found = _WORD.match(self.data.data, start)
+            word = found[0] if found else b""
             try:
-                if "_" in row:  # which Python allows in a number, other readers do not
+                if b"_" in word:  # which Python allows in a number, other readers do not
                     raise ValueError
-                for word in row.split():
-                    float(word)
+                values[count] = float(word.decode("latin-1"))
             except ValueError:
-                self.fail(i, "numbers")
-        self.fail(0, "numbers")
+                self.fail(row, "numbers")
+            counts[row] += 1
+            at[:] = start + len(word), count + 1, row
+        values.resize(counts.sum(), refcheck=False)
+        return NumberRows(self, values, counts)
 
 
 @dataclass(frozen=True)
@@ -182,7 +159,9 @@ def is_count(word: str) -> bool:
     return word.isdecimal() and len(word) < 19
 
 
-def read_lines(name: str, data: bytes, before: int = 0, continued: bool = False) -> TextLines:
+def read_lines(
+    name: str, data: bytes, before: int = 0, continued: bool = False, lower: bool = False
+) -> TextLines:
     r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
 
     Bytes that are not ASCII are accepted, because comments may have any encoding, and so is every kind of line end.
@@ -197,55 +176,18 @@ def read_lines(name: str, data: bytes, before: int = 0, continued: bool = False)
         Number of lines that precede these bytes in the file.
     continued : bool
         Whether a line that ends in ``\`` goes on in the next.
+    lower : bool
+        Whether capital letters become small.
 
     Notes
     -----
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
-    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").translate(_BLANKS)
-    text += b"\n\n"  # so that the last line is closed, and not continued
-    parts, numbers = [b""], [np.zeros(0, dtype=np.int64)]
-    first = before + 1
-    for block in blocks(text, _LINE_END if continued else b"\n"):
-        part, kept, n_lines = _without_blanks(block, continued)
-        parts.append(part)
-        numbers.append(first + kept)
-        first += n_lines
-    return TextLines(name, b"".join(parts), np.concatenate(numbers), before)
-
-
-def blocks(text: bytes, end: bytes | re.Pattern[bytes]) -> Iterator[bytes]:
-    """Cut a text after an ``end`` every 64 KiB or more, so that what is made of each byte takes little memory."""
-    closing = re.compile(re.escape(end)) if isinstance(end, bytes) else end
-    start = 0
-    while start < len(text):
-        found = closing.search(text, start + BLOCK)
-        stop = found.end() if found else len(text)
-        yield text[start:stop]
-        start = stop
-
-
-def _without_blanks(block: bytes, continued: bool) -> tuple[bytes, IntArray, int]:
-    """Remove comments, blank lines and leading blanks; return the rest, the number of each line and how many there were.
-
-    Lines are counted from 0.
-    """
-    ends = np.flatnonzero(_octets(block) == ord("\n"))
-    n_lines = len(ends)
-    numbers = np.arange(n_lines)
-    if continued and b"\\\n" in block:
-        goes_on = _octets(block)[ends - 1] == ord("\\")
-        numbers = np.flatnonzero(np.concatenate([[True], ~goes_on[:-1]]))
-        block = block.replace(b"\\\n", b"  ")
-    if b"#" in block:
-        block = re.sub(rb"#[^\n]*", b"", block)
-    octets = _octets(block)
-    ends = np.flatnonzero(octets == ord("\n"))
-    words = np.append(_word_starts(octets), len(octets))
-    begins = words[np.searchsorted(words, _after(ends))]  # of a blank line, beyond its end
-    full = begins < ends
-    lines = octets[_inside(len(octets), begins[full], ends[full] + 1)].tobytes()
-    return lines, numbers[full], n_lines
+    octets = octets_of(data.removeprefix(b"\xef\xbb\xbf"))
+    lines = np.zeros(len(octets) + 2, dtype=np.uint8)
+    numbers = np.zeros(len(lines) // 2, dtype=np.int64)  # a line that is kept has a byte and a newline
+    sizes = normalise(octets, _LOWER if lower else _COPIED, continued, lines, numbers, before + 1)
+    return TextLines(name, *_cut(lines, numbers, sizes), before)
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:
@@ -253,30 +195,13 @@ def format_rows(template: str, table: AnyArray) -> bytes:
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
 
 
-def _octets(data: bytes) -> AnyArray:
+def octets_of(data: bytes) -> AnyArray:
+    """View bytes as an array that cannot be written to."""
     return np.frombuffer(data, np.uint8)
 
 
-def _after(ends: IntArray) -> IntArray:
-    """Position of the first byte of each line, given those of the newlines."""
-    return np.concatenate([[0], ends[:-1] + 1]) if len(ends) else ends
-
-
-def _word_starts(octets: AnyArray) -> IntArray:
-    """Positions at which words begin."""
-    blank = _is_blank(octets)
-    return np.flatnonzero(np.concatenate([~blank[:1], blank[:-1] & ~blank[1:]]))
-
-
-def _is_blank(octets: AnyArray) -> BoolArray:
-    blank: BoolArray = (octets == ord(" ")) | (octets == ord("\n"))
-    return blank
-
-
-def _inside(n: int, begins: IntArray, stops: IntArray) -> BoolArray:
-    """Which of n positions lie in one of some disjoint ranges."""
-    edges = np.zeros(n + 1, dtype=np.int8)
-    edges[begins] = 1
-    edges[stops] -= 1
-    inside: BoolArray = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
-    return inside
+def _cut(lines: AnyArray, numbers: IntArray, sizes: tuple[int, int]) -> tuple[AnyArray, IntArray]:
+    """Free what was not needed of new arrays."""
+    lines.resize(sizes[0], refcheck=False)
+    numbers.resize(sizes[1], refcheck=False)
+    return read_only(lines), numbers

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
 from isomatch._arrays import IntArray
 from isomatch.surfaces.io._polygons import triangulate
-from isomatch.surfaces.io._text import NumberRows, TextLines, blocks, format_rows, read_lines
+from isomatch.surfaces.io._text import NumberRows, TextLines, format_rows, read_lines
 from isomatch.surfaces.mesh import Mesh
-
-_TEXTURE_AND_NORMAL = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)")
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OBJ file. Vertices may have colours; faces may be polygons and may have negative indices."""
     lines = read_lines(name, data, continued=True)
-    vertex_lines, face_lines = lines.starting_with("v"), lines.starting_with("f")
+    vertex_lines, face_lines = lines.starting_with("v"), lines.starting_with("f", textured=True)
     if not len(vertex_lines):
         lines.fail(len(lines), "vertex lines v x y z")
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
@@ -36,7 +32,7 @@ def write(mesh: Mesh, colors: NDArray[np.uint8] | None = None) -> bytes:
 
 def _polygons(lines: TextLines, vertex_lines: TextLines) -> tuple[IntArray, IntArray]:
     """Read the corners of all faces, concatenated, and the number of corners of each."""
-    rows = _without_texture(lines).parse()
+    rows = lines.parse()
     rows.require(rows.counts >= 3, "a face of at least 3 corners")
     corners = rows.whole(None, "whole vertex indices")
     return _from_zero(corners, rows, vertex_lines), rows.counts
@@ -49,11 +45,3 @@ def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> 
         return corners - 1
     read_before = np.searchsorted(vertex_lines.numbers, rows.lines.numbers)
     return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)
-
-
-def _without_texture(lines: TextLines) -> TextLines:
-    """Keep the first index of ``v/vt/vn``; a corner in another form is left as it is, and is refused later."""
-    if b"/" not in lines.data:
-        return lines
-    parts = (_TEXTURE_AND_NORMAL.sub(b"", block) for block in blocks(lines.data, b" "))
-    return TextLines(lines.name, b"".join(parts), lines.numbers)

@@ -25,7 +25,7 @@ def read(data: bytes, name: str) -> Mesh:
                 np.float64
             )
     elif data.lstrip()[:5].lower() == b"solid":
-        corners = _read_text(read_lines(name, data.lower()))
+        corners = _read_text(read_lines(name, data, lower=True))
     elif len(data) < _HEADER_SIZE:
         raise FormatError(
             f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
