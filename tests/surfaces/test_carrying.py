@@ -115,6 +115,24 @@ def test_parallel_sheets_exchange_no_points():
     assert (sheet_of[transfer.to_fine(points).corners] == sheet_of_coarse[points.corners]).all()
 
 
+@pytest.mark.parametrize("n", [300, 1000])
+def test_the_two_sides_of_a_thin_wall_exchange_no_points(n):
+    """A round wall, closed along its rims; the coarse mesh is as far from its side as the other side is."""
+    i, j = np.divmod(np.arange(120 * 60), 60)
+    t, s = 2 * np.pi * i / 120, 2 * np.pi * j / 60
+    radius = 1 + 0.005 * np.cos(s)
+    a, b = i * 60 + j, (i + 1) % 120 * 60 + j
+    c, d = (corner - j + (j + 1) % 60 for corner in (b, a))
+    mesh = Mesh(
+        np.column_stack([radius * np.cos(t), radius * np.sin(t), 0.4 * np.sin(s)]),
+        np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]),
+    )
+    coarse = decimate(mesh, n)
+    x, y, z = np.swapaxes(coarse.mesh.vertices[Transfer(mesh, coarse).on_coarse.corners], 0, 1)
+    facing = np.einsum("ij,ij->i", np.cross(y - x, z - x), mesh.vertex_normals)
+    assert (facing > 0).all()
+
+
 def test_places_agree_with_all_faces():
     """On a sphere, where no other sheet is near: against a search over every face."""
     mesh = icosphere(4)

@@ -126,6 +126,13 @@ def test_a_flat_rectangle_keeps_its_plane_its_outline_and_its_side():
     assert shape_of_triangles(coarse).mean() > 0.75
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_no_face_turns_over(seed):
+    mesh = planar_delaunay(3000, seed)
+    coarse = decimate(mesh, 300).mesh
+    assert (np.sign(coarse.face_cross[:, 2]) == np.sign(mesh.face_cross[0, 2])).all()
+
+
 def test_boundary_loops_keep_their_place():
     coarse = decimate(cylinder(80, 40), 200).mesh
     rim = coarse.vertices[np.unique(coarse.boundary_edges)]
@@ -156,6 +163,7 @@ def test_an_animal_keeps_its_shape(n):
     shapes = shape_of_triangles(coarse.mesh)
     assert shapes.mean() > 0.75
     assert np.quantile(shapes, 0.01) > 0.25
+    assert shapes.min() > 0.1
     assert coarse.mesh.area == pytest.approx(cat.area, rel=0.03)
     assert coarse.mesh.volume == pytest.approx(cat.volume, rel=0.02)
     edge = np.sqrt(cat.area / n)
@@ -187,7 +195,11 @@ def test_where_the_mesh_is_not_manifold_nothing_gets_worse():
     pinched = punctured(together(icosphere(3), icosphere(3)), 3)
     faces = np.where(pinched.faces == 700, 10, pinched.faces)
     for mesh in (fin, repair(Mesh(pinched.vertices, faces)).mesh):
-        before, after = check(mesh), check(decimate(mesh, 150).mesh)
+        coarse = decimate(mesh, 150).mesh
+        before, after = check(mesh), check(coarse)
+        kept = [*before.non_manifold_edges.ravel(), *before.non_manifold_vertices]
+        gap = np.linalg.norm(mesh.vertices[kept][:, None] - coarse.vertices, axis=2).min(axis=1)
+        assert gap.max() < 1e-12
         assert after.euler_number == before.euler_number
         assert after.n_components == before.n_components
         assert len(after.non_manifold_edges) == len(before.non_manifold_edges)

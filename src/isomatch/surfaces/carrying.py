@@ -27,8 +27,8 @@ CHUNK = 8192  # points at once; fixed, so that results do not depend on the numb
 class Transfer:
     """Carries points from a fine mesh to a coarse one, and back, along the surface.
 
-    A neighbouring sheet, such as another finger or the other lip, is never an image, however near it is in space: a point
-    is only sought where the decimation has merged vertices with those around it.
+    Another finger, or the other lip, is no image, however near in space: points are only sought where the decimation
+    has merged vertices with those around it, and normals tell apart the two sides of what is thin.
 
     Parameters
     ----------
