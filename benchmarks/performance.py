@@ -1,4 +1,4 @@
-"""How long does a match take, stage by stage, and how much memory, from 5 000 to a million vertices?
+"""How long a match takes, stage by stage, and how much memory, from 5 000 to a million vertices.
 
     python benchmarks/performance.py -o OUT [--data DIR] [--largest N] [--page docs]
 
@@ -62,7 +62,9 @@ def main() -> None:
 
 
 def _asked_for() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for rows and tables")
     parser.add_argument("--data", help="folder of the benchmark sets")
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="vertices of the largest creatures")
@@ -121,7 +123,9 @@ def _pair(name: str, data: str | None, output: Path) -> BenchmarkPair:
     path = output / f"{name.replace(' ', '_')}.npz"
     if not path.exists():
         made = [creature(n, pose=side + 1, triangulation=side) for side in range(2)]
-        arrays = {f"{what}{i}": getattr(m.mesh, what) for i, m in enumerate(made) for what in ("vertices", "faces")}
+        arrays = {
+            f"{what}{i}": getattr(m.mesh, what) for i, m in enumerate(made) for what in ("vertices", "faces")
+        }
         np.savez(path, image=ground_truth(*made).vertices, **arrays)
     with np.load(path) as file:
         source, target = (Mesh(file[f"vertices{i}"], file[f"faces{i}"]) for i in range(2))
@@ -206,7 +210,18 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _write_table(rows: list[dict[str, Any]], path: Path) -> None:
-    columns = ["pair", "vertices", "seconds", "cpu seconds", "memory", "error", "pyfm seconds", "pyfm error", *STAGES, *LATER]
+    columns = [
+        "pair",
+        "vertices",
+        "seconds",
+        "cpu seconds",
+        "memory",
+        "error",
+        "pyfm seconds",
+        "pyfm error",
+        *STAGES,
+        *LATER,
+    ]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, extrasaction="ignore")
         writer.writeheader()

@@ -69,11 +69,9 @@ class ColumnPredictor:
             source = np.zeros(len(masses))
             source[sample] = 1.0
             covariance[:, a] += solve(masses * solve(source))
-        among = covariance[samples]  # K_SS
+        among: FloatArray = covariance[samples]  # K_SS
         among[np.diag_indices(p)] += RIDGE * among.trace() / p
-        interpolant: FloatArray = cho_solve(
-            cho_factor((among + among.T) / 2), covariance.T, overwrite_b=True
-        ).T
+        interpolant = cho_solve(cho_factor((among + among.T) / 2), covariance.T, overwrite_b=True).T
         among = powers[:, samples]  # E_SS
         half = powers.T - interpolant @ ((among + among.T) / 4)
         return cls(interpolant, half, unit)

@@ -30,14 +30,13 @@ from isomatch.correspondence.nearest_neighbours import (
     nearest_rows,
 )
 from isomatch.correspondence.precise_points import (
-    PrecisePoints,
     faces_around_vertices,
-    nearest_in_triangle,
     nearest_points,
 )
 from isomatch.correspondence.registration import register_nonrigid
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
     "UNMATCHED",

@@ -113,10 +113,12 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     def block(first: int) -> IntArray:
         y = _single(queries[first : first + BLOCK], middle)
         squared_apart = y @ (-2 * centres.T)
-        squared_apart += (1 - ROUNDING) * norms
-        squared_apart += (1 - ROUNDING) * np.einsum("ij,ij->i", y, y)[:, None]
+        own = np.einsum("ij,ij->i", y, y)
+        squared_apart += norms
+        squared_apart += own[:, None]
+        doubt = single(ROUNDING * (own + norms.max()))
         best = np.zeros(len(y), dtype=np.int64)
-        _open_cells(squared_apart, radius, from_centre, x, y, cells.start, cells.members, best)
+        _open_cells(squared_apart, doubt, radius, from_centre, x, y, cells.start, cells.members, best)
         return best
 
     return _joined(parallel_map(block, range(0, len(queries), BLOCK)))
@@ -162,6 +164,7 @@ def _radii(
 @compiled(fastmath={"nsz", "reassoc", "contract"})
 def _open_cells(
     squared_apart: Float32Array,
+    doubt: Float32Array,
     radius: Float32Array,
     from_centre: Float32Array,
     x: Float32Array,
@@ -179,16 +182,18 @@ def _open_cells(
         for turn in range(-1, len(radius)):
             cell = first if turn < 0 else turn
             within = reach + radius[cell]
-            if turn == first or squared_apart[i, cell] > within * within:
+            if turn == first or squared_apart[i, cell] - doubt[i] > within * within:
                 continue
-            away = np.sqrt(max(squared_apart[i, cell], np.float32(0.0)))
+            away = np.sqrt(max(squared_apart[i, cell], doubt[i]))
+            beyond = reach + doubt[i] / away
             for j in range(start[cell], start[cell + 1]):
-                if abs(away - from_centre[j]) > reach:
+                if abs(away - from_centre[j]) > beyond:
                     continue
                 distance = _squared_single(x, j, y, i)
                 if distance < nearest or (distance == nearest and members[j] < winner):
                     winner, nearest = members[j], distance
                     reach = np.sqrt(nearest) * np.float32(1.0 + ROUNDING)
+                    beyond = reach + doubt[i] / away
         best[i] = winner
 
 

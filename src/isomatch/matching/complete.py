@@ -105,12 +105,12 @@ def complete_result(
         points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
         quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
     level: SmoothPair = pair
-    if not elastic and pair.config.refinement in ("joint", "smooth"):
+    if pair.has_finer and not elastic and pair.config.refinement in ("joint", "smooth"):
         timer.start("polish")
-        if pair.polishable:
-            level = pair.polishable
-            points = polished_points(pair, level, selection.winner, pair.config.refinement == "smooth")
-    timer.start("carry")
+        level = pair.polishable
+        points = polished_points(pair, level, selection.winner, pair.config.refinement == "smooth")
+    if pair.source.detail or pair.target.detail:
+        timer.start("carry")
     refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
     alternatives = _alternatives(pair, [*refined, *found.eligible, *found.rivals])
     return MatchResult(

@@ -60,12 +60,12 @@ class Detail:
 
 
 def full_level(found: Body) -> Level:
-    """The body as it is."""
+    """Take the body as it is."""
     return Level(found.surface, found.scale, found.body_vertex, found.user_vertex)
 
 
 def levels_of(found: Body, config: Config) -> list[Level]:
-    """The levels of a body, finer first: one on which maps are polished, if there is one, and one that is matched."""
+    """Make the levels of a body: one on which maps are polished, if there is one, then the one that is matched."""
     full, settings = full_level(found), config.levels
     fast = config.resolution == "fast"
     matched = settings.fast if fast else settings.matched

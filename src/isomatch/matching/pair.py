@@ -80,11 +80,14 @@ class ShapePair(SmoothPair):
     target: PreparedShape
     config: Config
 
+    @property
+    def has_finer(self) -> bool:
+        """Whether either shape has a finer level on which maps are polished."""
+        return self.source.finer is not None or self.target.finer is not None
+
     @cached_property
-    def polishable(self) -> SmoothPair | None:
-        """The shapes at the finer levels on which maps are polished; None if neither has one."""
-        if self.source.finer is None and self.target.finer is None:
-            return None
+    def polishable(self) -> SmoothPair:
+        """The shapes at these levels."""
         source, target = parallel_map(lambda shape: shape.polishable, (self.source, self.target))
         return SmoothPair(source, target, self.config)
 

@@ -166,7 +166,8 @@ class SmoothShape:
 
 def _apart(points: FloatArray, corners: IntArray) -> FloatArray:
     """Distances (m, 3) of corners from the first of them."""
-    return np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
+    lengths: FloatArray = np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
+    return lengths
 
 
 def _lifted(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:
