@@ -10,7 +10,7 @@ import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
-    "errors", "_array_file", "_arrays", "_compiled", "_dispatcher", "_files", "_first_use", "_limits", "_memory",
+    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_limits", "_memory",
     "_renamed", "_settings", "_threads",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}

@@ -7,14 +7,14 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csc_array, csr_array
 
 from isomatch._arrays import AnyArray, FloatArray, single
 from isomatch._memory import require_memory
 from isomatch._settings import generator
-from isomatch._threads import serial_blas
+from isomatch._threads import row_product, serial_blas
 from isomatch.bases.domain import require_one_component
-from isomatch.bases.laplacian import factorised, laplacian
+from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, some
 from isomatch.surfaces import Mesh, Surface
@@ -26,6 +26,9 @@ TOLERANCE: dict[Precision, float] = {"double": 1e-4, "single": 0.01}  # see `sma
 DENSE = 1000  # vertices up to which a dense solver computes all eigenpairs
 RELATIVE_SHIFT = 0.1  # in eigenvalues of the last function; makes inverse iteration favour no single function
 SHIFT = 1e-2  # in 1 / area; makes the singular Laplacian definite
+SINGLE_SHIFT = (
+    10.0  # near the second eigenvalue: with less, rounding of the largest part of the inverse covers others
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +38,7 @@ class LaplaceBasis:
     Parameters
     ----------
     vectors : (n, k) array of float
-        Φ, orthonormal in the areas: ΦᵀAΦ = I. The first is constant.
+        Φ, orthonormal in the areas: ΦᵀAΦ = I. The first is constant. In the precision in which they were computed.
     values : (k,) array of float
         Eigenvalues, increasing from 0, in 1 / squared mesh units.
     weights : (n,) array of float
@@ -52,12 +55,12 @@ class LaplaceBasis:
 
     def coefficients(self, functions: FloatArray, k: int | None = None) -> FloatArray:
         """Coefficients of (n, q) functions in the first k basis functions, all by default: ΦᵀA f, (k, q)."""
-        projected: FloatArray = self.vectors[:, :k].T @ (self.weights[:, None] * functions)
-        return projected
+        weighted = (self.weights[:, None] * functions).astype(self.vectors.dtype)
+        return (self.vectors[:, :k].T @ weighted).astype(np.float64)
 
     def low_passed(self, functions: FloatArray, k: int) -> FloatArray:
         """Project (n, q) functions on the span of the first k basis functions: Φ ΦᵀA f, (n, q)."""
-        return self.vectors[:, :k] @ self.coefficients(functions, k)
+        return row_product(self.vectors[:, :k], self.coefficients(functions, k))
 
 
 def laplace_basis(
@@ -143,15 +146,15 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
     with serial_blas():
         start = single(np.sqrt(weights)[:, None] * (prolongation @ coarse.vectors))
         shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
-        solve = factorised(operator, np.full(len(weights), shift))
+        solve = factorised_single(operator, np.full(len(weights), shift))
         vectors = np.empty_like(start)
-        for first in range(0, k, BLOCK):
-            block = solve(start[:, first : first + BLOCK].astype(np.float64))
-            vectors[:, first : first + BLOCK] = block / np.linalg.norm(block, axis=0)
+        for first in [*range(0, k - WIDTH, WIDTH), k - WIDTH]:
+            block = solve(start[:, first : first + WIDTH])
+            vectors[:, first : first + WIDTH] = block / np.linalg.norm(block, axis=0)
         gram = vectors.T @ vectors
         energies = vectors.T @ (operator.astype(np.float32) @ vectors)
         values, mix = eigh((energies + energies.T).astype(np.float64) / 2, gram.astype(np.float64))
-        return _basis(values, vectors @ single(mix), weights)
+        return _basis(values, row_product(vectors, mix), weights)
 
 
 def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -164,8 +167,9 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
             )
     require_one_component(surface)
     stiffness, weights = laplacian(surface)
-    scale = diags_array(np.sqrt(weights.sum() / weights))
-    return csc_array(scale @ stiffness @ scale), weights
+    scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
+    operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
+    return operator, weights
 
 
 def _basis(values: FloatArray, vectors: FloatArray, weights: FloatArray) -> LaplaceBasis:
@@ -175,7 +179,7 @@ def _basis(values: FloatArray, vectors: FloatArray, weights: FloatArray) -> Lapl
             "the Laplace eigenpairs are not finite: some vertices nearly coincide, or areas differ too much; merge such "
             "vertices, or remesh"
         )
-    vectors = np.ascontiguousarray(fix_signs(vectors / np.sqrt(weights)[:, None], weights))
+    vectors = fix_signs(vectors / np.sqrt(weights).astype(vectors.dtype)[:, None], weights)
     return LaplaceBasis(vectors, np.maximum(values, 0.0) / weights.sum(), weights)
 
 
@@ -225,8 +229,10 @@ def smallest_eigenpairs(
     if n <= max(DENSE, k + 20 * BLOCK):
         values, vectors = np.linalg.eigh(operator.toarray())
         return values[:k], vectors[:, :k]
-    solve = factorised(operator, np.full(n, SHIFT))
-    limit = (min(n - BLOCK, 6 * k + 20 * BLOCK) // BLOCK) * BLOCK
+    in_double = dtype == np.float64
+    width, shift = (BLOCK, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
+    solve = (factorised if in_double else factorised_single)(operator, np.full(n, shift))
+    limit = (min(n - width, 6 * k + 20 * width) // width) * width
     require_memory(
         float(dtype.itemsize) * n * limit,
         f"the Krylov space of {k} functions on {n} vertices",
@@ -234,36 +240,36 @@ def smallest_eigenpairs(
     )
     space = np.zeros((limit, n), dtype)
     projected = np.zeros((limit, limit))  # space (H + σ)⁻¹ spaceᵀ
-    start = generator(seed).standard_normal((n, BLOCK))
-    space[:BLOCK] = _orthonormal_columns(start)[0].T
-    size = BLOCK
+    start = generator(seed).standard_normal((n, width))
+    space[:width] = _orthonormal_columns(start)[0].T
+    size = width
     while True:
-        last = slice(size - BLOCK, size)
-        image = solve(space[last].T.astype(np.float64)).T.astype(dtype)
-        for first in (max(0, size - 2 * BLOCK), 0):  # the last two blocks, then all
+        last = slice(size - width, size)
+        image = np.ascontiguousarray(solve(space[last].T).T)
+        for first in (max(0, size - 2 * width), 0):  # the last two blocks, then all
             part = space[first:size]
             overlap = part @ image.T
             image -= overlap.T @ part
             projected[first:size, last] += overlap
         block, coupling = _orthonormal_columns(image.T.astype(np.float64))
-        full = size + BLOCK > limit
-        # convergence is tested from 2.6 k vectors on, at every sixth block: a test costs an eigendecomposition
-        if full or (size >= 2.6 * k and (size // BLOCK) % 6 == 0):
+        full = size + width > limit
+        # convergence is tested from 2.6 k vectors on, at every 48: a test costs an eigendecomposition
+        if full or (size >= 2.6 * k and size % 48 == 0):
             values, mix = eigh(
                 projected[:size, :size], lower=False, subset_by_index=[size - k, size - 1], check_finite=False
             )
             values, mix = values[::-1], mix[:, ::-1]
             residual = np.linalg.norm(coupling @ mix[last], axis=0) / values
             if residual.max() < tolerance:
-                return 1 / values - SHIFT, space[:size].T @ mix.astype(dtype)
+                return 1 / values - shift, space[:size].T @ mix.astype(dtype)
             if full:
                 raise NotConvergedError(
                     f"{int((residual >= tolerance).sum())} of {k} Laplace eigenpairs did not converge "
                     f"(residual {residual.max():.1e}); ask for fewer functions, or repair(mesh) if it has degenerate "
                     "faces"
                 )
-        space[size : size + BLOCK] = block.T
-        size += BLOCK
+        space[size : size + width] = block.T
+        size += width
 
 
 def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:

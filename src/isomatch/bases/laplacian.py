@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import robust_laplacian
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from isomatch._arrays import FloatArray
+from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray, single
+from isomatch._compiled import compiled
 from isomatch.bases.domain import require_areas
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
+
+WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes of each row
 
 
 def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
@@ -66,19 +70,63 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
 
     `MeshError` if H is so badly scaled that it is singular to rounding.
     """
+    solve: Callable[[FloatArray], FloatArray] = _factors(stiffness, diagonal).solve
+    return solve
+
+
+def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], Float32Array]:
+    """As `factorised`; the function solves for (n, WIDTH) right-hand sides in single precision.
+
+    It takes less than half of the time of double precision, and several threads can solve at once.
+    """
+    factors = _factors(stiffness, diagonal)
+    lower, n = csc_array(factors.L), len(diagonal)  # H + diag(d) = Pᵀ L D Lᵀ P
+    below = lower.indices != np.repeat(np.arange(n), np.diff(lower.indptr))
+    start = np.concatenate([[0], np.cumsum(below)])[lower.indptr]
+    rows, values = lower.indices[below], single(lower.data[below])
+    inverse, place = single(1 / factors.U.diagonal()), factors.perm_c
+
+    def solve(right: FloatArray) -> Float32Array:
+        x: Float32Array = np.empty(right.shape, np.float32)
+        x[place] = right
+        _solve(start, rows, values, inverse, x)
+        solution: Float32Array = x[place]
+        return solution
+
+    return solve
+
+
+def _factors(stiffness: csc_array, diagonal: FloatArray) -> Any:
     try:
-        solve: Callable[[FloatArray], FloatArray] = splu(
+        return splu(
             csc_array(stiffness + diags_array(diagonal)),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
-        ).solve
+        )
     except RuntimeError as error:
         raise MeshError(
             f"the Laplacian cannot be factorised ({error}): some vertices nearly coincide, or triangles are nearly "
             "flat; merge such vertices"
         ) from error
-    return solve
+
+
+@compiled(fastmath={"contract"})
+def _solve(
+    start: IntArray, rows: AnyArray, values: Float32Array, inverse: Float32Array, x: Float32Array
+) -> None:
+    """Solve L D Lᵀ x = b in place, given the columns of L below its diagonal of ones, and D⁻¹."""
+    n = len(inverse)
+    for j in range(n):
+        for at in range(start[j], start[j + 1]):
+            for c in range(WIDTH):
+                x[rows[at], c] -= values[at] * x[j, c]
+    for j in range(n - 1, -1, -1):
+        for c in range(WIDTH):
+            x[j, c] *= inverse[j]
+        for at in range(start[j], start[j + 1]):
+            for c in range(WIDTH):
+                x[j, c] -= values[at] * x[rows[at], c]
 
 
 def require_mesh_or_points(surface: MetricSpace) -> Mesh | PointCloud:

@@ -27,5 +27,5 @@ def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:
     The rule does not depend on the order of the points. The third moment of a function that is odd under a symmetry of
     the surface is 0 up to rounding; its sign stays arbitrary, and no result may depend on it. O(n k).
     """
-    moments = weights @ (vectors * vectors * vectors)  # a power takes ten times as long
-    return vectors * np.where(moments < 0, -1.0, 1.0)
+    moments = weights.astype(vectors.dtype) @ (vectors * vectors * vectors)  # a power takes ten times as long
+    return np.ascontiguousarray(vectors * np.where(moments < 0, -1.0, 1.0).astype(vectors.dtype))

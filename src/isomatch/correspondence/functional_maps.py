@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import polar, solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch.correspondence.nearest_neighbours import nearest_rows
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._cached import cached_property
 from isomatch.datasets.anatomy import body
 from isomatch.datasets.implicit import Skin
 from isomatch.datasets.posing import Pose, natural_pose, posed

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._threads import row_product
 from isomatch.bases import LaplaceBasis
 from isomatch.surfaces import Mesh
 
@@ -40,8 +41,8 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     """
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
-    normals = mesh.moved(basis @ coefficients).vertex_normals
-    bending = basis @ (laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
+    normals = mesh.moved(row_product(basis, coefficients)).vertex_normals
+    bending = row_product(basis, laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
     low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])
     return np.asarray(np.clip(curvature, low, high), dtype=np.float64)

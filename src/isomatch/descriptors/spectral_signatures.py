@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._threads import row_product
 from isomatch.bases import LaplaceBasis
 
 
@@ -34,7 +35,7 @@ def wave_kernel_signature(
     Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5. O(n k n_energies).
     """
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
-    signature: FloatArray = basis.vectors[:, 1:k] ** 2 @ filters  # (n, k) (k, e) -> (n, e)
+    signature: FloatArray = row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
     return signature
 
 

@@ -116,8 +116,8 @@ class LevelSettings(Settings):
 
     matched: int = setting(5000, "docs/performance.md, resolution", least=200)
     fast: int = setting(2500, "docs/performance.md, resolution", least=200)
-    polished: int = setting(20000, "docs/performance.md, resolution", least=200)
-    spared: float = setting(1.5, "chosen: less is hardly faster", least=1)
+    polished: int = setting(16000, "docs/performance.md, resolution", least=200)
+    spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
 
 

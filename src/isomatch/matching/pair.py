@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray, single
+from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isomatch._arrays import Float32Array, FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import Enum
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
+from isomatch._cached import cached_property
 from isomatch.correspondence import Correspondence
 from isomatch.matching.config import MatchSettings
 

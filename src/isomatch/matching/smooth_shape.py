@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
+from isomatch._cached import cached_property
 from isomatch.bases import LaplaceBasis
 from isomatch.correspondence import UNMATCHED, Correspondence, PrecisePoints, SurfaceIndex, VertexCells
 from isomatch.errors import DescriptorError, MeshError

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._cached import cached_property
 from isomatch.errors import MeshError, some
 from isomatch.surfaces._edges import linked
 

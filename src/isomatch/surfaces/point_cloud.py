@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import robust_laplacian
@@ -11,6 +10,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray, numbers_of
+from isomatch._cached import cached_property
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._edges import linked
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch.correspondence import nearest_rows
 from isomatch.matching.config import ElasticSettings
 from isomatch.matching.prepare import PreparedShape

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Correspondence, PrecisePoints
 from isomatch.errors import NotConvergedError

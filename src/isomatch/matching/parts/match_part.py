@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch.correspondence import IntervalCost
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.matching.config import Config

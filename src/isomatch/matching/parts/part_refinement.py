@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures

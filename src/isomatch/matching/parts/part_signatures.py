@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._cached import cached_property
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.prepare import PreparedShape

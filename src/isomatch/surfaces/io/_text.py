@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch._cached import cached_property
 from isomatch.errors import FormatError
 from isomatch.surfaces.io._scan import POWERS, normalise, parse, select
 
