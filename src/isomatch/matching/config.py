@@ -104,10 +104,10 @@ class LevelSettings(Settings):
 
     Parameters
     ----------
-    matched, fast : int
-        Vertices on which shapes are matched with the resolution "auto", and "fast".
-    polished : int
-        Vertices on which the map is polished.
+    matched, polished : int
+        Vertices on which shapes are matched, and on which the map is then polished.
+    fast_matched, fast_polished : int
+        The same with ``resolution="fast"``.
     spared : float
         A mesh of up to so many times these sizes is not decimated.
     polished_sizes : tuple of int
@@ -115,8 +115,9 @@ class LevelSettings(Settings):
     """
 
     matched: int = setting(5000, "docs/performance.md, resolution", least=200)
-    fast: int = setting(2500, "docs/performance.md, resolution", least=200)
     polished: int = setting(16000, "docs/performance.md, resolution", least=200)
+    fast_matched: int = setting(2500, "docs/performance.md, resolution", least=200)
+    fast_polished: int = setting(5000, "docs/performance.md, resolution", least=200)
     spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
 
@@ -749,7 +750,7 @@ class Config(Settings):
         anything. Complete shapes are always scaled to the same area.
     resolution : {"auto", "full", "fast"}
         Whether large meshes are matched on fewer vertices, and the map is then polished on more and carried to all; or
-        on all, however long it takes; or on still fewer, without polishing. Maps always name the user's vertices.
+        all of it is done on all vertices; or on half as many as by default. Maps always name the user's vertices.
     preparation : PreparationSettings
     levels : LevelSettings
     symmetry : SymmetrySettings

@@ -67,16 +67,15 @@ def full_level(found: Body) -> Level:
 def levels_of(found: Body, config: Config) -> list[Level]:
     """Make the levels of a body: one on which maps are polished, if there is one, then the one that is matched."""
     full, settings = full_level(found), config.levels
-    fast = config.resolution == "fast"
-    matched = settings.fast if fast else settings.matched
+    matched, polished = settings.matched, settings.polished
+    if config.resolution == "fast":
+        matched, polished = settings.fast_matched, settings.fast_polished
     body, n = found.surface, found.surface.n_vertices
     if config.resolution == "full" or not isinstance(body, Mesh) or n <= settings.spared * matched:
         return [full]
-    if fast:
-        return coarse_levels(found, body, [matched])
-    if n <= settings.spared * settings.polished:
+    if n <= settings.spared * polished:
         return [full, *coarse_levels(found, body, [matched])]
-    return coarse_levels(found, body, [settings.polished, matched])
+    return coarse_levels(found, body, [polished, matched])
 
 
 def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
