@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -127,7 +127,7 @@ class Alternative:
         Where the hypothesis came from.
     """
 
-    extend: Callable[[], Correspondence]
+    extend: Callable[[], Correspondence] = field(repr=False)
     energy: float
     orientation: float
     origin: str
