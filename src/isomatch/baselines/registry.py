@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from isomatch._settings import Settings
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, functional_maps
@@ -39,7 +39,7 @@ class Baseline:
     function: Callable[..., MatchResult | Correspondence]
     config: Settings | None = None
     needs_hint: bool = False
-    preparation: Config | None = AT_FULL_RESOLUTION
+    preparation: Config | None = field(default_factory=lambda: AT_FULL_RESOLUTION)
 
 
 AS_PUBLISHED = replace(AT_FULL_RESOLUTION, weights="uniform")
