@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -31,12 +31,15 @@ class Hints:
         Functions on source and target that should correspond.
     notes : tuple of str
         Which hints were left out.
+    given : (m, 2) array of int
+        The landmarks in the users' vertices.
     """
 
     landmarks: IntArray
     known: IntArray
     functions: tuple[FloatArray, FloatArray]
     notes: tuple[str, ...] = ()
+    given: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     @classmethod
     def of(
@@ -55,11 +58,13 @@ class Hints:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = known = np.zeros((0, 2), dtype=np.int64)
+        points = given = known = np.zeros((0, 2), dtype=np.int64)
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
-            points = _on_bodies(source, target, pairs)
+            on_bodies = _on_bodies(source, target, pairs)
+            given = pairs[(on_bodies >= 0).all(axis=1)]
+            points = on_bodies[(on_bodies >= 0).all(axis=1)]
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -69,10 +74,21 @@ class Hints:
                 notes.append(
                     f"{len(pairs) - len(points)} of {len(pairs)} landmarks lie off the main components and are left out"
                 )
+            first = np.sort(np.unique(points, axis=0, return_index=True)[1])
+            points, given = points[first], given[first]
+            if len(points) < FEWEST_POINTS:
+                raise LandmarkError(
+                    f"the landmarks fall on {len(points)} vertices of the resolution that is matched, at least "
+                    f"{FEWEST_POINTS} are needed; give landmarks farther apart, or set resolution = 'full'"
+                )
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = np.column_stack([np.arange(sizes[0]), image])
-            known = _on_bodies(source, target, pairs[image != UNMATCHED])
+            # of the vertices merged into one of a coarser body, the one nearest to it
+            nearest = source.user_vertex[source.body_vertex] == pairs[:, 0]
+            nearest &= (image != UNMATCHED) & (source.body_vertex >= 0)
+            known = _on_bodies(source, target, pairs[nearest])
+            known = known[(known >= 0).all(axis=1)]
             if len(known) < FEWEST_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
@@ -81,14 +97,14 @@ class Hints:
         functions: tuple[FloatArray, FloatArray] = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
             functions = checked_descriptors(initial_descriptors, *sizes)
-        on_bodies = source.restrict(functions[0]), target.restrict(functions[1])
-        for side, values in zip(("source", "target"), on_bodies):
+        functions_on_bodies = source.restrict(functions[0]), target.restrict(functions[1])
+        for side, values in zip(("source", "target"), functions_on_bodies):
             if not np.isfinite(values).all():
                 raise DescriptorError(
                     f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
                     "not matched may have nan"
                 )
-        return cls(points, known, on_bodies, tuple(notes))
+        return cls(points, known, functions_on_bodies, tuple(notes), given)
 
     @property
     def only_landmarks(self) -> bool:
@@ -102,9 +118,8 @@ class Hints:
 
 
 def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> IntArray:
-    """Pairs of the users' vertices that lie on both bodies, as body vertices."""
-    on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
-    return on_bodies[(on_bodies >= 0).all(axis=1)]
+    """Pairs of the users' vertices as body vertices; −1 for those off a body."""
+    return np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
 
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:

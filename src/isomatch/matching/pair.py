@@ -196,7 +196,7 @@ def prepare_pair(
 
 def _prepared(side: str, shape: Surface | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
-        in_full = config.resolution == "full" and shape.detail is None
+        in_full = config.resolution == "full" and shape.detail is None and not shape.others
         used_config = replace(shape.requested, resolution="full") if in_full else shape.requested
         if name := used_config.differs_in_preparation(config):
             used, asked = getattr(shape.requested, name), getattr(config, name)

@@ -161,11 +161,10 @@ class PreparedShape(SmoothShape):
         """The body as a shape of its own, with its holes closed: its first vertices are those of the body."""
         if self.triangles is None or not self.boundary_length:
             same = np.arange(self.body.n_vertices)
-            return replace(
-                self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=(), others=()
-            )
-        closed = capped(self.triangles)
-        return _prepared(closed, sound_body(closed), self.requested, self.seed, StageTimer())
+            alone = replace(self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
+            return replace(alone, others=(), detail=None, finer=None, refining=None)
+        closed, config = capped(self.triangles), replace(self.requested, resolution="full")
+        return _prepared(closed, sound_body(closed), config, self.seed, StageTimer())
 
     @cached_property
     def components(self) -> tuple[PreparedShape, ...]:
@@ -194,7 +193,7 @@ class PreparedShape(SmoothShape):
             body_vertex=self.finer.body_vertex,
             user_vertex=self.finer.user_vertex,
             laplace=laplace,
-            sample_vertices=self.finer.body_vertex[self.user_vertex[self.sample_vertices]],
+            sample_vertices=self.refining.nearest_members[self.sample_vertices],
             config=self.config,
             detail=self.finer.detail,
         )
