@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._threads import parallel_map
 from isomatch.matching.body import Body
 from isomatch.matching.config import Config
 from isomatch.surfaces import Decimated, Mesh, Surface, Transfer, decimate
@@ -85,16 +86,14 @@ def levels_of(found: Body, config: Config) -> list[Level]:
 
 
 def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
-    """Coarser levels of a mesh, of about so many vertices each; each one is made from the one before."""
+    """Coarser levels of a mesh, of about so many vertices each, finer first; each is made from the body in full."""
     levels: list[Level] = []
-    finer, owner = body, np.arange(body.n_vertices)
-    for size in sizes:
-        decimated = decimate(finer, size)
-        owner = decimated.owner[owner]
-        levels.append(
-            _level(found, Transfer(body, replace(decimated, owner=owner)), Transfer(finer, decimated))
-        )
-        finer = decimated.mesh
+    finer = identity_transfer(body)
+    for transfer in parallel_map(lambda size: Transfer(body, decimate(body, size)), sizes):
+        coarse = transfer.coarse
+        owner = coarse.owner[finer.nearest_members]
+        levels.append(_level(found, transfer, Transfer(finer.coarse.mesh, replace(coarse, owner=owner))))
+        finer = transfer
     return levels
 
 
