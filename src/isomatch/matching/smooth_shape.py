@@ -152,16 +152,22 @@ class SmoothShape:
     def _carried(self, target: SmoothShape, points: PrecisePoints) -> tuple[PrecisePoints, IntArray]:
         """Interpolate a map of coarse bodies: an image on the target in full for each vertex of the source in full.
 
-        Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear.
+        Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear. Images
+        among points or on a graph cannot be mixed; they are those of the nearest body vertices.
         """
+        places = self.detail.transfer.on_coarse if self.detail else None
+        owner = np.arange(self.body.n_vertices) if places is None else places.corners[:, 0]
+        if target.triangles is None:
+            return PrecisePoints(points.corners[owner], points.barycentric[owner]), owner
         positions = points.interpolated(target.transfer.coarse.mesh.vertices)
-        corners, weights = self.transfer.on_coarse
-        lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
-        torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths
-        weights = np.where(torn, 0.0, weights)
-        mixed = PrecisePoints(corners, weights / weights.sum(axis=1, keepdims=True))
-        owner = corners[:, 0]
-        return target.transfer.near_fine(mixed.interpolated(positions), points.corners[owner]), owner
+        if places:
+            corners, weights = places
+            lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
+            torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths
+            weights = np.where(torn, 0.0, weights)
+            mixed = PrecisePoints(corners, weights / weights.sum(axis=1, keepdims=True))
+            positions = mixed.interpolated(positions)
+        return target.transfer.near_fine(positions, points.corners[owner]), owner
 
 
 def _apart(points: FloatArray, corners: IntArray) -> FloatArray:
