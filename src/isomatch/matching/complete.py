@@ -104,6 +104,7 @@ def complete_result(
     if elastic:
         points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
         quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
+    against = contradicted_landmarks(pair, points, hints)
     level: SmoothPair = pair
     if pair.has_finer and not elastic and pair.config.refinement in ("joint", "smooth"):
         timer.start("polish")
@@ -124,7 +125,7 @@ def complete_result(
             *hints.notes,
             *_notes(pair, selection),
             *([FAR] if elastic else []),
-            *contradicted_landmarks(pair, points, hints),
+            *against,
         ),
         engine=pair.source.distances.engine,
         origin="anchors" if elastic else selection.winner.candidate.hypothesis.origin,
