@@ -162,10 +162,19 @@ class PreparedShape(SmoothShape):
         if self.triangles is None or not self.boundary_length:
             same = np.arange(self.body.n_vertices)
             return replace(
-                self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=(), others=()
+                self,
+                surface=self.body,
+                body_vertex=same,
+                user_vertex=same,
+                scale=1.0,
+                notes=(),
+                others=(),
+                detail=None,
+                finer=None,
+                refining=None,
             )
-        closed = capped(self.triangles)
-        return _prepared(closed, sound_body(closed), self.requested, self.seed, StageTimer())
+        closed, config = capped(self.triangles), replace(self.requested, resolution="full")
+        return _prepared(closed, sound_body(closed), config, self.seed, StageTimer())
 
     @cached_property
     def components(self) -> tuple[PreparedShape, ...]:
