@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -15,6 +15,10 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
+
+
+def _no_pairs() -> IntArray:
+    return np.zeros((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +35,15 @@ class Hints:
         Functions on source and target that should correspond.
     notes : tuple of str
         Which hints were left out.
+    given : (m, 2) array of int
+        The landmarks in the users' vertices.
     """
 
     landmarks: IntArray
     known: IntArray
     functions: tuple[FloatArray, FloatArray]
     notes: tuple[str, ...] = ()
+    given: IntArray = field(default_factory=_no_pairs)
 
     @classmethod
     def of(
@@ -55,11 +62,11 @@ class Hints:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = known = np.zeros((0, 2), dtype=np.int64)
+        points = given = known = _no_pairs()
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
-            points = _on_bodies(source, target, pairs)
+            points, given = _on_bodies(source, target, pairs)
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -72,7 +79,7 @@ class Hints:
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = np.column_stack([np.arange(sizes[0]), image])
-            known = _on_bodies(source, target, pairs[image != UNMATCHED])
+            known, _ = _on_bodies(source, target, pairs[image != UNMATCHED])
             if len(known) < FEWEST_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
@@ -88,7 +95,7 @@ class Hints:
                     f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
                     "not matched may have nan"
                 )
-        return cls(points, known, on_bodies, tuple(notes))
+        return cls(points, known, on_bodies, tuple(notes), given)
 
     @property
     def only_landmarks(self) -> bool:
@@ -101,10 +108,11 @@ class Hints:
         return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])
 
 
-def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> IntArray:
-    """Pairs of the users' vertices that lie on both bodies, as body vertices."""
+def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of the users' vertices that lie on both bodies: as body vertices, and as they are."""
     on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
-    return on_bodies[(on_bodies >= 0).all(axis=1)]
+    kept = (on_bodies >= 0).all(axis=1)
+    return on_bodies[kept], pairs[kept]
 
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:

@@ -118,8 +118,7 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
         return []
     worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
     named = ", ".join(
-        f"{pair.source.user_vertex[i]} → {pair.target.user_vertex[j]} ({distance:.2f} √area off)"
-        for (i, j), distance in zip(hints.landmarks[worst], apart[worst])
+        f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in zip(hints.given[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
     return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]

@@ -102,7 +102,7 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, pair.config)
     try:
-        return ClosedMatch(pair, match_complete(capped, Hints(hints.landmarks, none, nothing), timer))
+        return ClosedMatch(pair, match_complete(capped, replace(hints, known=none, functions=nothing), timer))
     except NotConvergedError:
         return None
 
