@@ -121,6 +121,16 @@ class LevelSettings(Settings):
     spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for kind in ("", "fast_"):
+            matched, polished = (getattr(self, f"{kind}{what}") for what in ("matched", "polished"))
+            if polished < matched:
+                raise SettingError(
+                    f"{kind}polished = {polished} is below {kind}matched = {matched}; maps are polished on more vertices "
+                    "than they are matched on, so give at least as many"
+                )
+
 
 @dataclass(frozen=True)
 class SymmetrySettings(Settings):
