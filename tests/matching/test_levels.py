@@ -339,7 +339,7 @@ def test_components_are_decimated_each(made, truth):
     pairs = []
     for each in made:
         near = np.argsort(each.rest[:, 2])[-30:]  # above the head
-        place = each.mesh.vertices[near].mean(axis=0) + [0, 0, 0.15]
+        place = each.mesh.vertices[near].mean(axis=0) + np.array([0, 0, 0.15])
         pairs.append(together(each.mesh, Mesh(0.08 * ball.vertices + place, ball.faces)))
     n, m = (each.mesh.n_vertices for each in made)
     found = match(*pairs, config=COARSE)
@@ -414,7 +414,7 @@ def test_a_large_mesh_and_its_own_points(made, shapes, kind):
 
 
 def test_settings_of_both_shapes_must_agree(shapes, made):
-    with pytest.raises(SettingError, match="prepared with resolution = 'auto'.*asks for 'full'"):
+    with pytest.raises(SettingError, match=r"prepared with resolution = 'auto'.*asks for 'full'"):
         match(*shapes, config=FULL)
     with pytest.raises(SettingError, match="prepared with levels = "):
         match(*shapes, config=Config())

@@ -148,7 +148,7 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
         shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
         solve = factorised_single(operator, np.full(len(weights), shift))
         vectors = np.empty_like(start)
-        for first in [*range(0, k - WIDTH, WIDTH), k - WIDTH]:
+        for first in [*range(0, k - WIDTH, WIDTH), max(k - WIDTH, 0)]:
             block = solve(start[:, first : first + WIDTH])
             vectors[:, first : first + WIDTH] = block / np.linalg.norm(block, axis=0)
         gram = vectors.T @ vectors
