@@ -19,8 +19,9 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.datasets import creature, ground_truth
-from shapes import disguised, icosphere
+from isomatch.datasets import creature, cut, ground_truth, weld
+from isomatch.datasets.organs import organ, organ_truth
+from shapes import box, disguised, icosphere
 
 LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished": 1000}
 COARSE = Config.from_dict({"levels": LEVELS})
@@ -128,6 +129,18 @@ def test_polished_functions_are_those_of_the_finer_level(shapes):
     apart = shape.body.vertices[shape.sample_vertices] - shapes[0].body.vertices[shapes[0].sample_vertices]
     assert np.linalg.norm(apart, axis=1).max() < 2 / np.sqrt(1000)
     assert shapes[0].polishable is shape
+
+
+def test_samples_stay_on_their_sheet_where_sheets_were_glued():
+    """At a weld, two vertices of the body are one of the user's."""
+    welded = weld(creature(2500, pose=3).mesh, 0.1)
+    shape = prepare(welded.mesh, COARSE)
+    assert any("glued together" in note for note in shape.notes)
+    everywhere = np.arange(shape.body.n_vertices)
+    np.testing.assert_array_equal(shape.refining.coarse.owner[shape.finer_vertex], everywhere)
+    samples = shape.polishable.sample_vertices
+    assert len(np.unique(samples)) == len(samples)
+    np.testing.assert_array_equal(shape.refining.coarse.owner[samples], shape.sample_vertices)
 
 
 def test_what_was_lifted_is_restricted_to_itself(shapes):
@@ -435,3 +448,80 @@ def test_settings_of_both_shapes_must_agree(shapes, made):
 def test_settings_that_make_no_sense(values, message):
     with pytest.raises(SettingError, match=message):
         Config.from_dict(values)
+
+
+def bar(folded):
+    """A tapered bar, 80 long and 6 thick, straight or folded in the middle until its halves nearly touch.
+
+    Returns it and the place of each vertex along it. The gap is a third of an edge of the coarse mesh.
+    """
+    block, thickness, length, gap = box(6, 9, 80), 6, 80, 0.4
+    x, y, z = block.vertices.T
+    taper = 1 - 0.35 * z / length
+    x, y = taper * (x - thickness / 2), taper * (y - 4.5)
+    y *= 1 + 0.12 * x
+    if not folded:
+        return Mesh(np.column_stack([x, y, z]), block.faces), z
+    radius = (thickness + gap) / 2
+    turn = np.clip((z - length / 2) / radius, -np.pi / 2, np.pi / 2)
+    beyond = np.abs(z - length / 2 - turn * radius)
+    points = np.column_stack([np.cos(turn) * (radius + x) - beyond, y, np.sin(turn) * (radius + x)])
+    return Mesh(points, block.faces), z
+
+
+@pytest.mark.parametrize("folded", ["target", "source"])
+def test_neighbouring_sheets_do_not_exchange_images(folded):
+    """Neither when maps are carried from a coarse mesh that is folded, nor to it."""
+    source, along = bar(folded == "source")
+    target, _ = bar(folded == "target")
+    copy = disguised(target, 3)
+    there = np.empty_like(along)
+    there[copy.new_vertex] = along
+    over = match(source, copy.mesh, config=COARSE)
+    assert_valid(over, source, copy.mesh)
+    assert np.abs(over.map.pull_back(there) - along).max() < 6
+
+
+@pytest.mark.parametrize("sides", ["mirror image", "turn"])
+def test_symmetric_shapes_are_still_ambiguous(sides):
+    """What two decimations differ by is no knowledge of sides."""
+    if sides == "turn":
+        both = [organ("kidney", 2500, symmetry="turn", pose=i) for i in (1, 2)]
+        config = COARSE
+    else:
+        both = [creature(2500, symmetric=True, triangulation=i, pose=i) for i in (1, 4)]
+        config = Config.from_dict({"levels": LEVELS, "orientation": "any"})
+    either = match(*(each.mesh for each in both), config=config)
+    assert either.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    assert_valid(either, *(each.mesh for each in both))
+
+
+def test_a_shape_without_limbs():
+    both = [organ("kidney", 2500, pose=i) for i in (1, 2)]
+    source, target = (each.mesh for each in both)
+    over = match(source, target, config=COARSE)
+    assert_valid(over, source, target)
+    assert mean_error(over, organ_truth(*both).vertices, target) < 0.04
+
+
+@pytest.mark.parametrize("part", ["source", "target"])
+def test_a_part(made, truth, shapes, part):
+    """Matched with its holes closed too; what lands on no vertex of the other shape is unmatched."""
+    if part == "source":
+        damaged = cut(made[0].mesh, 0.3, seed=4)
+        pair, expected = (damaged.mesh, shapes[1]), truth[damaged.original]
+        found, target = match(*pair), made[1].mesh
+        assert_valid(found, damaged.mesh, target)
+    else:
+        damaged = cut(made[1].mesh, 0.1, seed=2)
+        found, target = match(shapes[0], damaged.mesh), damaged.mesh
+        expected = damaged.damaged_vertex[truth]
+        assert_valid(found, made[0].mesh, target, off=np.flatnonzero(~found.map.matched))
+        kept = expected >= 0
+        assert found.map.matched[kept].mean() > 0.9
+        assert found.map.matched[~kept].mean() < 0.9
+    assert found.outcome in (Outcome.PARTIAL, Outcome.LOW_CONFIDENCE)
+    assert mean_error(found, expected, target) < 0.05
+    assert sum("matched on 1000 of" in note for note in found.notes) == 2
+    assert not any("polished" in note for note in found.notes)
+    assert "polish" not in found.timings

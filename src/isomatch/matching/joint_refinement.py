@@ -164,8 +164,7 @@ def polished_points(pair: ShapePair, finer: SmoothPair, fit: RefinedCandidate, s
 
     The last steps of the joint refinement, and the registration.
     """
-    image = finer.target.body_vertex[pair.target.user_vertex[fit.target_vertex]]
-    start = replace(fit, target_vertex=image)
+    start = replace(fit, target_vertex=pair.target.finer_vertex[fit.target_vertex])
     stepped = _stepped(finer, start, pair.config.levels.polished_sizes, with_positions=True)
     embedding = joint_embedding(finer, stepped, smooth)
     return finer.target.index.points(embedding.target, embedding.source)

@@ -100,13 +100,13 @@ def _level(found: Body, transfer: Transfer, refining: Transfer) -> Level:
         coarse.moved((coarse.vertices - middle) / unit),
         found.scale * unit,
         np.append(owner, -1)[found.body_vertex],
-        found.user_vertex[_nearest_members(transfer)],
+        found.user_vertex[nearest_members(transfer)],
         Detail(transfer, found.body_vertex, found.user_vertex),
         refining,
     )
 
 
-def _nearest_members(transfer: Transfer) -> IntArray:
+def nearest_members(transfer: Transfer) -> IntArray:
     """For each coarse vertex, the nearest of those merged into it."""
     owner = transfer.coarse.owner
     apart = ((transfer.fine.vertices - transfer.coarse.mesh.vertices[owner]) ** 2).sum(axis=1)

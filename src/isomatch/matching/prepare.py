@@ -32,7 +32,7 @@ from isomatch.geodesics import (
 from isomatch.matching.body import LEFT_UNMATCHED, Body, body_of, sound_body
 from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
-from isomatch.matching.levels import Level, full_level, levels_of
+from isomatch.matching.levels import Level, full_level, levels_of, nearest_members
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import StageTimer
@@ -203,10 +203,15 @@ class PreparedShape(SmoothShape):
             body_vertex=self.finer.body_vertex,
             user_vertex=self.finer.user_vertex,
             laplace=laplace,
-            sample_vertices=self.finer.body_vertex[self.user_vertex[self.sample_vertices]],
+            sample_vertices=self.finer_vertex[self.sample_vertices],
             config=self.config,
             detail=self.finer.detail,
         )
+
+    @cached_property
+    def finer_vertex(self) -> IntArray:
+        """(n_body,) vertex of `polishable` for each body vertex: the nearest of those merged into it."""
+        return np.arange(self.body.n_vertices) if self.refining is None else nearest_members(self.refining)
 
     @cached_property
     def points(self) -> SignedPoints:
