@@ -27,6 +27,12 @@ LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished
 COARSE = Config.from_dict({"levels": LEVELS})
 FULL = Config.from_dict({"levels": LEVELS, "resolution": "full"})
 FAST = Config.from_dict({"levels": LEVELS, "resolution": "fast"})
+TINY = Config.from_dict({"levels": {"matched": 200, "polished": 400}})
+
+
+def later(*values):
+    """A parameter whose test takes part in `make test-long` only."""
+    return pytest.param(*values, marks=pytest.mark.long)
 
 
 @pytest.fixture(scope="module")
@@ -181,8 +187,9 @@ def test_without_polishing_none_is_told(made, truth, shapes):
     assert not any("polished" in note for note in plain.notes)
 
 
-@pytest.mark.parametrize("config", [COARSE, FAST, FULL], ids=["auto", "fast", "full"])
-def test_a_shape_finds_its_copy(made, config):
+@pytest.mark.parametrize("resolution", ["auto", later("fast"), later("full")])
+def test_a_shape_finds_its_copy(made, resolution):
+    config = Config.from_dict({"levels": LEVELS, "resolution": resolution})
     mesh = made[0].mesh
     copy = disguised(mesh, 3, scale=7.0)
     same = match(mesh, copy.mesh, config=config)
@@ -195,6 +202,7 @@ def test_a_shape_finds_its_copy(made, config):
     assert off.max() < 2 * copy.mesh.edge_lengths.mean()
 
 
+@pytest.mark.long
 def test_new_labels_of_the_target_are_those_of_the_images(made, shapes, found):
     target = made[1].mesh
     copy = disguised(target, 4, scale=0.01)
@@ -216,6 +224,7 @@ def test_threads_change_nothing(made, found, monkeypatch):
         assert one.map.vertices.tobytes() == other.map.vertices.tobytes()
 
 
+@pytest.mark.long
 def test_small_shapes_are_matched_in_full(made, found_in_full):
     settings = {"levels": {**LEVELS, "matched": 2100, "polished": 2400}}
     by_default = match(*(each.mesh for each in made), config=Config.from_dict(settings))
@@ -224,7 +233,7 @@ def test_small_shapes_are_matched_in_full(made, found_in_full):
     assert by_default.notes == found_in_full.notes
 
 
-@pytest.mark.parametrize("large", ["source", "target"])
+@pytest.mark.parametrize("large", ["source", later("target")])
 def test_only_one_shape_is_large(made, truth, large, found_in_full):
     small = creature(1500, triangulation=5, pose=1 if large == "target" else 2)
     both = (small, made[1]) if large == "target" else (made[0], small)
@@ -263,6 +272,7 @@ def test_wrong_landmarks_are_named_as_they_were_given(shapes, truth):
     assert note.count("→") == sum(pair in note for pair in pairs)
 
 
+@pytest.mark.long
 def test_landmarks_of_the_mirror_image_are_obeyed():
     """What is polished and carried is the map that the landmarks ask for."""
     source, target = (creature(2500, symmetric=True, triangulation=i) for i in (1, 2))
@@ -274,7 +284,7 @@ def test_landmarks_of_the_mirror_image_are_obeyed():
     assert led.outcome is Outcome.SYMMETRY_AMBIGUOUS
 
 
-@pytest.mark.parametrize("step", [1, 37])
+@pytest.mark.parametrize("step", [1, later(37)])
 def test_an_initial_map_is_obeyed(made, truth, shapes, step):
     known = np.full(len(truth), -1)
     known[::step] = truth[::step]
@@ -286,6 +296,7 @@ def test_an_initial_map_is_obeyed(made, truth, shapes, step):
     assert mean_error(led, truth, made[1].mesh) < 0.015
 
 
+@pytest.mark.long
 def test_descriptors_are_obeyed(made, truth, shapes):
     of_target = np.sin(made[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
     given = Config.from_dict({"levels": LEVELS, "hypotheses": "given"})
@@ -346,6 +357,7 @@ def test_what_is_off_the_body_has_no_image(made, truth):
     assert any("642 vertices" in note and "no partner" in note for note in partial.notes)
 
 
+@pytest.mark.long
 def test_components_are_decimated_each(made, truth):
     """A ball in reach of the body, larger than what is matched."""
     ball = icosphere(4)
@@ -386,27 +398,43 @@ def test_seams_of_duplicate_vertices(made, truth, found):
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.5 * made[1].mesh.edge_lengths.mean()
 
 
-def test_points_and_graphs_are_never_decimated(made):
-    mesh = made[0].mesh
-    cloud = PointCloud(mesh.vertices)
-    i, j = mesh.edges.T
-    graph = Graph(mesh.n_vertices, mesh.edges, np.linalg.norm(mesh.vertices[i] - mesh.vertices[j], axis=1))
-    for surface in (cloud, graph):
-        shape = prepare(surface, COARSE)
-        assert shape.body.n_vertices == mesh.n_vertices
-        assert shape.detail is shape.finer is None
-        assert shape.polishable is shape
-
-
-def test_given_distances_are_never_decimated():
-    mesh = creature(1500).mesh
+@pytest.mark.parametrize("kind", ["mesh", "points", "graph", "mesh with distances"])
+def test_what_is_decimated(kind):
+    """Meshes alone, and not where distances are given, which no coarse mesh has."""
+    mesh = icosphere(3)
     apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
-    shape = prepare(mesh, Config.from_dict({"levels": LEVELS}), distances=apart)
+    i, j = mesh.edges.T
+    surface = {
+        "points": PointCloud(mesh.vertices),
+        "graph": Graph(mesh.n_vertices, mesh.edges, apart[i, j]),
+    }.get(kind, mesh)
+    shape = prepare(surface, TINY, distances=apart if kind == "mesh with distances" else None)
+    if kind == "mesh":
+        assert shape.body.n_vertices == 200
+        return
     assert shape.body.n_vertices == mesh.n_vertices
     assert shape.detail is shape.finer is None
+    assert shape.polishable is shape
+    np.testing.assert_array_equal(shape.finer_vertex, np.arange(mesh.n_vertices))
 
 
-@pytest.mark.parametrize("kind", ["points", "graph"])
+@pytest.mark.parametrize("opened", [False, True])
+def test_with_holes_closed_the_body_is_as_coarse(opened):
+    """Its first vertices are those of the body, and a map names them."""
+    sphere = icosphere(4)
+    mesh = sphere.submesh(sphere.vertices[:, 2] < 0.9)[0] if opened else sphere
+    shape = prepare(mesh, Config.from_dict({"levels": {"matched": 800, "polished": 1200, "spared": 1}}))
+    closed, n = shape.capped, shape.body.n_vertices
+    assert n == 800
+    assert (closed.body.n_vertices > n) == opened
+    assert closed.surface.n_vertices == closed.body.n_vertices
+    assert closed.detail is closed.finer is None
+    assert np.ptp(closed.body.vertices[:n] * closed.scale - shape.body.vertices, axis=0).max() < 1e-9
+    image = closed.correspondence(closed, np.arange(closed.body.n_vertices))
+    np.testing.assert_array_equal(image.vertices, np.arange(closed.body.n_vertices))
+
+
+@pytest.mark.parametrize("kind", ["points", later("graph")])
 def test_a_large_mesh_and_its_own_points(made, shapes, kind):
     mesh, shape = made[1].mesh, shapes[1]
     copy = disguised(mesh, 4)
@@ -419,11 +447,10 @@ def test_a_large_mesh_and_its_own_points(made, shapes, kind):
     assert_valid(there, mesh, other)
     assert_valid(back, other, mesh)
     if kind == "points":  # a graph has no sides, and a creature is nearly its own mirror image
-        edge = mesh.edge_lengths.mean()
         off = copy.mesh.vertices[there.map.vertices] - copy.mesh.vertices[copy.new_vertex]
-        assert np.linalg.norm(off, axis=1).mean() < edge
+        assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
         off = back.map.pull_back(mesh.vertices)[copy.new_vertex] - mesh.vertices
-        assert np.linalg.norm(off, axis=1).mean() < edge
+        assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
 
 
 def test_settings_of_both_shapes_must_agree(shapes, made):
@@ -469,7 +496,7 @@ def bar(folded):
     return Mesh(points, block.faces), z
 
 
-@pytest.mark.parametrize("folded", ["target", "source"])
+@pytest.mark.parametrize("folded", ["source", later("target")])
 def test_neighbouring_sheets_do_not_exchange_images(folded):
     """Neither when maps are carried from a coarse mesh that is folded, nor to it."""
     source, along = bar(folded == "source")
@@ -482,6 +509,7 @@ def test_neighbouring_sheets_do_not_exchange_images(folded):
     assert np.abs(over.map.pull_back(there) - along).max() < 6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sides", ["mirror image", "turn"])
 def test_symmetric_shapes_are_still_ambiguous(sides):
     """What two decimations differ by is no knowledge of sides."""
@@ -496,6 +524,7 @@ def test_symmetric_shapes_are_still_ambiguous(sides):
     assert_valid(either, *(each.mesh for each in both))
 
 
+@pytest.mark.long
 def test_a_shape_without_limbs():
     both = [organ("kidney", 2500, pose=i) for i in (1, 2)]
     source, target = (each.mesh for each in both)
@@ -504,6 +533,7 @@ def test_a_shape_without_limbs():
     assert mean_error(over, organ_truth(*both).vertices, target) < 0.04
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", ["source", "target"])
 def test_a_part(made, truth, shapes, part):
     """Matched with its holes closed too; what lands on no vertex of the other shape is unmatched."""
