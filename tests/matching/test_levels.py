@@ -480,9 +480,9 @@ def test_settings_that_make_no_sense(values, message):
 def bar(folded):
     """A tapered bar, 80 long and 6 thick, straight or folded in the middle until its halves nearly touch.
 
-    Returns it and the place of each vertex along it. The gap is a third of an edge of the coarse mesh.
+    Returns it and the place of each vertex along it. The gap is a tenth of an edge.
     """
-    block, thickness, length, gap = box(6, 9, 80), 6, 80, 0.4
+    block, thickness, length, gap = box(6, 9, 80), 6, 80, 0.1
     x, y, z = block.vertices.T
     taper = 1 - 0.35 * z / length
     x, y = taper * (x - thickness / 2), taper * (y - 4.5)
