@@ -11,11 +11,11 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from isomatch._cached import cached_property
 from isomatch._settings import Settings
 
 RECORD = Path(__file__).with_name("public_face.txt")
