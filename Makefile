@@ -6,7 +6,7 @@ LOWEST := $(VENV)/lowest
 LOCK := requirements-dev.txt
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz coverage lint types benchmark lock lowest clean
+.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks lock lowest clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -46,6 +46,9 @@ types: $(VENV)/dev
 	$(BIN)/mypy
 
 benchmark: $(VENV)/dev
+	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA)) --page docs
+
+microbenchmarks: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
 
 lock: $(VENV)/uv

@@ -3,7 +3,8 @@
     python benchmarks/performance.py -o OUT [--data DIR] [--largest N] [--page docs]
 
 matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``.
-Up to 52 000 vertices, pyFM matches the same pair in the same process; with ``--data``, also pairs of FAUST and TOSCA.
+Up to 60 000 vertices, pyFM matches the same pair in the same process: creatures, or with ``--data`` pairs of FAUST and
+TOSCA in their place.
 ``--page`` makes the page and its plot of the rows that are in OUT. Rows that are there already are not made again.
 """
 
@@ -103,7 +104,7 @@ def measured(name: str, data: str | None, output: Path) -> dict[str, Any]:
     finer = shapes[0].finer
     levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
     row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
-    if pair.source.n_vertices <= LARGEST_FOR_PYFM:
+    if pair.source.n_vertices <= LARGEST_FOR_PYFM and (name in REAL or not data):
         from isomatch.baselines import pyfm_zoomout
 
         started = time.perf_counter()
@@ -222,6 +223,7 @@ def _write_table(rows: list[dict[str, Any]], path: Path) -> None:
         *STAGES,
         *LATER,
     ]
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, extrasaction="ignore")
         writer.writeheader()
@@ -230,8 +232,88 @@ def _write_table(rows: list[dict[str, Any]], path: Path) -> None:
             writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in flat.items()})
 
 
+MARK = "<!-- made by benchmarks/performance.py: {} -->"
+
+
 def write_page(rows: list[dict[str, Any]], folder: Path) -> None:
-    """Write the tables of docs/performance.md between its marks, and the plot beside it."""
+    """Write the tables of docs/performance.md between its marks, and its plot."""
+    page = folder / "performance.md"
+    text = page.read_text(encoding="utf-8")
+    for name, table in (("pairs", _pairs_table(rows)), ("stages", _stages_table(rows))):
+        begin, end = MARK.format(name), MARK.format(f"end of {name}")
+        before, rest = text.split(begin)
+        text = before + begin + "\n" + table + end + rest.split(end)[1]
+    page.write_text(text, encoding="utf-8")
+    _write_table(rows, folder / "performance" / "performance.csv")
+    _plot(rows, folder / "performance" / "performance.svg")
+
+
+def _pairs_table(rows: list[dict[str, Any]]) -> str:
+    lines = [
+        "| pair | vertices | seconds | of CPU | memory (GB) | error | pyFM: seconds | error | ratio |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        beside = ["", "", ""]
+        if "pyfm seconds" in row:
+            ratio = row["pyfm seconds"] / row["seconds"]
+            beside = [f"{row['pyfm seconds']:.1f}", f"{row['pyfm error']:.2f}", f"{ratio:.1f}"]
+        cells = [
+            row["pair"],
+            str(row["vertices"]),
+            f"{row['seconds']:.2f}",
+            f"{row['cpu seconds']:.2f}",
+            f"{row['memory']:.2f}",
+            f"{row['error']:.2f}",
+            *beside,
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _stages_table(rows: list[dict[str, Any]]) -> str:
+    made = [row for row in rows if row["pair"].startswith("creature")]
+    sizes = np.array([row["vertices"] for row in made])
+    header = [f"{n / 1000:.0f}k" for n in sizes]
+    lines = [f"| stage | {' | '.join(header)} | exponent | lower bound |", "|---|" + "---|" * (len(made) + 2)]
+    for stage in (*STAGES, *LATER):
+        seconds = np.array([row["stages"][stage] for row in made])
+        spent = seconds > 0
+        exponent = ""
+        if spent.sum() > 2:
+            exponent = f"{np.polyfit(np.log(sizes[spent]), np.log(seconds[spent]), 1)[0]:.2f}"
+        bound = made[-1]["bounds"].get(stage)
+        cells = [f"{value:.2f}" if value else "" for value in seconds]
+        lines.append(
+            f"| {stage} | {' | '.join(cells)} | {exponent} | {'' if not bound else f'{bound:.2f}'} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _plot(rows: list[dict[str, Any]], path: Path) -> None:
+    """Plot the seconds of the stages, of whole matches and of pyFM against vertices, both in logarithms."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    matplotlib.rcParams["svg.hashsalt"] = "performance"
+    from matplotlib import pyplot as plt
+
+    made = [row for row in rows if row["pair"].startswith("creature")]
+    sizes = [row["vertices"] for row in made]
+    figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    axes.loglog(sizes, [row["seconds"] for row in made], "ko-", lw=2, label="match, whole")
+    for stage in (*STAGES, *LATER):
+        seconds = [row["stages"][stage] or np.nan for row in made]
+        axes.loglog(sizes, seconds, ".-", lw=1, label=stage)
+    beside = [row for row in rows if "pyfm seconds" in row]
+    axes.loglog(
+        [r["vertices"] for r in beside], [r["pyfm seconds"] for r in beside], "r^", label="pyFM, whole"
+    )
+    axes.set(xlabel="vertices of each shape", ylabel="seconds", ylim=(0.005, None))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7, ncols=2)
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path, metadata={"Date": None})
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch.matching import Config, MatchResult, PreparedShape, match
 from isomatch.surfaces import Surface
 
-PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform"}
+PLAIN: dict[str, Any] = {"hypotheses": "given", "weights": "uniform", "resolution": "full"}
 
 
 def gdd(
@@ -29,7 +29,7 @@ def gdd(
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. At least one hint is needed.
     config : Config, optional
-        Settings; hypotheses, refinement and weights are replaced by those of the paper.
+        Settings; hypotheses, refinement, weights and resolution are replaced by those of the paper.
 
     Returns
     -------

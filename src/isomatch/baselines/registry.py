@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from isomatch._settings import Settings
 from isomatch.baselines.functional_maps import FunctionalMapsConfig, functional_maps
@@ -14,6 +14,7 @@ from isomatch.baselines.laplace_nearest_neighbours import LaplaceConfig, laplace
 from isomatch.baselines.pyfm import pyfm_zoomout
 from isomatch.baselines.spectral_gmds import SpectralGmdsConfig, spectral_gmds
 from isomatch.baselines.spectral_gradient_fields import GradientFieldsConfig, spectral_gradient_fields
+from isomatch.baselines.task import AT_FULL_RESOLUTION
 from isomatch.baselines.zoomout import ZoomOutConfig, zoomout
 from isomatch.correspondence import Correspondence
 from isomatch.matching import Config, MatchResult
@@ -38,10 +39,10 @@ class Baseline:
     function: Callable[..., MatchResult | Correspondence]
     config: Settings | None = None
     needs_hint: bool = False
-    preparation: Config | None = field(default_factory=Config)
+    preparation: Config | None = field(default_factory=lambda: AT_FULL_RESOLUTION)
 
 
-AS_PUBLISHED = Config(weights="uniform")
+AS_PUBLISHED = replace(AT_FULL_RESOLUTION, weights="uniform")
 BASELINES = {
     "gdd": Baseline(gdd, AS_PUBLISHED, needs_hint=True, preparation=AS_PUBLISHED),
     "gdd_post": Baseline(gdd_post, AS_PUBLISHED, needs_hint=True, preparation=AS_PUBLISHED),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
 from isomatch.matching import (
+    Config,
     Hints,
     MatchResult,
     MatchSettings,
@@ -26,6 +27,9 @@ from isomatch.surfaces import Surface
 NOT_JUDGED = (
     "a baseline tries no other map: misfit and rival are not defined, and symmetric maps are not noticed"
 )
+
+
+AT_FULL_RESOLUTION = Config(resolution="full")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +76,8 @@ class Task:
         """
         timer = StageTimer()
         timer.start("prepare")
-        pair = prepare_pair(source, target, None, seed)
+        prepared = any(isinstance(shape, PreparedShape) for shape in (source, target))
+        pair = prepare_pair(source, target, None if prepared else AT_FULL_RESOLUTION, seed)
         hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
         return cls(pair, hints, seed, timer)
 

@@ -16,7 +16,7 @@ from isomatch._threads import row_product, serial_blas
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
 from isomatch.bases.signs import fix_signs
-from isomatch.errors import MeshError, NotConvergedError, some
+from isomatch.errors import MeshError, NotConvergedError, SettingError, some
 from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
@@ -107,6 +107,8 @@ def laplace_basis(
     """
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
+    if precision not in TOLERANCE:
+        raise SettingError(f"precision = {precision!r} is not 'double' or 'single'")
     operator, weights = _unit_operator(surface)
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed, TOLERANCE[precision], np.dtype(precision))
@@ -148,7 +150,7 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
         shift = RELATIVE_SHIFT * float(coarse.values[-1] * area)
         solve = factorised_single(operator, np.full(len(weights), shift))
         vectors = np.empty_like(start)
-        for first in [*range(0, k - WIDTH, WIDTH), max(k - WIDTH, 0)]:
+        for first in range(0, k, WIDTH):
             block = solve(start[:, first : first + WIDTH])
             vectors[:, first : first + WIDTH] = block / np.linalg.norm(block, axis=0)
         gram = vectors.T @ vectors

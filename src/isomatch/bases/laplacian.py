@@ -75,7 +75,7 @@ def factorised(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArr
 
 
 def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[FloatArray], Float32Array]:
-    """As `factorised`; the function solves for (n, up to WIDTH) right-hand sides in single precision.
+    """As `factorised`; the function solves for up to WIDTH right-hand sides in single precision.
 
     It takes less than half of the time of double precision, and several threads can solve at once.
     """
@@ -87,11 +87,11 @@ def factorised_single(stiffness: csc_array, diagonal: FloatArray) -> Callable[[F
     inverse, place = single(1 / factors.U.diagonal()), factors.perm_c
 
     def solve(right: FloatArray) -> Float32Array:
-        width = right.shape[1]
-        x: Float32Array = np.zeros((n, WIDTH), np.float32)
-        x[place, :width] = right
+        q = right.shape[1]
+        x = np.zeros((n, WIDTH), np.float32)
+        x[place, :q] = right
         _solve(start, rows, values, inverse, x)
-        solution: Float32Array = x[place, :width]
+        solution: Float32Array = x[place, :q]
         return solution
 
     return solve

@@ -12,7 +12,7 @@ import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
-from isomatch.matching import Orientation, Refinement, Start
+from isomatch.matching import Orientation, Refinement, Resolution, Start
 
 
 def match(
@@ -26,6 +26,7 @@ def match(
     refinement: Refinement | None = None,
     orientation: Orientation | None = None,
     start: Start | None = None,
+    resolution: Resolution | None = None,
     config: Path | None = None,
     seed: int = 0,
     json: bool = False,
@@ -52,6 +53,8 @@ def match(
         Whether the map preserves orientation: preserve (default), reverse (a mirror image), or any.
     start : str
         "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
+    resolution : str
+        On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all vertices.
     config : Path
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
     seed : int
@@ -63,7 +66,12 @@ def match(
     """
     folder = ResultFolder(output)
     settings = read_config(config) or isomatch.Config()
-    options: dict[str, Any] = {"refinement": refinement, "orientation": orientation, "start": start}
+    options: dict[str, Any] = {
+        "refinement": refinement,
+        "orientation": orientation,
+        "start": start,
+        "resolution": resolution,
+    }
     settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
     pairs = None if landmarks is None else read_landmarks(landmarks)
     with progress() as stage:

@@ -44,7 +44,8 @@ def spectral_embedding(
 
 def fit_functional_map(source_functions: FloatArray, target_functions: FloatArray) -> FloatArray:
     """Least-squares functional map (k_s, k_t) from functions at q corresponding points, (q, k_s) and (q, k_t)."""
-    return np.asarray(np.linalg.lstsq(source_functions, target_functions, rcond=None)[0], dtype=np.float64)
+    source, target = source_functions.astype(np.float64), target_functions.astype(np.float64)
+    return np.asarray(np.linalg.lstsq(source, target, rcond=None)[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from isomatch._arrays import Float32Array, FloatArray, IntArray, single
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 
+TINY = np.float32(1e-30)
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
 ROUNDING = 1e-5  # of sums of products in single precision, relative to the squared norms
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
@@ -161,7 +162,7 @@ def _radii(
             radius[a] = max(radius[a], from_centre[j])
 
 
-@compiled(fastmath={"nsz", "reassoc", "contract"})
+@compiled(fastmath={"nsz", "reassoc", "contract"}, error_model="numpy")
 def _open_cells(
     squared_apart: Float32Array,
     doubt: Float32Array,
@@ -184,7 +185,7 @@ def _open_cells(
             within = reach + radius[cell]
             if turn == first or squared_apart[i, cell] - doubt[i] > within * within:
                 continue
-            away = np.sqrt(max(squared_apart[i, cell], doubt[i]))
+            away = np.sqrt(max(squared_apart[i, cell], doubt[i], TINY))
             beyond = reach + doubt[i] / away
             for j in range(start[cell], start[cell + 1]):
                 if abs(away - from_centre[j]) > beyond:

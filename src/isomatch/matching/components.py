@@ -368,8 +368,7 @@ def _vertex_share(shape: PreparedShape) -> float:
 
 
 def _named(shape: PreparedShape) -> str:
-    n_vertices = shape.detail.transfer.fine.n_vertices if shape.detail else shape.body.n_vertices
-    size = f"{n_vertices} vertices, {shape.share:.1%} of the area"
+    size = f"{(shape.body_vertex >= 0).sum()} vertices, {shape.share:.1%} of the area"
     return f"the component of vertex {shape.user_vertex[0]} ({size})"
 
 

@@ -110,8 +110,6 @@ class LevelSettings(Settings):
         The same with ``resolution="fast"``.
     spared : float
         A mesh of up to so many times these sizes is not decimated.
-    polished_sizes : tuple of int
-        Laplace–Beltrami functions in the steps that polish.
     """
 
     matched: int = setting(5000, "docs/performance.md, resolution", least=200)
@@ -119,16 +117,14 @@ class LevelSettings(Settings):
     fast_matched: int = setting(2500, "docs/performance.md, resolution", least=200)
     fast_polished: int = setting(5000, "docs/performance.md, resolution", least=200)
     spared: float = setting(1.25, "chosen: less is hardly faster", least=1)
-    polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for kind in ("", "fast_"):
-            matched, polished = (getattr(self, f"{kind}{what}") for what in ("matched", "polished"))
+            matched, polished = getattr(self, f"{kind}matched"), getattr(self, f"{kind}polished")
             if polished < matched:
                 raise SettingError(
-                    f"{kind}polished = {polished} is below {kind}matched = {matched}; maps are polished on more vertices "
-                    "than they are matched on, so give at least as many"
+                    f"{kind}polished = {polished} is below {kind}matched = {matched}; a map is polished on more vertices"
                 )
 
 
@@ -380,6 +376,8 @@ class RefinementSettings(Settings):
     sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
         Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
         two. After each stage, maps that fit much worse than the best are given up.
+    polished_sizes : tuple of int
+        Functions in the steps that polish the map of a large mesh, on more vertices.
     position_unit : float
         Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
     normal_weight : float
@@ -408,6 +406,7 @@ class RefinementSettings(Settings):
     final_sizes: tuple[int, ...] = setting(
         (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
     )
+    polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
@@ -759,8 +758,8 @@ class Config(Settings):
         Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
         anything. Complete shapes are always scaled to the same area.
     resolution : {"auto", "full", "fast"}
-        Whether large meshes are matched on fewer vertices, and the map is then polished on more and carried to all; or
-        all of it is done on all vertices; or on half as many as by default. Maps always name the user's vertices.
+        "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to all; "full" uses all
+        vertices throughout; "fast" uses still fewer than "auto". Maps always name the user's vertices.
     preparation : PreparationSettings
     levels : LevelSettings
     symmetry : SymmetrySettings

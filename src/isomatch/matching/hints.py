@@ -17,10 +17,6 @@ from isomatch.matching.prepare import PreparedShape
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 
 
-def _no_pairs() -> IntArray:
-    return np.zeros((0, 2), dtype=np.int64)
-
-
 @dataclass(frozen=True, eq=False)
 class Hints:
     """What is known of a map, in vertices of the bodies; empty arrays where nothing is.
@@ -43,7 +39,7 @@ class Hints:
     known: IntArray
     functions: tuple[FloatArray, FloatArray]
     notes: tuple[str, ...] = ()
-    given: IntArray = field(default_factory=_no_pairs)
+    given: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     @classmethod
     def of(
@@ -62,11 +58,13 @@ class Hints:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = given = known = _no_pairs()
+        points = given = known = np.zeros((0, 2), dtype=np.int64)
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
-            points, given = _on_bodies(source, target, pairs)
+            on_bodies = _on_bodies(source, target, pairs)
+            given = pairs[(on_bodies >= 0).all(axis=1)]
+            points = on_bodies[(on_bodies >= 0).all(axis=1)]
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -76,10 +74,21 @@ class Hints:
                 notes.append(
                     f"{len(pairs) - len(points)} of {len(pairs)} landmarks lie off the main components and are left out"
                 )
+            first = np.sort(np.unique(points, axis=0, return_index=True)[1])
+            points, given = points[first], given[first]
+            if len(points) < FEWEST_POINTS:
+                raise LandmarkError(
+                    f"the landmarks fall on {len(points)} vertices of the resolution that is matched, at least "
+                    f"{FEWEST_POINTS} are needed; give landmarks farther apart, or set resolution = 'full'"
+                )
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = np.column_stack([np.arange(sizes[0]), image])
-            known, _ = _on_bodies(source, target, pairs[image != UNMATCHED])
+            # of the vertices merged into one of a coarser body, the one nearest to it
+            nearest = source.user_vertex[source.body_vertex] == pairs[:, 0]
+            nearest &= (image != UNMATCHED) & (source.body_vertex >= 0)
+            known = _on_bodies(source, target, pairs[nearest])
+            known = known[(known >= 0).all(axis=1)]
             if len(known) < FEWEST_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
@@ -88,14 +97,14 @@ class Hints:
         functions: tuple[FloatArray, FloatArray] = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
             functions = checked_descriptors(initial_descriptors, *sizes)
-        on_bodies = source.restrict(functions[0]), target.restrict(functions[1])
-        for side, values in zip(("source", "target"), on_bodies):
+        functions_on_bodies = source.restrict(functions[0]), target.restrict(functions[1])
+        for side, values in zip(("source", "target"), functions_on_bodies):
             if not np.isfinite(values).all():
                 raise DescriptorError(
                     f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
                     "not matched may have nan"
                 )
-        return cls(points, known, on_bodies, tuple(notes), given)
+        return cls(points, known, functions_on_bodies, tuple(notes), given)
 
     @property
     def only_landmarks(self) -> bool:
@@ -108,11 +117,9 @@ class Hints:
         return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])
 
 
-def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of the users' vertices that lie on both bodies: as body vertices, and as they are."""
-    on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
-    kept = (on_bodies >= 0).all(axis=1)
-    return on_bodies[kept], pairs[kept]
+def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> IntArray:
+    """Pairs of the users' vertices as body vertices; −1 for those off a body."""
+    return np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
 
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:

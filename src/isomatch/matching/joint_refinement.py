@@ -164,8 +164,9 @@ def polished_points(pair: ShapePair, finer: SmoothPair, fit: RefinedCandidate, s
 
     The last steps of the joint refinement, and the registration.
     """
-    start = replace(fit, target_vertex=pair.target.finer_vertex[fit.target_vertex])
-    stepped = _stepped(finer, start, pair.config.levels.polished_sizes, with_positions=True)
+    image, between = fit.target_vertex, pair.target.refining
+    start = replace(fit, target_vertex=image if between is None else between.nearest_members[image])
+    stepped = _stepped(finer, start, pair.config.refining.polished_sizes, with_positions=True)
     embedding = joint_embedding(finer, stepped, smooth)
     return finer.target.index.points(embedding.target, embedding.source)
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import IntArray
 from isomatch.matching.body import Body
 from isomatch.matching.config import Config
-from isomatch.surfaces import Mesh, Surface, Transfer, decimate
+from isomatch.surfaces import Decimated, Mesh, Surface, Transfer, decimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Level:
     detail : Detail, optional
         The body in full, if this level is coarser.
     refining : Transfer, optional
-        Between the next finer level and this one, if this is a coarser level.
+        From the level before, which is finer or the body in full, to this one.
     """
 
     surface: Surface
@@ -57,6 +57,12 @@ class Detail:
     transfer: Transfer
     body_vertex: IntArray
     user_vertex: IntArray
+
+
+def identity_transfer(mesh: Mesh) -> Transfer:
+    """Carry points from a mesh to itself."""
+    everything = np.arange(mesh.n_vertices)
+    return Transfer(mesh, Decimated(mesh, everything, len(everything)))
 
 
 def full_level(found: Body) -> Level:
@@ -100,17 +106,7 @@ def _level(found: Body, transfer: Transfer, refining: Transfer) -> Level:
         coarse.moved((coarse.vertices - middle) / unit),
         found.scale * unit,
         np.append(owner, -1)[found.body_vertex],
-        found.user_vertex[nearest_members(transfer)],
+        found.user_vertex[transfer.nearest_members],
         Detail(transfer, found.body_vertex, found.user_vertex),
         refining,
     )
-
-
-def nearest_members(transfer: Transfer) -> IntArray:
-    """For each coarse vertex, the nearest of those merged into it."""
-    owner = transfer.coarse.owner
-    apart = ((transfer.fine.vertices - transfer.coarse.mesh.vertices[owner]) ** 2).sum(axis=1)
-    nearest = np.zeros(transfer.coarse.mesh.n_vertices, dtype=np.int64)
-    farthest_first = np.argsort(-apart, kind="stable")
-    nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
-    return nearest

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -196,7 +196,9 @@ def prepare_pair(
 
 def _prepared(side: str, shape: Surface | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
-        if name := shape.requested.differs_in_preparation(config):
+        in_full = config.resolution == "full" and shape.detail is None and not shape.others
+        used_config = replace(shape.requested, resolution="full") if in_full else shape.requested
+        if name := used_config.differs_in_preparation(config):
             used, asked = getattr(shape.requested, name), getattr(config, name)
             raise SettingError(
                 f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "

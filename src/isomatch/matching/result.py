@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -55,7 +55,7 @@ _ADVICE = {
 class Quality:
     """Measures of a map that need no ground truth.
 
-    Of shapes of several components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
+    Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Alternative:
         Where the hypothesis came from.
     """
 
-    extend: Callable[[], Correspondence]
+    extend: Callable[[], Correspondence] = field(repr=False)
     energy: float
     orientation: float
     origin: str

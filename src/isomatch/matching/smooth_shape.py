@@ -13,9 +13,9 @@ from isomatch.correspondence import UNMATCHED, Correspondence, PrecisePoints, Su
 from isomatch.errors import DescriptorError, MeshError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
-from isomatch.matching.levels import Detail
+from isomatch.matching.levels import Detail, identity_transfer
 from isomatch.matching.signatures import point_signatures
-from isomatch.surfaces import Decimated, Mesh, Surface, Transfer
+from isomatch.surfaces import Mesh, Surface
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -104,14 +104,6 @@ class SmoothShape:
         owner = number[distance_along_edges_to_nearest(self.body, centres)[1]]
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
-    @cached_property
-    def transfer(self) -> Transfer:
-        """Between the body at the user's resolution and this one."""
-        if self.detail:
-            return self.detail.transfer
-        everything = np.arange(self.body.n_vertices)
-        return Transfer(self.mesh_body, Decimated(self.mesh_body, everything, len(everything)))
-
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
 
@@ -135,42 +127,48 @@ class SmoothShape:
         user's, the map is interpolated.
         """
         points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
-        body_vertex, user_vertex = self.body_vertex, target.user_vertex
-        if self.detail or target.detail:
-            body_vertex = self.detail.body_vertex if self.detail else body_vertex
-            user_vertex = target.detail.user_vertex if target.detail else user_vertex
-            points, owner = self._carried(target, points)
-            matched = None if matched is None else matched[owner]
-        there = user_vertex[points.corners]
-        if matched is not None:
-            there[~matched] = UNMATCHED
-        corners = _lifted(there, body_vertex, UNMATCHED)
-        weights = _lifted(points.barycentric, body_vertex)
+        if matched is None:
+            matched = np.ones(len(points.corners), dtype=bool)
+        points, matched = self._in_full(target, points, matched)
+        source_body, target_body = self.detail or self, target.detail or target
+        there = target_body.user_vertex[points.corners]
+        there[~matched] = UNMATCHED
+        corners = _lifted(there, source_body.body_vertex, UNMATCHED)
+        weights = _lifted(points.barycentric, source_body.body_vertex)
         weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
         return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
 
-    def _carried(self, target: SmoothShape, points: PrecisePoints) -> tuple[PrecisePoints, IntArray]:
-        """Interpolate a map of coarse bodies: an image on the target in full for each vertex of the source in full.
+    def _in_full(
+        self, target: SmoothShape, points: PrecisePoints, matched: BoolArray
+    ) -> tuple[PrecisePoints, BoolArray]:
+        """Carry a map of coarse bodies to those in full.
 
-        Returns also the body vertex nearest to each. Where the map is torn, images are not mixed across the tear. Images
-        among points or on a graph cannot be mixed; they are those of the nearest body vertices.
+        A vertex of the source in full lies in a triangle of the coarse one. The images of its corners are interpolated,
+        but neither across a tear nor where there is none, and the nearest point of the target in full is taken.
         """
-        places = self.detail.transfer.on_coarse if self.detail else None
-        owner = np.arange(self.body.n_vertices) if places is None else places.corners[:, 0]
-        if target.triangles is None:
-            return PrecisePoints(points.corners[owner], points.barycentric[owner]), owner
-        positions = points.interpolated(target.transfer.coarse.mesh.vertices)
-        if places:
-            corners, weights = places
-            lengths = _apart(self.transfer.coarse.mesh.vertices, corners)
-            torn = _apart(positions, corners) > np.sqrt(self.config.outcome.torn) * lengths
-            weights = np.where(torn, 0.0, weights)
-            mixed = PrecisePoints(corners, weights / weights.sum(axis=1, keepdims=True))
-            positions = mixed.interpolated(positions)
-        return target.transfer.near_fine(positions, points.corners[owner]), owner
+        if self.detail is None and target.detail is None:
+            return points, matched
+        places = PrecisePoints.at_vertices(np.arange(self.body.n_vertices))
+        if self.detail:
+            places = self.detail.transfer.on_coarse
+        owner = places.corners[:, 0]
+        if target.detail is None and target.triangles is None:
+            return PrecisePoints(points.corners[owner], points.barycentric[owner]), matched[owner]
+        transfer = target.detail.transfer if target.detail else identity_transfer(target.mesh_body)
+        positions = points.interpolated(transfer.coarse.mesh.vertices)
+        if self.detail:
+            here = self.detail.transfer.coarse.mesh.vertices
+            apart, stretched = (_from_first_corner(x, places.corners) for x in (here, positions))
+            usual = np.median(stretched[:, 1:] / np.maximum(apart[:, 1:], np.finfo(float).tiny))
+            apart_too_far = stretched > np.sqrt(self.config.outcome.torn) * usual * apart
+            left_out = apart_too_far | ~matched[places.corners]
+            left_out[:, 0] = False
+            weights = np.where(left_out, 0.0, places.barycentric)
+            places = PrecisePoints(places.corners, weights / weights.sum(axis=1, keepdims=True))
+        return transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[owner]
 
 
-def _apart(points: FloatArray, corners: IntArray) -> FloatArray:
+def _from_first_corner(points: FloatArray, corners: IntArray) -> FloatArray:
     """Distances (m, 3) of corners from the first of them."""
     lengths: FloatArray = np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
     return lengths

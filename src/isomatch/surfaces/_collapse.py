@@ -3,9 +3,7 @@
 Three arrays hold the state; what belongs together lies together in memory.
 
 - ``vertices`` (n, 13): position, and the quadric xᵀ A x + 2 bᵀ x + c: the upper triangle of A, b and c.
-- ``marks`` (n, 5) of int32: the columns Index: TypeAlias = int | np.int64
-
-FIRST, KIND, VERSION, MARK, PARENT.
+- ``marks`` (n, 5) of int32: the columns FIRST, KIND, VERSION, MARK, PARENT.
 - ``corners`` (3 m, 2) of int32: corner 3 f + k, the place k of face f, has a vertex, −1 in a face that has vanished, and
   the corner that follows it in the list of those at this vertex, which starts at FIRST and ends at −1.
 """

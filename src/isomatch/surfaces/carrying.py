@@ -98,6 +98,16 @@ class Transfer:
         parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
         return found
 
+    @cached_property
+    def nearest_members(self) -> IntArray:
+        """(n_coarse,) the nearest of the fine vertices merged into each coarse one."""
+        owner = self.coarse.owner
+        apart = ((self.fine.vertices - self.coarse.mesh.vertices[owner]) ** 2).sum(axis=1)
+        nearest = np.zeros(self.coarse.mesh.n_vertices, dtype=np.int64)
+        farthest_first = np.argsort(-apart, kind="stable")
+        nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
+        return nearest
+
     def to_fine(self, points: PrecisePoints) -> PrecisePoints:
         """Carry m points of the coarse mesh to the fine one: the inverse of `on_coarse`.
 

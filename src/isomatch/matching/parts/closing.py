@@ -101,8 +101,9 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
     none = np.zeros((0, 2), dtype=np.int64)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, pair.config)
+    closed = Hints(hints.landmarks, none, nothing, given=hints.given)
     try:
-        return ClosedMatch(pair, match_complete(capped, replace(hints, known=none, functions=nothing), timer))
+        return ClosedMatch(pair, match_complete(capped, closed, timer))
     except NotConvergedError:
         return None
 
