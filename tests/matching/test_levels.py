@@ -21,6 +21,7 @@ from isomatch import (
 )
 from isomatch.datasets import creature, cut, ground_truth, weld
 from isomatch.datasets.organs import organ, organ_truth
+from isomatch.matching import Hints, prepare_pair
 from shapes import box, disguised, icosphere
 
 LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished": 1000}
@@ -143,7 +144,7 @@ def test_samples_stay_on_their_sheet_where_sheets_were_glued():
     shape = prepare(welded.mesh, COARSE)
     assert any("glued together" in note for note in shape.notes)
     everywhere = np.arange(shape.body.n_vertices)
-    np.testing.assert_array_equal(shape.refining.coarse.owner[shape.finer_vertex], everywhere)
+    np.testing.assert_array_equal(shape.refining.coarse.owner[shape.refining.nearest_members], everywhere)
     samples = shape.polishable.sample_vertices
     assert len(np.unique(samples)) == len(samples)
     np.testing.assert_array_equal(shape.refining.coarse.owner[samples], shape.sample_vertices)
@@ -296,6 +297,23 @@ def test_an_initial_map_is_obeyed(made, truth, shapes, step):
     assert mean_error(led, truth, made[1].mesh) < 0.015
 
 
+def test_an_initial_map_may_name_any_vertices(truth, shapes):
+    """Also where none of them is the one nearest to its vertex of the coarse body."""
+    known = np.full(len(truth), -1)
+    chosen = np.setdiff1d(np.arange(len(truth)), shapes[0].user_vertex)[::60]
+    known[chosen] = truth[chosen]
+    hints = Hints.of(prepare_pair(*shapes), None, known, None)
+    pairs = np.column_stack([shapes[0].body_vertex[chosen], shapes[1].body_vertex[truth[chosen]]])
+    np.testing.assert_array_equal(np.unique(hints.known, axis=0), np.unique(pairs, axis=0))
+
+
+def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
+    hints = Hints.of(prepare_pair(*shapes), None, truth, None)
+    source, image = hints.known.T
+    np.testing.assert_array_equal(np.sort(source), np.arange(1000))
+    np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])
+
+
 @pytest.mark.long
 def test_descriptors_are_obeyed(made, truth, shapes):
     of_target = np.sin(made[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
@@ -415,7 +433,6 @@ def test_what_is_decimated(kind):
     assert shape.body.n_vertices == mesh.n_vertices
     assert shape.detail is shape.finer is None
     assert shape.polishable is shape
-    np.testing.assert_array_equal(shape.finer_vertex, np.arange(mesh.n_vertices))
 
 
 @pytest.mark.parametrize("opened", [False, True])
@@ -466,7 +483,7 @@ def test_settings_of_both_shapes_must_agree(shapes, made):
         ({"resolution": "half"}, "resolution = 'half' is not one of 'auto', 'full', 'fast'"),
         ({"levels": {"matched": 100}}, "matched = 100 is not an integer of at least 200"),
         ({"levels": {"spared": 0.5}}, "spared = 0.5 is not a number of at least 1"),
-        ({"levels": {"polished_sizes": []}}, "polished_sizes is empty"),
+        ({"refining": {"polished_sizes": []}}, "polished_sizes is empty"),
         ({"levels": {"polished": 3000}}, "polished = 3000 is below matched = 5000"),
         ({"levels": {"fast_polished": 2000}}, "fast_polished = 2000 is below fast_matched = 2500"),
         ({"levels": {"size": 3000}}, "unknown setting size"),
