@@ -261,6 +261,14 @@ def test_landmarks_are_obeyed(made, truth, shapes):
     assert mean_error(led, truth, target) < 0.015
 
 
+def test_landmarks_that_become_one_vertex_are_too_few(shapes):
+    of_largest = [
+        np.flatnonzero(each.body_vertex == np.bincount(each.body_vertex).argmax())[:3] for each in shapes
+    ]
+    with pytest.raises(LandmarkError, match=r"fall on 1 vertices of the resolution.*resolution = 'full'"):
+        match(*shapes, landmarks=np.column_stack(of_largest))
+
+
 def test_wrong_landmarks_are_named_as_they_were_given(shapes, truth):
     chosen = np.flatnonzero(~np.isin(np.arange(len(truth)), shapes[0].user_vertex))
     chosen = chosen[np.isin(chosen, shapes[0].finer.user_vertex)][::150]
