@@ -55,7 +55,8 @@ _ADVICE = {
 class Quality:
     """Measures of a map that need no ground truth.
 
-    Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
+    Of large meshes, they are those of the level on which they are matched, before polishing. Of shapes of several
+    components, ``coverage`` and ``matched`` count all, and the others are those of the largest.
 
     Parameters
     ----------
