@@ -8,8 +8,11 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from isomatch import Mesh, MeshError, NotConvergedError, laplace_basis
+from isomatch.bases import refined_laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
+from isomatch.bases.laplacian import WIDTH, factorised, factorised_single
 from isomatch.datasets import creature
+from isomatch.surfaces import Transfer, decimate
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus
 
@@ -157,3 +160,73 @@ def test_unusable_meshes(name):
     mesh = specimen(name).mesh
     with pytest.raises(MeshError):
         laplace_basis(Mesh(mesh.vertices, mesh.faces), 3)
+
+
+@pytest.fixture(scope="module")
+def transfer(mesh):
+    return Transfer(mesh, decimate(mesh, 1000))
+
+
+def refined(transfer, k):
+    coarse = transfer.coarse.mesh
+    prolongation = transfer.on_coarse.interpolation(coarse.n_vertices)
+    return refined_laplace_basis(transfer.fine, laplace_basis(coarse, k), prolongation)
+
+
+@pytest.mark.parametrize("k", [5, WIDTH, WIDTH + 1, 100])
+def test_refined_from_a_coarser_mesh(mesh, transfer, k):
+    """As if computed anew, but for the last tenth; with less than a block of functions too."""
+    anew, found = laplace_basis(mesh, k), refined(transfer, k)
+    most = 9 * k // 10
+    np.testing.assert_allclose(found.values[1:most], anew.values[1:most], rtol=0.01)
+    assert (found.values[1:] >= anew.values[1:] * (1 - 1e-4)).all(), (
+        "of a smaller space, by Rayleigh and Ritz"
+    )
+    assert abs(found.values[0]) < 1e-4 * found.values[-1]
+    gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
+    np.testing.assert_allclose(gram, np.eye(k), atol=1e-5)
+    np.testing.assert_array_equal(found.weights, anew.weights)
+    overlap = np.abs(found.vectors.T @ (anew.weights[:, None] * anew.vectors))
+    np.testing.assert_allclose(np.linalg.norm(overlap[:most], axis=1), 1, atol=0.02)
+
+
+def test_refined_from_the_same_mesh_changes_nothing(mesh, basis):
+    transfer = Transfer(mesh, decimate(mesh, mesh.n_vertices))
+    found = refined(transfer, 100)
+    np.testing.assert_allclose(found.values[1:], basis.values[1:], rtol=1e-3)
+    np.testing.assert_allclose(found.vectors[:, :30], basis.vectors[:, :30], atol=1e-3 * basis.vectors.max())
+
+
+def test_threads_do_not_change_what_is_refined(transfer, monkeypatch):
+    found = []
+    for threads in ("1", "2"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        found.append(refined(transfer, 40).vectors)
+    np.testing.assert_array_equal(*found)
+
+
+def test_refined_scales_with_the_mesh(transfer):
+    found = refined(transfer, 40)
+    fine = Mesh(10 * transfer.fine.vertices, transfer.fine.faces)
+    scaled = refined(Transfer(fine, decimate(fine, 1000)), 40)
+    np.testing.assert_allclose(100 * scaled.values[1:], found.values[1:], rtol=1e-4)
+
+
+@pytest.mark.parametrize("width", [1, 3, WIDTH])
+def test_solving_in_single_precision(width):
+    """Against a dense solver and the one in double precision."""
+    rng = np.random.default_rng(width)
+    n = 300
+    rows, columns = rng.integers(n, size=(2, 4 * n))
+    graph = csc_array((rng.random(4 * n), (rows, columns)), shape=(n, n))
+    graph = graph + graph.T
+    matrix = csc_array(diags_array(graph.sum(axis=1)) - graph)
+    diagonal, right = 0.5 + rng.random(n), rng.normal(size=(n, width))
+    given = right.copy()
+    found = factorised_single(matrix, diagonal)(right)
+    assert found.dtype == np.float32
+    assert found.shape == right.shape
+    np.testing.assert_array_equal(right, given)
+    dense = np.linalg.solve(matrix.toarray() + np.diag(diagonal), right)
+    np.testing.assert_allclose(found, dense, atol=1e-5 * np.abs(dense).max())
+    np.testing.assert_allclose(factorised(matrix, diagonal)(right), dense, atol=1e-12 * np.abs(dense).max())

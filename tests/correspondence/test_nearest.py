@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.correspondence import VertexCells, nearest_in_cells, nearest_rows
+from isomatch.correspondence import VertexCells, nearest_in_cells, nearest_of_few, nearest_rows
 
 
 def brute_force(candidates, queries):
@@ -87,3 +87,24 @@ def test_equal_candidates_in_different_cells_give_the_first():
     candidates = np.repeat(np.random.default_rng(0).standard_normal((50, 5)), 2, axis=0)
     cells = VertexCells.of(np.arange(0, 100, 10), np.random.default_rng(1).integers(10, size=100))
     assert (nearest_in_cells(candidates, candidates, cells) == np.repeat(np.arange(0, 100, 2), 2)).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize(("n", "m", "d"), [(1, 1, 1), (7, 3, 2), (400, 900, 50)])
+def test_of_few_the_nearest_but_for_rounding(n, m, d, dtype):
+    rng = np.random.default_rng(n)
+    candidates, queries = rng.normal(size=(n, d)).astype(dtype), rng.normal(size=(m, d)).astype(dtype)
+    before = candidates.copy(), queries.copy()
+    apart = ((candidates[None].astype(float) - queries[:, None]) ** 2).sum(axis=2)
+    found = nearest_of_few(candidates, queries)
+    np.testing.assert_allclose(apart[np.arange(m), found], apart.min(axis=1), rtol=1e-5, atol=1e-5)
+    assert (found == apart.argmin(axis=1)).mean() > 0.99
+    np.testing.assert_array_equal(nearest_of_few(candidates, candidates), np.arange(n))
+    np.testing.assert_array_equal(candidates, before[0])
+    np.testing.assert_array_equal(queries, before[1])
+
+
+def test_of_few_that_are_equal_the_first():
+    rows = np.random.default_rng(0).integers(-3, 4, size=(40, 6)).astype(float)
+    _, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    np.testing.assert_array_equal(nearest_of_few(np.vstack([rows, rows]), rows), first[number.ravel()])

@@ -124,6 +124,7 @@ def complete_result(
             *pair.notes,
             *hints.notes,
             *_notes(pair, selection),
+            *_polishing_described(pair, level),
             *([FAR] if elastic else []),
             *against,
         ),
@@ -173,6 +174,12 @@ def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]
     if np.isnan(selection.rival):
         notes.append("no other map was tried: symmetric maps go unnoticed")
     return notes
+
+
+def _polishing_described(pair: ShapePair, level: SmoothPair) -> list[str]:
+    if level is pair:
+        return []
+    return [f"polished on {level.source.body.n_vertices} and {level.target.body.n_vertices} vertices"]
 
 
 def _ranked(pair: ShapePair, candidates: list[Candidate], hints: Hints | None = None) -> list[Candidate]:

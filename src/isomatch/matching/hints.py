@@ -84,11 +84,12 @@ class Hints:
         if initial_map is not None:
             image = checked_initial_map(initial_map, *sizes)
             pairs = np.column_stack([np.arange(sizes[0]), image])
-            # of the vertices merged into one of a coarser body, the one nearest to it
-            nearest = source.user_vertex[source.body_vertex] == pairs[:, 0]
-            nearest &= (image != UNMATCHED) & (source.body_vertex >= 0)
-            known = _on_bodies(source, target, pairs[nearest])
+            pairs = pairs[image != UNMATCHED]
+            # of several vertices merged into one of a coarser body, the one nearest to it, or else the first
+            farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
+            known = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
             known = known[(known >= 0).all(axis=1)]
+            known = known[np.unique(known[:, 0], return_index=True)[1]]
             if len(known) < FEWEST_POINTS:
                 raise MapError(
                     f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "

@@ -305,7 +305,10 @@ def _prepared(
             f"{config.n_functions} functions",
         )
     if level.detail:
-        notes += (_resolution_described(found, level, finer),)
+        notes += (
+            f"matched on {body.n_vertices} of {found.surface.n_vertices} vertices, and carried to all; "
+            "resolution = 'full' matches all",
+        )
     fine = config.preparation
     timer.start("distances")
     with serial_blas():
@@ -347,14 +350,6 @@ def _prepared(
         others=found.others,
         finer=finer,
         refining=level.refining if finer else None,
-    )
-
-
-def _resolution_described(found: Body, level: Level, finer: Level | None) -> str:
-    polished = "" if finer is None else f", polished on {finer.surface.n_vertices}"
-    return (
-        f"matched on {level.surface.n_vertices} of {found.surface.n_vertices} vertices{polished}, and carried to all; "
-        "resolution = 'full' matches all"
     )
 
 

@@ -1,0 +1,582 @@
+"""Large meshes: matched on few vertices, polished on more, and carried to all."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+
+from isomatch import (
+    Config,
+    Graph,
+    LandmarkError,
+    Mesh,
+    Outcome,
+    PointCloud,
+    SettingError,
+    geodesic_distances,
+    match,
+    prepare,
+)
+from isomatch.datasets import creature, cut, ground_truth, weld
+from isomatch.datasets.organs import organ, organ_truth
+from isomatch.matching import Hints, prepare_pair
+from shapes import box, disguised, icosphere
+
+LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished": 1000}
+COARSE = Config.from_dict({"levels": LEVELS})
+FULL = Config.from_dict({"levels": LEVELS, "resolution": "full"})
+FAST = Config.from_dict({"levels": LEVELS, "resolution": "fast"})
+TINY = Config.from_dict({"levels": {"matched": 200, "polished": 400}})
+
+
+def later(*values):
+    """A parameter whose test takes part in `make test-long` only."""
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
+@pytest.fixture(scope="module")
+def made():
+    """Two poses of a creature, large beside these levels."""
+    return tuple(creature(2500, triangulation=i, pose=i) for i in (1, 2))
+
+
+@pytest.fixture(scope="module")
+def truth(made):
+    return ground_truth(*made).vertices
+
+
+@pytest.fixture(scope="module")
+def shapes(made):
+    """Both, prepared at three levels each."""
+    return tuple(prepare(each.mesh, COARSE) for each in made)
+
+
+@pytest.fixture(scope="module")
+def in_full(made):
+    return tuple(prepare(each.mesh, FULL) for each in made)
+
+
+@pytest.fixture(scope="module")
+def found(shapes):
+    return match(*shapes)
+
+
+@pytest.fixture(scope="module")
+def found_in_full(in_full):
+    return match(*in_full)
+
+
+def mean_error(found, truth, target, count=300):
+    """Mean distance on the target between matched images and truths / √area of the target."""
+    rows = np.flatnonzero(found.map.matched & (truth >= 0))
+    rows = rows[np.linspace(0, len(rows) - 1, count).astype(int)]
+    columns = geodesic_distances(target, truth[rows])
+    return columns[np.arange(count), found.map.vertices[rows]].mean() / np.sqrt(target.area)
+
+
+def assert_valid(found, source, target, off=()):
+    """All but the vertices ``off`` the body have an image: a point in a face of the target, in its own vertices."""
+    image = found.map
+    assert len(image.vertices) == source.n_vertices
+    assert image.n_target == target.n_vertices
+    np.testing.assert_array_equal(np.flatnonzero(~image.matched), off)
+    inside = image.faces[image.matched]
+    weights = image.barycentric[image.matched]
+    assert weights.min() >= 0
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    np.testing.assert_array_equal(inside[:, 0], image.vertices[image.matched])
+    assert (weights.argmax(axis=1) == 0).mean() > 0.99, "the vertex is the nearest corner"
+    assert found.quality.matched == pytest.approx(image.matched.mean())
+    if isinstance(target, Mesh):
+        place = np.unique(target.vertices, axis=0, return_inverse=True)[1].ravel()  # welded vertices are one
+        faces = {tuple(face) for face in np.sort(place[target.faces], axis=1).tolist()}
+        corners = np.sort(place[inside], axis=1)
+        proper = corners[:, 0] != corners[:, 2]
+        assert {tuple(face) for face in corners[proper].tolist()} <= faces
+
+
+def test_three_levels(made, shapes):
+    for each, shape in zip(made, shapes):
+        n = each.mesh.n_vertices
+        assert (shape.body.n_vertices, shape.finer.surface.n_vertices) == (1000, 1800)
+        assert shape.detail.transfer.fine.n_vertices == n
+        for level in (shape, shape.finer):
+            body = level.body if level is shape else level.surface
+            assert body.area == pytest.approx(1)
+            np.testing.assert_allclose(
+                np.average(body.vertices, axis=0, weights=body.vertex_areas), 0, atol=1e-9
+            )
+            assert level.scale**2 == pytest.approx(each.mesh.area, rel=0.03)
+            np.testing.assert_array_equal(np.unique(level.body_vertex), np.arange(body.n_vertices))
+            np.testing.assert_array_equal(level.body_vertex[level.user_vertex], np.arange(body.n_vertices))
+            there = each.mesh.vertices[level.user_vertex] / level.scale
+            off = (there - there.mean(axis=0)) - (body.vertices - body.vertices.mean(axis=0))
+            assert np.linalg.norm(off, axis=1).max() < 1.5 / np.sqrt(body.n_vertices)
+
+
+def test_a_mesh_somewhat_larger_than_is_matched_is_polished_in_full(made):
+    shape = prepare(made[0].mesh, Config.from_dict({"levels": {**LEVELS, "polished": 2400}}))
+    assert shape.body.n_vertices == 1000
+    assert shape.finer.surface.n_vertices == made[0].mesh.n_vertices
+    assert shape.finer.detail is None
+
+
+def test_fast_takes_levels_of_its_own(made):
+    shape = prepare(made[0].mesh, FAST)
+    assert (shape.body.n_vertices, shape.finer.surface.n_vertices) == (800, 1000)
+
+
+def test_polished_functions_are_those_of_the_finer_level(shapes):
+    shape = shapes[0].polishable
+    assert shape.laplace.vectors.shape == (1800, 200)
+    np.testing.assert_array_equal(shape.body_vertex[shape.user_vertex], np.arange(1800))
+    assert len(np.unique(shape.sample_vertices)) == len(shapes[0].sample_vertices)
+    apart = shape.body.vertices[shape.sample_vertices] - shapes[0].body.vertices[shapes[0].sample_vertices]
+    assert np.linalg.norm(apart, axis=1).max() < 2 / np.sqrt(1000)
+    assert shapes[0].polishable is shape
+
+
+def test_samples_stay_on_their_sheet_where_sheets_were_glued():
+    """At a weld, two vertices of the body are one of the user's."""
+    welded = weld(creature(2500, pose=3).mesh, 0.1)
+    shape = prepare(welded.mesh, COARSE)
+    assert any("glued together" in note for note in shape.notes)
+    everywhere = np.arange(shape.body.n_vertices)
+    np.testing.assert_array_equal(shape.refining.coarse.owner[shape.refining.nearest_members], everywhere)
+    samples = shape.polishable.sample_vertices
+    assert len(np.unique(samples)) == len(samples)
+    np.testing.assert_array_equal(shape.refining.coarse.owner[samples], shape.sample_vertices)
+
+
+def test_what_was_lifted_is_restricted_to_itself(shapes):
+    for shape in (shapes[0], shapes[0].polishable):
+        values = np.random.default_rng(0).normal(size=(shape.body.n_vertices, 2))
+        np.testing.assert_array_equal(shape.restrict(shape.lift(values)), values)
+
+
+def test_the_map_of_two_poses(made, truth, shapes, found, found_in_full):
+    """The levels are a quarter and a half finer than in practice; the full resolution is hardly better."""
+    assert_valid(found, made[0].mesh, made[1].mesh)
+    target = made[1].mesh
+    error, full = mean_error(found, truth, target), mean_error(found_in_full, truth, target)
+    assert error < max(1.1 * full, full + 0.002)
+    assert found.outcome is found_in_full.outcome is Outcome.CONVERGED
+    assert found.quality.coverage > 0.99
+    assert found.quality.matched == 1
+
+
+def test_what_was_done_is_told(made, found, found_in_full):
+    for side, each in zip(("source", "target"), made):
+        told = f"{side}: matched on 1000 of {each.mesh.n_vertices} vertices"
+        assert sum(note.startswith(told) for note in found.notes) == 1
+    assert any("polished on 1800 and 1800 vertices" in note for note in found.notes)
+    assert any("resolution = 'full'" in note for note in found.notes)
+    assert {"polish", "carry"} <= found.timings.keys()
+    assert not found_in_full.notes
+    assert not {"polish", "carry"} & found_in_full.timings.keys()
+
+
+def test_without_polishing_none_is_told(made, truth, shapes):
+    config = Config.from_dict({"levels": LEVELS, "refinement": "none"})
+    plain = match(*shapes, config=config)
+    assert_valid(plain, made[0].mesh, made[1].mesh)
+    assert mean_error(plain, truth, made[1].mesh) < 0.05
+    assert "polish" not in plain.timings
+    assert "carry" in plain.timings
+    assert not any("polished" in note for note in plain.notes)
+
+
+@pytest.mark.parametrize("resolution", ["auto", later("fast"), later("full")])
+def test_a_shape_finds_its_copy(made, resolution):
+    config = Config.from_dict({"levels": LEVELS, "resolution": resolution})
+    mesh = made[0].mesh
+    copy = disguised(mesh, 3, scale=7.0)
+    same = match(mesh, copy.mesh, config=config)
+    assert_valid(same, mesh, copy.mesh)
+    assert same.outcome is Outcome.CONVERGED
+    assert (same.map.vertices == copy.new_vertex).mean() > 0.99
+    images = same.map.pull_back(copy.mesh.vertices)
+    off = np.linalg.norm(images - copy.mesh.vertices[copy.new_vertex], axis=1)
+    assert off.mean() < 0.1 * copy.mesh.edge_lengths.mean()
+    assert off.max() < 2 * copy.mesh.edge_lengths.mean()
+
+
+@pytest.mark.long
+def test_new_labels_of_the_target_are_those_of_the_images(made, shapes, found):
+    target = made[1].mesh
+    copy = disguised(target, 4, scale=0.01)
+    other = match(shapes[0], prepare(copy.mesh, COARSE))
+    back = np.argsort(copy.new_vertex)[other.map.vertices]
+    apart = np.linalg.norm(target.vertices[back] - target.vertices[found.map.vertices], axis=1)
+    assert np.median(apart) < 0.5 * target.edge_lengths.mean()
+    assert np.quantile(apart, 0.99) < 4 * target.edge_lengths.mean()
+    assert other.outcome is found.outcome
+
+
+def test_threads_change_nothing(made, found, monkeypatch):
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
+    again = match(*(each.mesh for each in made), config=COARSE)
+    for name in ("vertices", "faces", "barycentric"):
+        assert getattr(again.map, name).tobytes() == getattr(found.map, name).tobytes()
+    assert again.quality == found.quality
+    for one, other in zip(again.alternatives, found.alternatives):
+        assert one.map.vertices.tobytes() == other.map.vertices.tobytes()
+
+
+@pytest.mark.long
+def test_small_shapes_are_matched_in_full(made, found_in_full):
+    settings = {"levels": {**LEVELS, "matched": 2100, "polished": 2400}}
+    by_default = match(*(each.mesh for each in made), config=Config.from_dict(settings))
+    for name in ("vertices", "faces", "barycentric"):
+        np.testing.assert_array_equal(getattr(by_default.map, name), getattr(found_in_full.map, name))
+    assert by_default.notes == found_in_full.notes
+
+
+@pytest.mark.parametrize("large", ["source", later("target")])
+def test_only_one_shape_is_large(made, truth, large, found_in_full):
+    small = creature(1500, triangulation=5, pose=1 if large == "target" else 2)
+    both = (small, made[1]) if large == "target" else (made[0], small)
+    one = match(
+        *(each.mesh for each in both), config=Config.from_dict({"levels": {**LEVELS, "matched": 1300}})
+    )
+    assert sum("matched on" in note for note in one.notes) == 1
+    assert next(note for note in one.notes if "matched on" in note).startswith(large)
+    assert one.outcome is Outcome.CONVERGED
+    assert_valid(one, both[0].mesh, both[1].mesh)
+    assert mean_error(one, ground_truth(*both).vertices, both[1].mesh) < 0.015
+
+
+def test_landmarks_are_obeyed(made, truth, shapes):
+    """Among them neighbours, which become one vertex of the coarse body."""
+    source, target = (each.mesh for each in made)
+    spread = shapes[0].user_vertex[shapes[0].column_vertices[:6]]
+    chosen = np.unique([*spread, *source.faces[np.flatnonzero((source.faces == spread[0]).any(axis=1))[0]]])
+    led = match(*shapes, landmarks=np.column_stack([chosen, truth[chosen]]))
+    assert_valid(led, source, target)
+    assert led.quality.landmark_error < 0.05
+    assert led.outcome is Outcome.CONVERGED
+    assert not any("contradict" in note for note in led.notes)
+    assert mean_error(led, truth, target) < 0.015
+
+
+def test_landmarks_that_become_one_vertex_are_too_few(shapes):
+    of_largest = [
+        np.flatnonzero(each.body_vertex == np.bincount(each.body_vertex).argmax())[:3] for each in shapes
+    ]
+    with pytest.raises(LandmarkError, match=r"fall on 1 vertices of the resolution.*resolution = 'full'"):
+        match(*shapes, landmarks=np.column_stack(of_largest))
+
+
+def test_wrong_landmarks_are_named_as_they_were_given(shapes, truth):
+    chosen = np.flatnonzero(~np.isin(np.arange(len(truth)), shapes[0].user_vertex))
+    chosen = chosen[np.isin(chosen, shapes[0].finer.user_vertex)][::150]
+    wrong = np.column_stack([chosen, np.roll(truth[chosen], 1)])
+    against = match(*shapes, landmarks=wrong)
+    assert against.outcome is Outcome.HINTS_CONTRADICTED
+    note = next(note for note in against.notes if "contradicts" in note)
+    pairs = {f"{i} → {j} " for i, j in wrong}
+    assert sum(pair in note for pair in pairs) >= 3
+    assert note.count("→") == sum(pair in note for pair in pairs)
+
+
+@pytest.mark.long
+def test_landmarks_of_the_mirror_image_are_obeyed():
+    """What is polished and carried is the map that the landmarks ask for."""
+    source, target = (creature(2500, symmetric=True, triangulation=i) for i in (1, 2))
+    mirrored = ground_truth(source, target, mirrored=True).vertices
+    shape = prepare(source.mesh, COARSE)
+    chosen = shape.user_vertex[shape.column_vertices[:8]]
+    led = match(shape, target.mesh, landmarks=np.column_stack([chosen, mirrored[chosen]]))
+    assert mean_error(led, mirrored, target.mesh) < 0.02
+    assert led.outcome is Outcome.SYMMETRY_AMBIGUOUS
+
+
+@pytest.mark.parametrize("step", [1, later(37)])
+def test_an_initial_map_is_obeyed(made, truth, shapes, step):
+    known = np.full(len(truth), -1)
+    known[::step] = truth[::step]
+    given = Config.from_dict({"levels": LEVELS, "hypotheses": "given"})
+    led = match(*shapes, initial_map=known, config=given)
+    assert led.origin == "initial map"
+    assert led.quality.initial_map_error < 1.5 / np.sqrt(1000), "as it can be known on a thousand vertices"
+    assert_valid(led, made[0].mesh, made[1].mesh)
+    assert mean_error(led, truth, made[1].mesh) < 0.015
+
+
+def test_an_initial_map_may_name_any_vertices(truth, shapes):
+    """Also where none of them is the one nearest to its vertex of the coarse body."""
+    known = np.full(len(truth), -1)
+    chosen = np.setdiff1d(np.arange(len(truth)), shapes[0].user_vertex)[::60]
+    known[chosen] = truth[chosen]
+    hints = Hints.of(prepare_pair(*shapes), None, known, None)
+    pairs = np.column_stack([shapes[0].body_vertex[chosen], shapes[1].body_vertex[truth[chosen]]])
+    np.testing.assert_array_equal(np.unique(hints.known, axis=0), np.unique(pairs, axis=0))
+
+
+def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
+    hints = Hints.of(prepare_pair(*shapes), None, truth, None)
+    source, image = hints.known.T
+    np.testing.assert_array_equal(np.sort(source), np.arange(1000))
+    np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])
+
+
+@pytest.mark.long
+def test_descriptors_are_obeyed(made, truth, shapes):
+    of_target = np.sin(made[1].rest @ np.random.default_rng(0).normal(size=(3, 12)))
+    given = Config.from_dict({"levels": LEVELS, "hypotheses": "given"})
+    led = match(*shapes, initial_descriptors=(of_target[truth], of_target), config=given)
+    assert led.origin == "descriptors"
+    assert mean_error(led, truth, made[1].mesh) < 0.015
+
+
+def test_hints_outside_the_shapes_are_refused(made, shapes):
+    """A vertex of the user may have any number up to that of the vertices, and not of those of the body."""
+    n = made[0].mesh.n_vertices
+    with pytest.raises(LandmarkError, match=f"outside 0…{n - 1}"):
+        match(*shapes, landmarks=[[0, 1], [1, 2], [n, 3]])
+
+
+def test_alternatives_are_maps_of_the_users_vertices(made, found):
+    assert found.alternatives
+    for each in found.alternatives:
+        image = each.map
+        assert len(image.vertices) == made[0].mesh.n_vertices
+        assert image.n_target == made[1].mesh.n_vertices
+        assert image.matched.all()
+        assert image.barycentric.min() >= 0
+        assert each.map is image, "it is computed once"
+
+
+def test_pickled_without_the_shapes(found):
+    packed = pickle.dumps(found)
+    again = pickle.loads(packed)
+    assert len(packed) < 3e6
+    for one, other in zip((again, *again.alternatives), (found, *found.alternatives)):
+        np.testing.assert_array_equal(one.map.vertices, other.map.vertices)
+        np.testing.assert_array_equal(one.map.barycentric, other.map.barycentric)
+    assert [each.energy for each in again.alternatives] == [each.energy for each in found.alternatives]
+    assert again.to_dict() == found.to_dict()
+
+
+def together(*meshes):
+    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
+    return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
+
+
+def test_what_is_off_the_body_has_no_image(made, truth):
+    """Debris, vertices in no face, and a component without a partner."""
+    source, target = (each.mesh for each in made)
+    ball, crumb = icosphere(3), icosphere(0)
+    pieces = (
+        Mesh(0.1 * ball.vertices + 5, ball.faces),
+        Mesh(0.001 * crumb.vertices - 5, crumb.faces),
+        Mesh([[9.0, 9, 9]], np.zeros((0, 3), dtype=int)),
+    )
+    rich = together(*pieces, source)
+    extra = rich.n_vertices - source.n_vertices
+    partial = match(rich, target, config=COARSE)
+    assert_valid(partial, rich, target, off=np.arange(extra))
+    assert mean_error(partial, np.append(np.full(extra, -1), truth), target) < 0.015
+    assert any("642 vertices" in note and "no partner" in note for note in partial.notes)
+
+
+@pytest.mark.long
+def test_components_are_decimated_each(made, truth):
+    """A ball in reach of the body, larger than what is matched."""
+    ball = icosphere(4)
+    pairs = []
+    for each in made:
+        near = np.argsort(each.rest[:, 2])[-30:]  # above the head
+        place = each.mesh.vertices[near].mean(axis=0) + np.array([0, 0, 0.15])
+        pairs.append(together(each.mesh, Mesh(0.08 * ball.vertices + place, ball.faces)))
+    n, m = (each.mesh.n_vertices for each in made)
+    found = match(*pairs, config=COARSE)
+    assert_valid(found, *pairs)
+    assert (found.map.vertices[:n] < m).all()
+    assert (found.map.vertices[n:] >= m).all()
+    body = prepare(pairs[0], COARSE).components
+    assert [shape.body.n_vertices for shape in body] == [1000, 1000]
+    assert any("2562 vertices" in note for note in found.notes)
+
+
+def opened_along_seams(mesh, seed=0):
+    """The same triangles with some vertices duplicated, as files with texture seams have them; twin of each."""
+    height = mesh.vertices[mesh.faces].mean(axis=1)[:, 1]
+    upper = height > np.median(height)
+    seam = np.intersect1d(mesh.faces[upper], mesh.faces[~upper])
+    number = np.arange(mesh.n_vertices)
+    number[seam] = mesh.n_vertices + np.arange(len(seam))
+    faces = np.where(upper[:, None], number[mesh.faces], mesh.faces)
+    return Mesh(np.vstack([mesh.vertices, mesh.vertices[seam]]), faces), seam
+
+
+def test_seams_of_duplicate_vertices(made, truth, found):
+    """A map of the welded bodies, in the vertices of the files."""
+    (source, seam), (target, _) = (opened_along_seams(each.mesh) for each in made)
+    seamed = match(source, target, config=COARSE)
+    assert_valid(seamed, source, target)
+    n = made[0].mesh.n_vertices
+    np.testing.assert_array_equal(seamed.map.vertices[n:], seamed.map.vertices[seam])
+    apart = seamed.map.pull_back(target.vertices)[:n] - found.map.pull_back(made[1].mesh.vertices)
+    assert np.median(np.linalg.norm(apart, axis=1)) < 0.5 * made[1].mesh.edge_lengths.mean()
+
+
+@pytest.mark.parametrize("kind", ["mesh", "points", "graph", "mesh with distances"])
+def test_what_is_decimated(kind):
+    """Meshes alone, and not where distances are given, which no coarse mesh has."""
+    mesh = icosphere(3)
+    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=2)
+    i, j = mesh.edges.T
+    surface = {
+        "points": PointCloud(mesh.vertices),
+        "graph": Graph(mesh.n_vertices, mesh.edges, apart[i, j]),
+    }.get(kind, mesh)
+    shape = prepare(surface, TINY, distances=apart if kind == "mesh with distances" else None)
+    if kind == "mesh":
+        assert shape.body.n_vertices == 200
+        return
+    assert shape.body.n_vertices == mesh.n_vertices
+    assert shape.detail is shape.finer is None
+    assert shape.polishable is shape
+
+
+@pytest.mark.parametrize("opened", [False, True])
+def test_with_holes_closed_the_body_is_as_coarse(opened):
+    """Its first vertices are those of the body, and a map names them."""
+    sphere = icosphere(4)
+    mesh = sphere.submesh(sphere.vertices[:, 2] < 0.9)[0] if opened else sphere
+    shape = prepare(mesh, Config.from_dict({"levels": {"matched": 800, "polished": 1200, "spared": 1}}))
+    closed, n = shape.capped, shape.body.n_vertices
+    assert n == 800
+    assert (closed.body.n_vertices > n) == opened
+    assert closed.surface.n_vertices == closed.body.n_vertices
+    assert closed.detail is closed.finer is None
+    assert np.ptp(closed.body.vertices[:n] * closed.scale - shape.body.vertices, axis=0).max() < 1e-9
+    image = closed.correspondence(closed, np.arange(closed.body.n_vertices))
+    np.testing.assert_array_equal(image.vertices, np.arange(closed.body.n_vertices))
+
+
+@pytest.mark.parametrize("kind", ["points", later("graph")])
+def test_a_large_mesh_and_its_own_points(made, shapes, kind):
+    mesh, shape = made[1].mesh, shapes[1]
+    copy = disguised(mesh, 4)
+    other = PointCloud(copy.mesh.vertices)
+    if kind == "graph":
+        i, j = copy.mesh.edges.T
+        lengths = np.linalg.norm(copy.mesh.vertices[i] - copy.mesh.vertices[j], axis=1)
+        other = Graph(mesh.n_vertices, copy.mesh.edges, lengths)
+    there, back = match(shape, other), match(other, shape)
+    assert_valid(there, mesh, other)
+    assert_valid(back, other, mesh)
+    if kind == "points":  # a graph has no sides, and a creature is nearly its own mirror image
+        off = copy.mesh.vertices[there.map.vertices] - copy.mesh.vertices[copy.new_vertex]
+        assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
+        off = back.map.pull_back(mesh.vertices)[copy.new_vertex] - mesh.vertices
+        assert np.linalg.norm(off, axis=1).mean() < mesh.edge_lengths.mean()
+
+
+def test_settings_of_both_shapes_must_agree(shapes, made):
+    with pytest.raises(SettingError, match=r"prepared with resolution = 'auto'.*asks for 'full'"):
+        match(*shapes, config=FULL)
+    with pytest.raises(SettingError, match="prepared with levels = "):
+        match(*shapes, config=Config())
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"resolution": "half"}, "resolution = 'half' is not one of 'auto', 'full', 'fast'"),
+        ({"levels": {"matched": 100}}, "matched = 100 is not an integer of at least 200"),
+        ({"levels": {"spared": 0.5}}, "spared = 0.5 is not a number of at least 1"),
+        ({"refining": {"polished_sizes": []}}, "polished_sizes is empty"),
+        ({"levels": {"polished": 3000}}, "polished = 3000 is below matched = 5000"),
+        ({"levels": {"fast_polished": 2000}}, "fast_polished = 2000 is below fast_matched = 2500"),
+        ({"levels": {"size": 3000}}, "unknown setting size"),
+    ],
+)
+def test_settings_that_make_no_sense(values, message):
+    with pytest.raises(SettingError, match=message):
+        Config.from_dict(values)
+
+
+def bar(folded):
+    """A tapered bar, 80 long and 6 thick, straight or folded in the middle until its halves nearly touch.
+
+    Returns it and the place of each vertex along it. The gap is a tenth of an edge.
+    """
+    block, thickness, length, gap = box(6, 9, 80), 6, 80, 0.1
+    x, y, z = block.vertices.T
+    taper = 1 - 0.35 * z / length
+    x, y = taper * (x - thickness / 2), taper * (y - 4.5)
+    y *= 1 + 0.12 * x
+    if not folded:
+        return Mesh(np.column_stack([x, y, z]), block.faces), z
+    radius = (thickness + gap) / 2
+    turn = np.clip((z - length / 2) / radius, -np.pi / 2, np.pi / 2)
+    beyond = np.abs(z - length / 2 - turn * radius)
+    points = np.column_stack([np.cos(turn) * (radius + x) - beyond, y, np.sin(turn) * (radius + x)])
+    return Mesh(points, block.faces), z
+
+
+@pytest.mark.parametrize("folded", ["source", later("target")])
+def test_neighbouring_sheets_do_not_exchange_images(folded):
+    """Neither when maps are carried from a coarse mesh that is folded, nor to it."""
+    source, along = bar(folded == "source")
+    target, _ = bar(folded == "target")
+    copy = disguised(target, 3)
+    there = np.empty_like(along)
+    there[copy.new_vertex] = along
+    over = match(source, copy.mesh, config=COARSE)
+    assert_valid(over, source, copy.mesh)
+    assert np.abs(over.map.pull_back(there) - along).max() < 6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("sides", ["mirror image", "turn"])
+def test_symmetric_shapes_are_still_ambiguous(sides):
+    """What two decimations differ by is no knowledge of sides."""
+    if sides == "turn":
+        both = [organ("kidney", 2500, symmetry="turn", pose=i) for i in (1, 2)]
+        config = COARSE
+    else:
+        both = [creature(2500, symmetric=True, triangulation=i, pose=i) for i in (1, 4)]
+        config = Config.from_dict({"levels": LEVELS, "orientation": "any"})
+    either = match(*(each.mesh for each in both), config=config)
+    assert either.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    assert_valid(either, *(each.mesh for each in both))
+
+
+@pytest.mark.long
+def test_a_shape_without_limbs():
+    both = [organ("kidney", 2500, pose=i) for i in (1, 2)]
+    source, target = (each.mesh for each in both)
+    over = match(source, target, config=COARSE)
+    assert_valid(over, source, target)
+    assert mean_error(over, organ_truth(*both).vertices, target) < 0.04
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("part", ["source", "target"])
+def test_a_part(made, truth, shapes, part):
+    """Matched with its holes closed too; what lands on no vertex of the other shape is unmatched."""
+    if part == "source":
+        damaged = cut(made[0].mesh, 0.3, seed=4)
+        pair, expected = (damaged.mesh, shapes[1]), truth[damaged.original]
+        found, target = match(*pair), made[1].mesh
+        assert_valid(found, damaged.mesh, target)
+    else:
+        damaged = cut(made[1].mesh, 0.1, seed=2)
+        found, target = match(shapes[0], damaged.mesh), damaged.mesh
+        expected = damaged.damaged_vertex[truth]
+        assert_valid(found, made[0].mesh, target, off=np.flatnonzero(~found.map.matched))
+        kept = expected >= 0
+        assert found.map.matched[kept].mean() > 0.9
+        assert found.map.matched[~kept].mean() < 0.9
+    assert found.outcome in (Outcome.PARTIAL, Outcome.LOW_CONFIDENCE)
+    assert mean_error(found, expected, target) < 0.05
+    assert sum("matched on 1000 of" in note for note in found.notes) == 2
+    assert not any("polished" in note for note in found.notes)
+    assert "polish" not in found.timings

@@ -1,0 +1,71 @@
+"""Work on several threads gives the results of one."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Barrier
+
+import numpy as np
+import pytest
+
+from isomatch._cached import cached_property
+from isomatch._threads import ROWS, parallel_map, row_product
+
+
+@pytest.mark.parametrize("n", [0, 1, ROWS, 2 * ROWS + 3])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_product_by_blocks_of_rows(n, dtype, monkeypatch):
+    rng = np.random.default_rng(n)
+    a, b = rng.normal(size=(n, 30)).astype(dtype), rng.normal(size=(30, 7))
+    products = []
+    for threads in ("1", "2"):
+        monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)
+        products.append(row_product(a, b))
+    assert products[0].dtype == dtype
+    np.testing.assert_array_equal(*products)
+    exact = a.astype(float) @ b
+    np.testing.assert_allclose(products[0], exact, atol=100 * np.finfo(dtype).eps)
+
+
+def test_product_with_a_part_of_the_columns():
+    """Views, transposed factors and single columns, as bases are used."""
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(5000, 40)), rng.normal(size=(9, 40))
+    np.testing.assert_allclose(row_product(a[:, :20], b.T[:20]), a[:, :20] @ b.T[:20], atol=1e-12)
+    np.testing.assert_allclose(row_product(a[::3], b[:1].T), a[::3] @ b[:1].T, atol=1e-12)
+
+
+def test_results_keep_the_order_of_the_items(monkeypatch):
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "3")
+    assert parallel_map(lambda i: parallel_map(lambda j: (i, j), range(3)), range(5)) == [
+        [(i, j) for j in range(3)] for i in range(5)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Something whose property waits until that of another object is being computed too."""
+
+    name: str
+    meeting: Barrier
+    asked: list
+
+    @cached_property
+    def title(self):
+        """What it is called."""
+        self.asked.append(self.name)
+        self.meeting.wait(timeout=20)
+        return self.name.title()
+
+
+def test_properties_of_two_objects_are_computed_at_once():
+    meeting, asked = Barrier(2), []
+    shapes = [Shape(name, meeting, asked) for name in ("cat", "dog")]
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(lambda shape: shape.title, shapes)) == ["Cat", "Dog"]
+    assert [shape.title for shape in shapes] == ["Cat", "Dog"]
+    assert sorted(asked) == ["cat", "dog"], "once each"
+
+
+def test_a_property_is_known_by_its_class():
+    assert Shape.title.__doc__ == "What it is called."
+    assert "title" in vars(Shape)
