@@ -38,7 +38,7 @@ REAL = {
 }
 LARGEST_FOR_PYFM = 60000
 REPEATS = 5
-SOON = 20.0  # seconds from which a match is repeated less often
+SOON = 6.0  # seconds from which a match is repeated less often
 STAGES = ("body", "levels", "distances", "functions", "samples")
 LATER = ("search", "selection", "refinement", "quality", "polish", "carry")
 """Stages of the preparation of one shape, and of the match."""
