@@ -51,7 +51,16 @@ def main() -> None:
     for name in names:
         path = asked.output / f"{name.replace(' ', '_')}.json"
         if not path.exists():
-            command = [sys.executable, __file__, "-o", str(asked.output), "--one", name, "--pyfm", str(asked.pyfm)]
+            command = [
+                sys.executable,
+                __file__,
+                "-o",
+                str(asked.output),
+                "--one",
+                name,
+                "--pyfm",
+                str(asked.pyfm),
+            ]
             subprocess.run([*command, *(("--data", asked.data) if asked.data else ())], check=True)
         rows.append(json.loads(path.read_text(encoding="utf-8")))
         print(_line(rows[-1]), flush=True)
@@ -109,8 +118,6 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
         started = time.perf_counter()
         found = pyfm_zoomout(pair.source, pair.target)
         row |= {"pyfm seconds": time.perf_counter() - started, "pyfm error": _error(pair, found)}
-    if name.startswith("creature"):
-        row["nearest error"] = _error(pair, isomatch.Correspondence(pair.truth[:, 1], pair.target.n_vertices))
     return row | {"machine": f"{platform.machine()}, {len(_processors())} processors"}
 
 
