@@ -25,7 +25,7 @@ def assert_same_map(example, plain):
 
     def check(image):
         moved = mesh.vertices[image] - mesh.vertices[plain.map.vertices]
-        assert (image == plain.map.vertices).mean() >= 0.99
+        assert (image == plain.map.vertices).mean() >= 0.97
         assert np.linalg.norm(moved, axis=1).max() <= 2 * edge
 
     return check

@@ -214,7 +214,7 @@ def thin_plate():
 # Bodies out of shape
 
 
-@case(outcome="LOW_CONFIDENCE")
+@case()
 def pancake():
     """Closed, but all in a plane, so that its back lies on its front."""
     return moved(BODY, scale=(1, 1, 0))
