@@ -25,6 +25,8 @@ import numpy as np
 
 import isomatch
 from isomatch import Mesh
+from isomatch._limits import processors
+from isomatch._threads import serial_blas
 from isomatch.datasets import benchmark_set, creature, example_pair, ground_truth
 from isomatch.datasets.shape_set import BenchmarkPair
 from isomatch.matching import prepare
@@ -118,7 +120,7 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
         started = time.perf_counter()
         found = pyfm_zoomout(pair.source, pair.target)
         row |= {"pyfm seconds": time.perf_counter() - started, "pyfm error": _error(pair, found)}
-    return row | {"machine": f"{platform.machine()}, {len(_processors())} processors"}
+    return row | {"machine": f"{platform.machine()}, {processors()} processors"}
 
 
 def _pair(name: str, data: str | None, output: Path) -> BenchmarkPair:
@@ -189,8 +191,6 @@ def _rates() -> tuple[float, float]:
     large = np.ones(2**25)
     best = min(_time_of(large.copy) for _ in range(5))
     square = np.ones((1500, 1500), dtype=np.float32)
-    from isomatch._threads import serial_blas
-
     with serial_blas():
         product = min(_time_of(lambda: square @ square) for _ in range(5))
     return 2 * large.nbytes / best, 2 * 1500**3 / product
@@ -200,12 +200,6 @@ def _time_of(run: Callable[[], Any]) -> float:
     started = time.perf_counter()
     run()
     return time.perf_counter() - started
-
-
-def _processors() -> list[int]:
-    from isomatch._limits import processors
-
-    return list(range(processors()))
 
 
 def _line(row: dict[str, Any]) -> str:

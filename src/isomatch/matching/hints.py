@@ -62,9 +62,7 @@ class Hints:
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
-            on_bodies = _on_bodies(source, target, pairs)
-            given = pairs[(on_bodies >= 0).all(axis=1)]
-            points = on_bodies[(on_bodies >= 0).all(axis=1)]
+            given, points = _on_bodies(source, target, pairs)
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -87,8 +85,7 @@ class Hints:
             pairs = pairs[image != UNMATCHED]
             # of several vertices merged into one of a coarser body, the one nearest to it, or else the first
             farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
-            known = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
-            known = known[(known >= 0).all(axis=1)]
+            _, known = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
             known = known[np.unique(known[:, 0], return_index=True)[1]]
             if len(known) < FEWEST_POINTS:
                 raise MapError(
@@ -118,9 +115,11 @@ class Hints:
         return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])
 
 
-def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> IntArray:
-    """Pairs of the users' vertices as body vertices; −1 for those off a body."""
-    return np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
+def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of the users' vertices that lie on both bodies, and the same as body vertices."""
+    on_bodies = np.column_stack([source.body_vertex[pairs[:, 0]], target.body_vertex[pairs[:, 1]]])
+    kept = (on_bodies >= 0).all(axis=1)
+    return pairs[kept], on_bodies[kept]
 
 
 def checked_landmarks(landmarks: ArrayLike, n_source: int, n_target: int) -> IntArray:

@@ -88,11 +88,13 @@ def levels_of(found: Body, config: Config) -> list[Level]:
 def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
     """Coarser levels of a mesh, of about so many vertices each, finer first; each is made from the body in full."""
     levels: list[Level] = []
-    finer = identity_transfer(body)
+    finer: Transfer | None = None
     for transfer in parallel_map(lambda size: Transfer(body, decimate(body, size)), sizes):
-        coarse = transfer.coarse
-        owner = coarse.owner[finer.nearest_members]
-        levels.append(_level(found, transfer, Transfer(finer.coarse.mesh, replace(coarse, owner=owner))))
+        refining = transfer
+        if finer:
+            owner = transfer.coarse.owner[finer.nearest_members]
+            refining = Transfer(finer.coarse.mesh, replace(transfer.coarse, owner=owner))
+        levels.append(_level(found, transfer, refining))
         finer = transfer
     return levels
 

@@ -15,7 +15,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.levels import Detail, identity_transfer
 from isomatch.matching.signatures import point_signatures
-from isomatch.surfaces import Mesh, Surface
+from isomatch.surfaces import Mesh, Surface, Transfer
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -104,6 +104,11 @@ class SmoothShape:
         owner = number[distance_along_edges_to_nearest(self.body, centres)[1]]
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
+    @cached_property
+    def transfer(self) -> Transfer:
+        """Between the body in full and this one, both meshes."""
+        return self.detail.transfer if self.detail else identity_transfer(self.mesh_body)
+
     def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
         """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
 
@@ -154,8 +159,7 @@ class SmoothShape:
         owner = places.corners[:, 0]
         if target.detail is None and target.triangles is None:
             return PrecisePoints(points.corners[owner], points.barycentric[owner]), matched[owner]
-        transfer = target.detail.transfer if target.detail else identity_transfer(target.mesh_body)
-        positions = points.interpolated(transfer.coarse.mesh.vertices)
+        positions = points.interpolated(target.transfer.coarse.mesh.vertices)
         if self.detail:
             here = self.detail.transfer.coarse.mesh.vertices
             apart, stretched = (_from_first_corner(x, places.corners) for x in (here, positions))
@@ -165,7 +169,9 @@ class SmoothShape:
             left_out[:, 0] = False
             weights = np.where(left_out, 0.0, places.barycentric)
             places = PrecisePoints(places.corners, weights / weights.sum(axis=1, keepdims=True))
-        return transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[owner]
+        return target.transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[
+            owner
+        ]
 
 
 def _from_first_corner(points: FloatArray, corners: IntArray) -> FloatArray:
