@@ -304,12 +304,12 @@ def _plot(rows: list[dict[str, Any]], path: Path) -> None:
     axes.loglog(sizes, [row["seconds"] for row in made], "ko-", lw=2, label="match, whole")
     for stage in (*STAGES, *LATER):
         seconds = [row["stages"][stage] or np.nan for row in made]
-        axes.loglog(sizes, seconds, ".-", lw=1, label=stage)
+        axes.loglog(sizes, seconds, ".-" if stage in STAGES else ".--", lw=1, label=stage)
     beside = [row for row in rows if "pyfm seconds" in row]
     axes.loglog(
         [r["vertices"] for r in beside], [r["pyfm seconds"] for r in beside], "r^", label="pyFM, whole"
     )
-    axes.set(xlabel="vertices of each shape", ylabel="seconds", ylim=(0.005, None))
+    axes.set(xlabel="vertices of each shape", ylabel="seconds", ylim=(0.005, 3000))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7, ncols=2)
     path.parent.mkdir(exist_ok=True)
