@@ -2,10 +2,11 @@ from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Transfer
 from isomatch.surfaces.check import check
-from isomatch.surfaces.decimation import Decimated, decimate
+from isomatch.surfaces.decimation import Decimated, decimate, normalised
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
@@ -22,6 +23,7 @@ __all__ = [
     "Mesh",
     "MeshFormat",
     "MeshReport",
+    "PlacedMesh",
     "PointCloud",
     "PrecisePoints",
     "Raster",
@@ -29,10 +31,12 @@ __all__ = [
     "Separation",
     "Surface",
     "Transfer",
+    "VertexGroups",
     "capped",
     "check",
     "decimate",
     "nearest_in_triangle",
+    "normalised",
     "rasterise",
     "read_mesh",
     "read_point_cloud",
