@@ -14,7 +14,7 @@ from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of
 from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
 from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError, some
-from isomatch.surfaces import Mesh, PrecisePoints, Surface
+from isomatch.surfaces import PrecisePoints, SurfaceLike, mesh_from, surface_from
 
 UNMATCHED = -1
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
@@ -115,14 +115,18 @@ class Correspondence:
         """(n_source,) which source vertices have an image."""
         return self.vertices >= 0
 
-    def check_fits(self, source: Surface | None = None, target: Surface | None = None) -> None:
-        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash."""
-        for name, surface, n, known, other in (
+    def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
+        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash.
+
+        The surfaces are anything that `surface_from` takes.
+        """
+        for name, given, n, known, other in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),
         ):
-            if surface is None:
+            if given is None:
                 continue
+            surface = surface_from(given)
             if surface.n_vertices != n:
                 raise MapError(
                     f"{self!r} is not a map of this {name}, which has {surface.n_vertices} vertices; give the {name} "
@@ -266,7 +270,7 @@ class Correspondence:
         return pushed.reshape(self.n_target, *rows.shape[1:])
 
     def then(
-        self, other: Correspondence, middle: Mesh | None = None, target: Mesh | None = None
+        self, other: Correspondence, middle: SurfaceLike = None, target: SurfaceLike = None
     ) -> Correspondence:
         """Compose two maps: the source of this map → the target of the other.
 
@@ -280,7 +284,7 @@ class Correspondence:
         ----------
         other : Correspondence
             From the target of this map, the middle surface.
-        middle, target : Mesh, optional
+        middle, target : Mesh, or what `mesh_from` takes; optional
             Source and target of the other map; both or neither.
 
         Raises
@@ -298,11 +302,13 @@ class Correspondence:
                 f"cannot compose {self!r} with {other!r}: the first ends on another surface than the second starts "
                 "from, though with as many vertices; give maps onto and from the same one"
             )
-        other.check_fits(middle, target)
         if (middle is None) != (target is None):
             raise MapError(
                 "to compose maps on their surfaces, both are needed; give middle and target, or neither"
             )
+        if middle is not None:
+            middle, target = mesh_from(middle), mesh_from(target)
+            other.check_fits(middle, target)
         by_weight = np.argsort(-self.barycentric, axis=1, kind="stable")
         corners = np.take_along_axis(self.faces, by_weight, axis=1)
         weights = np.take_along_axis(self.barycentric, by_weight, axis=1)
@@ -317,7 +323,7 @@ class Correspondence:
         there = PrecisePoints(other.faces, other.barycentric)
         found, changed = (
             composed_on_surface(points, there, middle, target)
-            if middle and target
+            if middle is not None
             else composed_in_faces(points, there)
         )
         rows = inside[changed]
@@ -326,7 +332,7 @@ class Correspondence:
         return Correspondence(image, other.n_target, faces, barycentric, self.source_hash, other.target_hash)
 
     def reversed(
-        self, source: Surface | None = None, target: Surface | None = None, within: float = 0.05
+        self, source: SurfaceLike = None, target: SurfaceLike = None, within: float = 0.05
     ) -> Correspondence:
         """Return the map target → source.
 
@@ -337,7 +343,7 @@ class Correspondence:
 
         Parameters
         ----------
-        source, target : Mesh, PointCloud or Graph, optional
+        source, target : Mesh, PointCloud, Graph, or what `surface_from` takes; optional
             The surfaces of the map; both or neither.
         within : float
             Target vertices farther from any image, along edges, remain unmatched; in √(target area). They lie on what
@@ -357,6 +363,7 @@ class Correspondence:
             )
         if source is None or target is None:
             raise MapError("to reverse a map precisely, both surfaces are needed; give source and target")
+        source, target = surface_from(source), surface_from(target)
         self.check_fits(source, target)
         there = PrecisePoints(self.faces, self.barycentric)
         points, reached = inverse(self.vertices, there, source, target, within)

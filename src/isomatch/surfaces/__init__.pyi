@@ -3,6 +3,7 @@ from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Transfer
 from isomatch.surfaces.check import check
 from isomatch.surfaces.decimation import Decimated, decimate, normalised
+from isomatch.surfaces.given import SurfaceLike, mesh_from, surface_from
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
@@ -30,11 +31,13 @@ __all__ = [
     "Repair",
     "Separation",
     "Surface",
+    "SurfaceLike",
     "Transfer",
     "VertexGroups",
     "capped",
     "check",
     "decimate",
+    "mesh_from",
     "nearest_in_triangle",
     "normalised",
     "rasterise",
@@ -42,6 +45,7 @@ __all__ = [
     "read_point_cloud",
     "repair",
     "separate_sheets",
+    "surface_from",
     "vertex_normals",
     "write_mesh",
 ]
