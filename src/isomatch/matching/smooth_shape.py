@@ -153,7 +153,14 @@ class SmoothShape:
         corners = _lifted(there, source_body.body_vertex, UNMATCHED)
         weights = _lifted(points.barycentric, source_body.body_vertex)
         weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
-        return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
+        return Correspondence(
+            corners[:, 0],
+            target.surface.n_vertices,
+            corners,
+            weights,
+            self.surface.content_hash,
+            target.surface.content_hash,
+        )
 
     def _in_full(
         self, target: SmoothShape, points: PrecisePoints, matched: BoolArray

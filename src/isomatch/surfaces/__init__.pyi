@@ -5,7 +5,8 @@ from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Transfer
 from isomatch.surfaces.check import check
 from isomatch.surfaces.contents import Contents, Part
-from isomatch.surfaces.decimation import Decimated, decimate
+from isomatch.surfaces.decimation import Decimated, decimate, normalised
+from isomatch.surfaces.given import SurfaceLike, mesh_from, surface_from
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import (
     FORMATS,
@@ -17,6 +18,7 @@ from isomatch.surfaces.io import (
     write_mesh,
 )
 from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
@@ -39,6 +41,7 @@ __all__ = [
     "MeshFormat",
     "MeshReport",
     "Part",
+    "PlacedMesh",
     "PointCloud",
     "Polygons",
     "PrecisePoints",
@@ -46,18 +49,23 @@ __all__ = [
     "Repair",
     "Separation",
     "Surface",
+    "SurfaceLike",
     "Transfer",
+    "VertexGroups",
     "capped",
     "check",
     "decimate",
     "first_equal",
+    "mesh_from",
     "nearest_in_triangle",
+    "normalised",
     "rasterise",
     "read_contents",
     "read_mesh",
     "read_point_cloud",
     "repair",
     "separate_sheets",
+    "surface_from",
     "vertex_normals",
     "write_contents",
     "write_mesh",

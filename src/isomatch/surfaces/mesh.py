@@ -11,6 +11,7 @@ from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of, read_on
 from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch.errors import MeshError, some
+from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, linked
 
 
@@ -127,6 +128,11 @@ class Mesh:
         """(e,) length of each edge, in mesh units."""
         x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
         return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
+
+    @cached_property
+    def content_hash(self) -> str:
+        """32 hexadecimal digits that tell these vertices and faces from others, in this order."""
+        return hash_of("Mesh", self.vertices, self.faces)
 
     @property
     def components(self) -> IntArray:

@@ -272,7 +272,8 @@ def write_contents(
     if binary is not None and "binary" not in mesh_format.options:
         able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
         raise _no_option(path, "binary", able)
-    kept, left = [], []
+    kept: list[Attribute] = []
+    left: list[Attribute] = []
     for attribute in contents.attributes:
         place: Attribute | None = attribute
         if attribute.domain == "corner" and not mesh_format.keeps(attribute):

@@ -158,6 +158,6 @@ def _values(table: Table, each: Property) -> AnyArray:
             return values.astype(each.type.newbyteorder("="))
     if values.dtype.kind != "f":
         return values.astype(each.type.newbyteorder("="))
-    limits = np.iinfo(each.type)
+    limits = np.iinfo(each.type.str)
     fits = (values == np.rint(values)) & (limits.min <= values) & (values <= limits.max)
     return values.astype(each.type) if fits.all() else values

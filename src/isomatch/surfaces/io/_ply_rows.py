@@ -20,17 +20,17 @@ _LETTERS = {
 class Cells:
     """The values of one property in all rows, one after another; of a list also the number of each row."""
 
-    property: Property
+    declared: Property
     values: AnyArray
     counts: IntArray | None = None
 
     @property
     def declaration(self) -> str:
         """The line of the header."""
-        kind = _LETTERS[self.property.type.str[1:]]
-        if self.property.count_type is None:
-            return f"property {kind} {self.property.name}"
-        return f"property list {_LETTERS[self.property.count_type.str[1:]]} {kind} {self.property.name}"
+        kind = _LETTERS[self.declared.type.str[1:]]
+        if self.declared.count_type is None:
+            return f"property {kind} {self.declared.name}"
+        return f"property list {_LETTERS[self.declared.count_type.str[1:]]} {kind} {self.declared.name}"
 
 
 def cells(name: str, values: AnyArray, counts: IntArray | None = None) -> Cells:
@@ -62,10 +62,10 @@ def write_rows(columns: list[Cells], n_rows: int, byte_order: str) -> bytes:
     fields: list[tuple[IntArray, AnyArray, str]] = []  # numbers in each row, all of them, their type
     for column in columns:
         each = np.ones(n_rows, dtype=np.int64)
-        if column.counts is not None and column.property.count_type is not None:
-            fields.append((each, column.counts, column.property.count_type.str[1:]))
+        if column.counts is not None and column.declared.count_type is not None:
+            fields.append((each, column.counts, column.declared.count_type.str[1:]))
             each = column.counts
-        fields.append((each, column.values, column.property.type.str[1:]))
+        fields.append((each, column.values, column.declared.type.str[1:]))
     if not byte_order:
         return _text(fields, n_rows)
     if all((each == each[:1]).all() for each, _, _ in fields):

@@ -218,7 +218,7 @@ def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int) -> by
 def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
     """Join columns row by row: of each part as many entries for each row as its counts say."""
     lengths = sum((counts for counts, _ in parts), np.zeros(n_rows, dtype=np.int64))
-    joined = np.zeros(int(lengths.sum()), kind)
+    joined: AnyArray = np.zeros(int(lengths.sum()), kind)
     start = np.cumsum(lengths) - lengths
     for counts, entries in parts:
         joined[spans(start, counts)] = entries

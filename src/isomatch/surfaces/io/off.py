@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.attribute import Attribute, Kind
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io._text import (
     NumberRows,
@@ -58,7 +58,8 @@ def keeps(attribute: Attribute) -> bool:
 def write(contents: Contents) -> bytes:
     """Write an OFF file."""
     letters, template, columns = "", "%r %r %r", [contents.points]
-    for kind, letter in (("normal", "N"), ("colour", "C")):
+    letter_of: dict[Kind, str] = {"normal": "N", "colour": "C"}
+    for kind, letter in letter_of.items():
         for attribute in contents.of_kind(kind):
             letters = letter + letters
             whole = attribute.values.dtype.kind != "f"
