@@ -1,0 +1,77 @@
+"""The folder of a collection, and what identifies its contents."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import blake2b
+from importlib.metadata import version
+from pathlib import Path
+
+from isomatch.collections.pairs import Pair
+from isomatch.collections.shapes import BETWEEN
+from isomatch.matching import Config
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each file of a collection is.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    """
+
+    folder: Path
+
+    @property
+    def plan(self) -> Path:
+        """What the collection consists of, and its settings."""
+        return self.folder / "collection.json"
+
+    @property
+    def table(self) -> Path:
+        """One line for each pair."""
+        return self.folder / "pairs.csv"
+
+    @property
+    def page(self) -> Path:
+        """The page to look at."""
+        return self.folder / "index.html"
+
+    def prepared(self, key: str) -> Path:
+        """The prepared shape with a key."""
+        return self.folder / "prepared" / f"{key}.npz"
+
+    def maps(self, pair: Pair) -> Path:
+        """The maps of a pair, both directions."""
+        return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
+
+    def corresponded(self, name: str, suffix: str = ".ply") -> Path:
+        """The surface of a shape in the topology of the template."""
+        return self.folder / "corresponded" / f"{name}{suffix}"
+
+    def report(self, pair: Pair) -> Path:
+        """The report of a pair."""
+        return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
+
+    def thumbnail(self, name: str) -> Path:
+        """A small picture of a shape."""
+        return self.folder / "thumbnails" / f"{name}.png"
+
+    def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
+        """The ledger of a shard (index from 0, count)."""
+        index, count = shard
+        return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
+
+    def ledgers(self) -> Iterator[Path]:
+        """The ledgers of all shards."""
+        return iter(sorted(self.folder.glob("ledger*.sqlite")))
+
+
+def key_of(config: Config, seed: int, *hashes: str) -> str:
+    """Identify what is computed from surfaces with these hashes, by these settings and this version."""
+    text = json.dumps([version("isomatch"), config.to_dict(), seed, *hashes], sort_keys=True)
+    return blake2b(text.encode(), digest_size=16).hexdigest()

@@ -1,0 +1,163 @@
+"""Workers: any executor of `concurrent.futures`; local processes and Dask's by name. One that dies is replaced."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from typing import Any
+
+from isomatch._threads import n_threads
+from isomatch._workers import begin_worker
+from isomatch.errors import InputError, MissingDependencyError
+
+QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something to do for some items of a collection.
+
+    Parameters
+    ----------
+    items : tuple
+        What it is done for; the rows have their order.
+    function : callable
+        Makes the rows of some items; it and they travel to the worker.
+    lost : int
+        How often a worker died of it, or beside it.
+    """
+
+    items: tuple[Any, ...]
+    function: Callable[[tuple[Any, ...]], list[Any]]
+    lost: int = 0
+
+    def alone(self) -> list[Task]:
+        """A task for each item."""
+        return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
+
+
+@dataclass
+class Workers:
+    """Workers that tasks are sent to.
+
+    Parameters
+    ----------
+    make : callable
+        Makes an executor; again where one has broken.
+    count : int
+        How many workers it has.
+    threads : int
+        How many threads each of them uses, if it is a process of its own.
+    """
+
+    make: Callable[[], Executor]
+    count: int
+    threads: int = 1
+
+    def completed(
+        self, tasks: Iterable[Task], late: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield each item with its row, or with the error that no worker survived; in the order of completion.
+
+        A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
+        nothing else is running; if its worker dies then, it is its fault. No task is begun once it is late.
+        """
+        waiting, suspects = deque(tasks), deque[Task]()
+        executor, running = self.make(), dict[Future[Any], Task]()
+        try:
+            while True:
+                while waiting and len(running) < QUEUED * self.count and not late():
+                    task = waiting.popleft()
+                    running[self._sent(executor, task)] = task
+                if not running and suspects and not late():
+                    task = suspects.popleft()
+                    running[self._sent(executor, task)] = task
+                if not running:
+                    return
+                lost = []
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    task = running.pop(future)
+                    try:
+                        yield from zip(task.items, future.result())
+                    except Exception as error:  # jobs return what fails in them: this is a worker's end
+                        lost.append((task, error))
+                if not lost:
+                    continue
+                broken = getattr(executor, "_broken", False)
+                if broken:
+                    lost += [(task, lost[0][1]) for task in running.values()]
+                    running.clear()
+                    executor.shutdown(wait=False, cancel_futures=True)
+                    executor = self.make()
+                for task, error in lost:
+                    for one in task.alone():
+                        if one.lost > 2:
+                            yield one.items[0], error
+                        else:
+                            (suspects if one.lost == 2 else waiting).append(one)
+        finally:
+            executor.shutdown(wait=False, cancel_futures=True)
+
+    def _sent(self, executor: Executor, task: Task) -> Future[list[Any]]:
+        return executor.submit(_rows, task, self.threads, _here())
+
+
+def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
+    if _here() != sender:
+        begin_worker(threads)
+    return task.function(task.items)
+
+
+def _here() -> tuple[str, int]:
+    return platform.node(), os.getpid()
+
+
+def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Workers:
+    """Find the workers that are asked for.
+
+    Parameters
+    ----------
+    executor : str or Executor
+        "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
+        executor of `concurrent.futures`.
+    jobs : int, optional
+        How many run at once. By default one for each processor, or for each thread of the cluster.
+
+    Raises
+    ------
+    InputError
+        If the executor is not known, or the cluster does not answer.
+    MissingDependencyError
+        If Dask is not installed.
+    """
+    if not isinstance(executor, str):
+        return Workers(lambda: executor, jobs or n_threads())
+    kind, _, address = executor.partition(":")
+    if kind == "local" and not address:
+        count = jobs or n_threads()
+        make = partial(ProcessPoolExecutor, count, mp_context=get_context("spawn"))
+        return Workers(make, count, max(1, n_threads() // count))
+    if kind == "dask" and address:
+        return _dask_workers(address, jobs)
+    raise InputError(f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786")
+
+
+def _dask_workers(address: str, jobs: int | None) -> Workers:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingDependencyError(
+            "a Dask cluster needs the package distributed; install it with: pip install 'isomatch[cluster]'"
+        ) from error
+    try:
+        client = Client(address, timeout=30)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
+    count = jobs or sum(client.nthreads().values()) or 1
+    return Workers(lambda: client.get_executor(pure=False), count)
