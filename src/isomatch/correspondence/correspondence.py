@@ -11,10 +11,20 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch.bases import LaplaceBasis, laplace_basis
 from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
+from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError, some
-from isomatch.surfaces import PrecisePoints, SurfaceLike, mesh_from, surface_from
+from isomatch.surfaces import (
+    Mesh,
+    PrecisePoints,
+    SurfaceLike,
+    mesh_from,
+    picture,
+    surface_from,
+    surface_in_use,
+)
 
 UNMATCHED = -1
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
@@ -104,6 +114,16 @@ class Correspondence:
         missing = int((~self.matched).sum())
         tail = f", {missing} unmatched" if missing else ""
         return f"Correspondence(source {len(self.vertices)} → target {self.n_target}{tail})"
+
+    def _repr_html_(self) -> str:
+        """Picture of both meshes in corresponding colours, as long as they are in use, for notebooks."""
+        source, target = surface_in_use(self.source_hash), surface_in_use(self.target_hash)
+        pictures = ""
+        if isinstance(source, Mesh) and isinstance(target, Mesh):
+            low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
+            colours = 0.1 + 0.9 * (target.vertices - low) / np.where(high > low, high - low, 1.0)
+            pictures = picture(source, self.pull_back(colours)) + picture(target, colours)
+        return f"<p>{self!r}</p>{pictures}"
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -205,6 +225,48 @@ class Correspondence:
     def T(self) -> csc_array:
         """The transposed matrix (n_target, n_source): ⟨f.to_sparse() @ x, y⟩ = ⟨x, f.T @ y⟩."""
         return self.to_sparse().T
+
+    def to_functional(
+        self, source: LaplaceBasis | SurfaceLike, target: LaplaceBasis | SurfaceLike, k: int = 50
+    ) -> FunctionalMap:
+        """Express the map in Laplace–Beltrami functions: a (k, k) matrix, target functions → source functions.
+
+        Parameters
+        ----------
+        source, target : LaplaceBasis, or what `surface_from` takes
+            Bases of the surfaces of the map, with one row for each vertex, or the surfaces, of which they are made.
+        k : int
+            Number of functions.
+
+        Returns
+        -------
+        FunctionalMap
+            Least squares over the matched vertices, weighted by their areas. O(n k²).
+
+        Raises
+        ------
+        MapError
+            If a basis has fewer functions, or a surface is not one of this map.
+        MeshError
+            If a surface has no basis, see `laplace_basis`.
+        """
+        bases = []
+        for name, given, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
+            basis = given
+            if not isinstance(basis, LaplaceBasis):
+                surface = surface_from(given)
+                self.check_fits(**{name: surface})
+                basis = laplace_basis(surface, k)
+            if len(basis.vectors) != n or len(basis.values) < k:
+                raise MapError(
+                    f"{basis!r} is no basis of {k} functions at the {n} vertices of the {name}; compute "
+                    f"laplace_basis({name}, {k})"
+                )
+            bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights))
+        held = self.matched
+        weights = np.sqrt(bases[0].weights[held, None])
+        pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[held]
+        return FunctionalMap(fit_functional_map(weights * bases[0].vectors[held], weights * pulled), *bases)
 
     def push_forward(
         self, values: ArrayLike, source_areas: ArrayLike, target_areas: ArrayLike | None = None

@@ -1,3 +1,4 @@
+from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Transfer
@@ -7,6 +8,7 @@ from isomatch.surfaces.given import SurfaceLike, mesh_from, surface_from
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.picture import picture
 from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
@@ -40,12 +42,14 @@ __all__ = [
     "mesh_from",
     "nearest_in_triangle",
     "normalised",
+    "picture",
     "rasterise",
     "read_mesh",
     "read_point_cloud",
     "repair",
     "separate_sheets",
     "surface_from",
+    "surface_in_use",
     "vertex_normals",
     "write_mesh",
 ]
