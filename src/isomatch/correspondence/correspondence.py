@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.bases import LaplaceBasis, laplace_basis
+from isomatch.correspondence.carried_values import pulled_back, pushed_forward
 from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import read_map, write_map
@@ -27,7 +27,6 @@ from isomatch.surfaces import (
 )
 
 UNMATCHED = -1
-_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,17 +193,7 @@ class Correspondence:
                 f"values have shape {rows.shape}, expected one row for each of the {self.n_target} target vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
-        matched = self.matched
-        if rows.dtype.kind in "fc":
-            weights = self.barycentric.reshape(-1, 3, *(1,) * (rows.ndim - 1))
-            carried: AnyArray = np.full((len(matched), *rows.shape[1:]), 0, np.result_type(rows, np.float64))
-            if self.n_target:
-                carried = (weights * rows[self.faces]).sum(axis=1, dtype=carried.dtype)
-        elif self.n_target:
-            carried = rows[self.vertices]
-        else:
-            carried = np.zeros((len(matched), *rows.shape[1:]), rows.dtype)
-        return carried if matched.all() else _filled(carried, ~matched, fill)
+        return pulled_back(rows, self.vertices, self.faces, self.barycentric, fill)
 
     def __matmul__(self, values: ArrayLike) -> AnyArray:
         """Pull back, as `pull_back`."""
@@ -305,31 +294,7 @@ class Correspondence:
         >>> f.push_forward([1.0, 2.0, 3.0], source_areas=[1.0, 3.0, 1.0], target_areas=[2.0, 1.0, 2.0])
         array([3.5, 0. , 1.5])
         """
-        rows = array_of(values, "values", DescriptorError)
-        if rows.dtype.kind != "f":
-            raise DescriptorError(
-                f"values have type {rows.dtype}, and labels have no mean; carry them with "
-                "reversed(source, target).pull_back, or give floats"
-            )
-        areas = numbers_of(source_areas, "source areas", DescriptorError)
-        for name, given in (("values", rows.shape[:1]), ("source areas", areas.shape)):
-            if given != (len(self.vertices),):
-                raise DescriptorError(
-                    f"{name} have {given} rows, expected one for each of the {len(self.vertices)} source vertices"
-                )
-        transposed, held = self.T, self.matched
-        if target_areas is None:
-            total = transposed @ areas
-        else:
-            total = numbers_of(target_areas, "target areas", DescriptorError)
-            if total.shape != (self.n_target,):
-                raise DescriptorError(
-                    f"target areas have shape {total.shape}, expected one for each of the {self.n_target} target vertices"
-                )
-        columns = np.where(held[:, None], rows.reshape(len(rows), prod(rows.shape[1:])) * areas[:, None], 0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            pushed: FloatArray = (transposed @ columns) / total[:, None]
-        return pushed.reshape(self.n_target, *rows.shape[1:])
+        return pushed_forward(self.T, self.matched, values, source_areas, target_areas)
 
     def then(
         self, other: Correspondence, middle: SurfaceLike = None, target: SurfaceLike = None
@@ -496,25 +461,3 @@ def _precise(
     corners = faces.astype(np.int64)
     corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
     return corners, weights
-
-
-def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
-    """Put a value where there is none; `DescriptorError` if the type of the values cannot hold it."""
-    if fill is None:
-        fill = _FILLS.get(labels.dtype.kind)
-        if fill is None:
-            raise DescriptorError(
-                f"{holes.sum()} source vertices are unmatched, and nothing stands for that in values of type "
-                f"{labels.dtype}; give fill"
-            )
-    value = np.asarray(fill)
-    kind = np.result_type(labels, value) if labels.dtype.kind == value.dtype.kind in "US" else labels.dtype
-    try:
-        kept = value.ndim == 0 and bool(value.astype(kind) == value or value != value)
-    except (TypeError, ValueError):
-        kept = False
-    if not kept:
-        raise DescriptorError(f"fill = {fill!r} is no value of type {labels.dtype}")
-    filled: AnyArray = labels.astype(kind)
-    filled[holes] = value
-    return filled

@@ -35,7 +35,9 @@ def picture(mesh: Mesh, colours: FloatArray | None = None) -> str:
     faces = faces.reshape(-1, 3)
     points = mesh.vertices[drawn] / (np.abs(mesh.vertices[drawn]).max() or 1.0)
     axes = np.argsort(np.ptp(points, axis=0), kind="stable")[[1, 2, 0]]  # right, up, towards the viewer
-    side = np.linalg.det(np.eye(3)[axes])  # −1: the picture is seen from behind, or it would be a mirror image
+    side = np.linalg.det(
+        np.eye(3)[axes]
+    )  # −1: the picture is seen from behind, or it would be a mirror image
     seen = (points - points.min(axis=0))[:, axes]
     seen *= (SIZE - 2) / (seen[:, 1].max() or 1.0)
     width, height = (int(np.ceil(length)) + 2 for length in seen[:, :2].max(axis=0))
