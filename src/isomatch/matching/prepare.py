@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from isomatch.correspondence import (
     SignedPoints,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import MeshError, NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -34,6 +35,7 @@ from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
 from isomatch.matching.levels import Level, full_level, levels_of
 from isomatch.matching.orientation import orientation_of
+from isomatch.matching.prepared_file import read_prepared, write_prepared
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
@@ -110,6 +112,51 @@ class PreparedShape(SmoothShape):
             spread="sample_vertices",
             cloud="points",
         )
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
+        """
+        write_prepared(Path(path), self)
+
+    @classmethod
+    def load(cls, path: str | Path, config: Config | None = None) -> PreparedShape:
+        """Read what `save` wrote; matches are the same to the last bit.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+        config : Config, optional
+            Settings of the matches to come: a shape prepared otherwise is refused here.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), damaged, holds something else, or was written by an isomatch that
+            prepared shapes in another way.
+        SettingError
+            If the shape was prepared with other settings than ``config``.
+        """
+        found: PreparedShape = read_prepared(Path(path), cls)
+        if config:
+            found.require_prepared_for(config, str(path))
+        return found
+
+    def require_prepared_for(self, config: Config, what: str) -> None:
+        """Raise `SettingError`, about ``what``, if the shape was prepared with other settings than a match asks for."""
+        in_full = config.resolution == "full" and self.detail is None and not self.others
+        used_config = replace(self.requested, resolution="full") if in_full else self.requested
+        if name := used_config.differs_in_preparation(config):
+            used, asked = getattr(self.requested, name), getattr(config, name)
+            raise SettingError(
+                f"{what} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
+                "with the settings of the match"
+            )
 
     @property
     def seconds(self) -> float:
@@ -247,8 +294,8 @@ def prepare(
     ----------
     surface : Mesh, PointCloud, Graph, path_like, tuple or object
         Anything that `surface_from` takes, with one main component; further ones of a mesh are prepared when they are
-        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and spectra alone, which do not tell
-        a shape from its mirror image.
+        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and
+        spectra alone, which do not tell a shape from its mirror image.
     config : Config, optional
         Settings.
     seed : int

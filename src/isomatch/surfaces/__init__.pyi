@@ -1,4 +1,5 @@
 from isomatch.surfaces._coincident import first_equal
+from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.attribute import Attribute, Domain, Kind
 from isomatch.surfaces.caps import capped
@@ -18,6 +19,7 @@ from isomatch.surfaces.io import (
     write_mesh,
 )
 from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.picture import picture
 from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.polygons import Polygons
@@ -59,6 +61,7 @@ __all__ = [
     "mesh_from",
     "nearest_in_triangle",
     "normalised",
+    "picture",
     "rasterise",
     "read_contents",
     "read_mesh",
@@ -66,6 +69,7 @@ __all__ = [
     "repair",
     "separate_sheets",
     "surface_from",
+    "surface_in_use",
     "vertex_normals",
     "write_contents",
     "write_mesh",
