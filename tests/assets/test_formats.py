@@ -42,39 +42,35 @@ def table():
 
 
 def kept(found):
-    """Which of the made attributes a surface still has, with the same values where the same points are."""
-    same = {"polygons"} if found.polygons.sizes.tolist() == POLYGONS.sizes.tolist() else set()
-    corners = POLYGONS.corners if same else POLYGONS.triangles.ravel()
-    rows = POLYGONS.corner_of_triangle.ravel()
+    """Which of the made attributes a surface still has, with the same values at the same corners."""
+    whole_polygons = found.polygons.sizes.tolist() == POLYGONS.sizes.tolist()
+    same = {"polygons"} if whole_polygons else set()
     for column, given in ATTRIBUTES.items():
-        domain = "face" if given.domain == "face" else None
-        candidates = [
-            a
-            for a in found.attributes
-            if a.kind == given.kind and (a.domain == domain if domain else a.domain != "face")
-        ]
-        if column in ("label", "face label", "scalar", "vector"):
-            candidates = [a for a in candidates if a.name == given.name]
-        for attribute in candidates:
-            values = attribute.dense_weights if column == "weights" else attribute.values
-            expected = given.dense_weights if column == "weights" else given.values
-            if column == "face label":
-                if not same:
-                    expected = expected[POLYGONS.of_triangle]
-            else:
-                if attribute.domain == "point":
-                    values = values[found.polygons.corners]
-                if given.domain == "point":
-                    expected = expected[POLYGONS.corners]
-                if not same:
-                    expected = expected[rows]
-            if column == "colour":
-                full = 255 if values.dtype == np.uint8 else 1
-                values, expected = values[:, :3] / full, expected / 255
-            np.testing.assert_allclose(values, expected, atol=1e-6, err_msg=column)
+        of_faces = given.domain == "face"
+        named = given.kind in ("label", "scalar", "vector")
+        for attribute in found.attributes:
+            if (
+                attribute.kind != given.kind
+                or (attribute.domain == "face") != of_faces
+                or (named and attribute.name != given.name)
+            ):
+                continue
+            expected, values = at_corners(given, POLYGONS), at_corners(attribute, found.polygons)
+            if not whole_polygons:
+                expected = expected[POLYGONS.of_triangle if of_faces else POLYGONS.corner_of_triangle.ravel()]
+            np.testing.assert_allclose(values[:, : expected.shape[1]], expected, atol=1e-6, err_msg=column)
             same.add(column)
-    assert len(found.polygons.corners) == len(corners)
     return same
+
+
+def at_corners(attribute, polygons):
+    """The values of the corners or faces as a table of floats."""
+    values = attribute.dense_weights if attribute.kind == "weights" else attribute.values
+    if attribute.kind == "colour" and values.dtype == np.uint8:
+        values = values / 255
+    if attribute.domain == "point":
+        values = values[polygons.corners]
+    return values.reshape(len(values), -1)
 
 
 @pytest.fixture

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray
 from isomatch._packages import package
-from isomatch.surfaces.attribute import Attribute
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -22,7 +20,7 @@ def to_trimesh(contents: Contents) -> Any:
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
-        values = plain_values(attribute)
+        values = attribute.plain
         of_points = attribute.domain == "point"
         if attribute.kind == "uv" and of_points:
             mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]))
@@ -49,7 +47,7 @@ def to_pyvista(contents: Contents) -> Any:
     mesh = pyvista.PolyData(split.placed_points, cells if len(cells) else None)
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
-        values = plain_values(attribute)
+        values = attribute.plain
         data[attribute.name] = values
         if attribute.kind == "uv" and attribute.domain == "point":
             data.active_texture_coordinates_name = attribute.name
@@ -74,9 +72,9 @@ def to_meshio(contents: Contents) -> Any:
     return meshio.Mesh(
         split.placed_points,
         blocks,
-        point_data={a.name: plain_values(a) for a in split.attributes if a.domain == "point"},
+        point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
         cell_data={
-            a.name: [plain_values(a)[i:j] for i, j in zip(first, stops)]
+            a.name: [a.plain[i:j] for i, j in zip(first, stops)]
             for a in split.attributes
             if a.domain == "face"
         },
@@ -89,31 +87,17 @@ def to_open3d(contents: Contents) -> Any:
     vector, index = open3d.utility.Vector3dVector, open3d.utility.Vector3iVector
     mesh = open3d.geometry.TriangleMesh(vector(contents.placed_points), index(contents.polygons.triangles))
     for attribute in contents.attributes:
-        values = plain_values(attribute)
+        values = attribute.plain
         if attribute.domain == "point" and attribute.kind == "normal":
             mesh.vertex_normals = vector(values.astype(np.float64))
         elif attribute.domain == "point" and attribute.kind == "colour":
-            mesh.vertex_colors = vector(fractions(values[:, :3]))
+            mesh.vertex_colors = vector(attribute.fractions[:, :3])
         elif attribute.kind == "uv":
             rows = contents.polygons.corner_of_triangle.ravel()
             if attribute.domain == "point":
                 rows = contents.polygons.corners[rows]
             mesh.triangle_uvs = open3d.utility.Vector2dVector(values[rows, :2].astype(np.float64))
     return mesh
-
-
-def plain_values(attribute: Attribute) -> AnyArray:
-    """Return values for formats and libraries that know but arrays: labels as integers, all weights."""
-    if attribute.kind == "weights":
-        return attribute.dense_weights
-    values = attribute.coded.values
-    return np.array(values, dtype=np.uint8 if values.dtype.kind == "b" else values.dtype)
-
-
-def fractions(colors: AnyArray) -> FloatArray:
-    """Return colours as numbers from 0 to 1."""
-    full = 1.0 if colors.dtype.kind == "f" else np.iinfo(colors.dtype).max
-    return np.asarray(colors / full, dtype=np.float64)
 
 
 def _at_points(contents: Contents) -> Contents:

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.errors import MeshError
-from isomatch.surfaces.attribute import Attribute, Domain, guessed_kind
+from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 
@@ -126,7 +126,7 @@ def _polygons(points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArr
 
 
 def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    visual = getattr(given, "visual", None)
+    visual: Any = getattr(given, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
         yield Attribute("color", "point", "colour", visual.vertex_colors)
@@ -150,14 +150,15 @@ def _blocks_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
 
 
 def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    for source, name, domain in (
-        ("vertex_normals", "normal", "point"),
-        ("vertex_colors", "color", "point"),
-        ("triangle_uvs", "uv", "corner"),
-    ):
+    places: tuple[tuple[str, str, Domain, Kind], ...] = (
+        ("vertex_normals", "normal", "point", "normal"),
+        ("vertex_colors", "color", "point", "colour"),
+        ("triangle_uvs", "uv", "corner", "uv"),
+    )
+    for source, name, domain, kind in places:
         values = np.asarray(getattr(given, source, ()))
         if len(values):
-            yield Attribute(name, domain, {"color": "colour"}.get(name, name), values)
+            yield Attribute(name, domain, kind, values)
 
 
 def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:

@@ -12,7 +12,6 @@ from isomatch.errors import FormatError
 from isomatch.surfaces.attribute import Attribute, guessed_kind
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io._reading import reading
-from isomatch.surfaces.library_meshes import fractions, plain_values
 from isomatch.surfaces.polygons import Polygons
 
 _POINTS, _TRIANGLES, _LABEL, _SHAPE, _VECTOR, _RGB, _RGBA = 1008, 1009, 1002, 2005, 1007, 2002, 2003
@@ -113,10 +112,10 @@ def _read(data: bytes, name: str) -> tuple[Any, tuple[tuple[Attribute, Any], ...
 
 
 def _array(gifti: Any, attribute: Attribute) -> Any:
-    values = plain_values(attribute)
+    values = attribute.plain
     intent, kind = _VECTOR, "NIFTI_TYPE_FLOAT32"
     if attribute.kind == "colour":
-        intent, values = _RGB if values.shape[1] == 3 else _RGBA, fractions(values)
+        intent, values = _RGB if values.shape[1] == 3 else _RGBA, attribute.fractions
     elif attribute.kind == "label":
         intent, kind = _LABEL, "NIFTI_TYPE_INT32"
     elif attribute.kind == "scalar":
