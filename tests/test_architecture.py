@@ -11,7 +11,7 @@ import isomatch
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
     "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_limits",
-    "_memory", "_renamed", "_settings", "_threads",
+    "_memory", "_packages", "_renamed", "_settings", "_threads",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}

@@ -12,14 +12,18 @@ from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import (
     FORMATS,
     MeshFormat,
+    read_attributes,
     read_contents,
     read_mesh,
     read_point_cloud,
+    write_attribute,
     write_contents,
     write_mesh,
 )
+from isomatch.surfaces.library_meshes import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.picture import picture
+from isomatch.surfaces.objects import contents_of
 from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.polygons import Polygons
@@ -56,6 +60,7 @@ __all__ = [
     "VertexGroups",
     "capped",
     "check",
+    "contents_of",
     "decimate",
     "first_equal",
     "mesh_from",
@@ -63,6 +68,7 @@ __all__ = [
     "normalised",
     "picture",
     "rasterise",
+    "read_attributes",
     "read_contents",
     "read_mesh",
     "read_point_cloud",
@@ -70,7 +76,12 @@ __all__ = [
     "separate_sheets",
     "surface_from",
     "surface_in_use",
+    "to_meshio",
+    "to_open3d",
+    "to_pyvista",
+    "to_trimesh",
     "vertex_normals",
+    "write_attribute",
     "write_contents",
     "write_mesh",
 ]
