@@ -29,7 +29,7 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
+from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare, show_progress
 from isomatch.surfaces import (
     Graph,
     Mesh,
@@ -86,6 +86,7 @@ __all__ = [
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "show_progress",
     "wave_kernel_signature",
     "write_mesh",
 ]

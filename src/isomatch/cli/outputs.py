@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import isomatch
 from isomatch import view
-from isomatch._files import claimed, write_text
+from isomatch._files import claimed, made_folder, staged, write_text
 from isomatch.cli.terminal import json_text, say, say_table
+
+RESULT = "result.json"
 
 
 @dataclass(frozen=True)
@@ -35,20 +37,18 @@ class ResultFolder:
         names = {
             "map": "map.npz",
             "text": "map.txt",
-            "result": "result.json",
+            "result": RESULT,
             "picture": self.picture,
             "report": "report.html",
         }
         return {what: str(self.folder / name) for what, name in names.items()}
 
-    def claimed(self, force: bool) -> AbstractContextManager[None]:
+    @contextmanager
+    def claimed(self, force: bool) -> Iterator[None]:
         """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        return claimed(self._result, [] if force else map(Path, self.files.values()))
-
-    @property
-    def _result(self) -> Path:
-        return Path(self.files["result"])
+        new = [] if force else map(Path, self.files.values())
+        with made_folder(self.folder), claimed(Path(self.files["result"]), new):
+            yield
 
     def write(
         self,
@@ -61,22 +61,23 @@ class ResultFolder:
         facts: dict[str, Any],
         more: dict[str, Any],
     ) -> dict[str, Any]:
-        """Write all files, ``result.json`` last: where it exists, the others are complete and belong to it.
+        """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
 
         The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
         ``result.json``, which begin with ``more``.
         """
-        self._result.unlink(missing_ok=True)
-        result.map.save(self.files["map"])
-        result.map.save(self.files["text"])
-        picture = self.files["picture"]
-        view.draw_map(source, target, result.map, picture, titles=titles)
-        facts = {"isomatch": isomatch.__version__, **facts}
-        view.write_report(
-            self.files["report"], source, target, result, names=names, picture=picture, facts=facts
-        )
         record = {"isomatch": isomatch.__version__, **more, **result.to_dict(), "files": self.files}
-        write_text(self._result, json_text(record))
+        facts = {"isomatch": isomatch.__version__, **facts}
+        with staged(self.folder, last=RESULT) as folder:
+            files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
+            result.map.save(files["map"])
+            result.map.save(files["text"])
+            picture = files["picture"]
+            view.draw_map(source, target, result.map, picture, titles=titles)
+            view.write_report(
+                files["report"], source, target, result, names=names, picture=picture, facts=facts
+            )
+            write_text(folder / RESULT, json_text(record))
         return record
 
 

@@ -21,7 +21,7 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.stage_timer import Progress, StageTimer, show_progress, two_arguments
 
 __all__ = [
     "Alternative",
@@ -36,6 +36,7 @@ __all__ = [
     "OutcomeSettings",
     "PreparationSettings",
     "PreparedShape",
+    "Progress",
     "Quality",
     "Refinement",
     "RefinementSettings",
@@ -54,4 +55,6 @@ __all__ = [
     "outcome_of",
     "prepare",
     "prepare_pair",
+    "show_progress",
+    "two_arguments",
 ]
