@@ -29,7 +29,18 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare, show_progress
+from isomatch.matching import (
+    BothDirections,
+    Config,
+    MatchResult,
+    Outcome,
+    PreparedShape,
+    Quality,
+    match,
+    match_both,
+    prepare,
+    show_progress,
+)
 from isomatch.surfaces import (
     Graph,
     Mesh,
@@ -45,6 +56,7 @@ from isomatch.surfaces import (
 __version__: str
 
 __all__ = [
+    "BothDirections",
     "CanonicalForm",
     "Config",
     "Correspondence",
@@ -82,6 +94,7 @@ __all__ = [
     "heat_kernel_signature",
     "laplace_basis",
     "match",
+    "match_both",
     "prepare",
     "read_mesh",
     "read_point_cloud",

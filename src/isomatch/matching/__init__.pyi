@@ -1,4 +1,5 @@
 from isomatch.matching.body import Body, body_of
+from isomatch.matching.both import BothDirections, match_both
 from isomatch.matching.config import (
     AnchorSettings,
     Config,
@@ -27,6 +28,7 @@ __all__ = [
     "Alternative",
     "AnchorSettings",
     "Body",
+    "BothDirections",
     "Config",
     "Hints",
     "MatchResult",
@@ -51,6 +53,7 @@ __all__ = [
     "contradicted_landmarks",
     "first_map",
     "match",
+    "match_both",
     "measure_quality",
     "outcome_of",
     "prepare",

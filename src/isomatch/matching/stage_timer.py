@@ -67,6 +67,10 @@ class StageTimer:
         self._telling = Lock()
         self._seconds: dict[str, float] = {}
         self._stage: str | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin the total now."""
         self._since = self._begun = time.perf_counter()
 
     def start(self, stage: str) -> None:
