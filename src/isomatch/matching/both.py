@@ -19,7 +19,7 @@ from isomatch.matching.match import match_prepared
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.result import MatchResult
+from isomatch.matching.result import MatchResult, Outcome
 from isomatch.matching.search import Hypothesis
 from isomatch.matching.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.surfaces import Surface
@@ -103,9 +103,10 @@ def _both(
         known = _turned_hypotheses(found, pair_back)
         found_back = match_complete(pair_back, Hints.of(pair_back, *given_back), timer_back, known)
         back = complete_result(found_back, timer_back, seed)
+        back = replace(back, outcome=min(there.outcome, back.outcome, key=list(Outcome).index))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
-            f"{len(known) - 1} rivals of it, turned around"
+            f"{len(known) - 1} rivals of it, turned around, and the outcome is at most as sure as there"
         )
     return BothDirections(there, replace(back, notes=(note, *back.notes)))
 
@@ -128,14 +129,18 @@ def _turned(pair: ShapePair, given: Given) -> Given:
 
 
 def _turned_hypotheses(found: CompleteMatch, pair_back: ShapePair) -> list[Hypothesis]:
-    """Turn around the refined maps, best first, as maps of the search vertices of the target."""
-    settings = pair_back.config.search
+    """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
+    pair, settings = found.pair, pair_back.config.search
     fits = (found.selection.winner, *found.selection.rivals)
-    n_rows = len(found.pair.source_vertices)
-    starts = [_turned_rows(found.pair, fit.target_vertex[:n_rows]) for fit in fits]
-    aligned = iterative_closest_points(*pair_back.search_points, np.array(starts), settings.hint_steps)
+    refined = [fit.candidate for fit in fits]
+    images = [fit.target_vertex[: len(pair.source_vertices)] for fit in fits]
+    others = [each for each in found.eligible if all(each.hypothesis is not fit.hypothesis for fit in refined)]
+    others = others[: pair.config.selection.most_contenders]
+    images += [pair.target_vertices[candidate.target_row] for candidate in others]
+    starts = np.array([_turned_rows(pair, image) for image in images])
+    aligned = iterative_closest_points(*pair_back.search_points, starts, settings.hint_steps)
     return [
-        Hypothesis(alignment, fit.candidate.hypothesis.origin) for alignment, fit in zip(aligned, fits)
+        Hypothesis(alignment, each.hypothesis.origin) for alignment, each in zip(aligned, refined + others)
     ]
 
 
