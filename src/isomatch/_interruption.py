@@ -39,7 +39,7 @@ _here = local()
 
 
 def current_call() -> Call | None:
-    """The call that this thread works for, if it is one in the background."""
+    """Return the call that this thread works for, if it is one in the background."""
     return getattr(_here, "call", None)
 
 

@@ -122,6 +122,7 @@ def distance_basis(
         raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     if np.dtype(dtype) not in (np.float32, np.float64):
         raise SettingError(f"dtype = {np.dtype(dtype)} is not float32 or float64")
+
     def computed() -> DistanceBasis:
         with serial_blas():
             fixed = tolerance is None and method != "exact"

@@ -76,8 +76,8 @@ def _new_rows(run: BenchmarkRun, jobs: dict[Job, list[str]]) -> Iterator[Row]:
                 yield from future.result()
         except BaseException:  # such as an interruption, or a caller that wants no more rows
             pool.shutdown(wait=False, cancel_futures=True)
-            for worker in set(active_children()) - others:
-                worker.kill()
+            for process in set(active_children()) - others:
+                process.kill()
             raise
 
 
@@ -88,7 +88,9 @@ def _begin(run: BenchmarkRun) -> None:
     """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
     global _worker
     Thread(target=_end_with_parent, daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches this process too; the one that started it decides
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches this process too; the one that started it decides
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
     ThreadpoolController().limit(limits=1)
     source, target = example_pair()

@@ -3,6 +3,7 @@ from isomatch.matching.both import BothDirections, match_both
 from isomatch.matching.config import (
     AnchorSettings,
     Config,
+    Hypotheses,
     MatchSettings,
     Orientation,
     OutcomeSettings,
@@ -20,17 +21,25 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
-from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
+from isomatch.matching.quality import (
+    COVERAGE_RADIUS,
+    contradicted_landmarks,
+    covered_share,
+    measure_quality,
+    outcome_of,
+)
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import Progress, StageTimer, show_progress, two_arguments
 
 __all__ = [
+    "COVERAGE_RADIUS",
     "Alternative",
     "AnchorSettings",
     "Body",
     "BothDirections",
     "Config",
     "Hints",
+    "Hypotheses",
     "MatchResult",
     "MatchSettings",
     "Orientation",
@@ -51,6 +60,7 @@ __all__ = [
     "SymmetrySettings",
     "body_of",
     "contradicted_landmarks",
+    "covered_share",
     "first_map",
     "match",
     "match_both",

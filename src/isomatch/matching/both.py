@@ -134,7 +134,9 @@ def _turned_hypotheses(found: CompleteMatch, pair_back: ShapePair) -> list[Hypot
     fits = (found.selection.winner, *found.selection.rivals)
     refined = [fit.candidate for fit in fits]
     images = [fit.target_vertex[: len(pair.source_vertices)] for fit in fits]
-    others = [each for each in found.eligible if all(each.hypothesis is not fit.hypothesis for fit in refined)]
+    others = [
+        each for each in found.eligible if all(each.hypothesis is not fit.hypothesis for fit in refined)
+    ]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     starts = np.array([_turned_rows(pair, image) for image in images])

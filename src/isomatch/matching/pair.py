@@ -206,7 +206,8 @@ def prepare_pair(
 
         return _prepared(side, shape, settings, seed, reach)
 
-    return ShapePair(*parallel_map(prepared, range(2)), settings)
+    first, second = parallel_map(prepared, range(2))
+    return ShapePair(first, second, settings)
 
 
 def _prepared(

@@ -73,7 +73,10 @@ def reproduce(
     if unknown:
         raise SettingError(f"unknown item {', '.join(unknown)}; choose from {', '.join(ITEMS)}, all")
     out = Path(out)
-    with made_folder(out), claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]):
+    with (
+        made_folder(out),
+        claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]),
+    ):
         for name in names:
             with rc_context(STYLE):
                 setting.progress(name)
