@@ -67,3 +67,19 @@ def read_config(path: Path | None) -> isomatch.Config | None:
         return isomatch.Config.from_file(path)
     except SettingError as error:
         raise FormatError(f"{error}; see the documentation of isomatch.Config") from None
+
+
+def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
+    """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
+    found = []
+    for word in filter(None, map(str.strip, (names or "").split(","))):
+        named = [each for each in isomatch.Outcome if word in (_dashed(each), *_dashed(each).split("-"))]
+        if not named:
+            known = ", ".join(map(_dashed, isomatch.Outcome))
+            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {known}")
+        found += named
+    return tuple(found)
+
+
+def _dashed(outcome: isomatch.Outcome) -> str:
+    return outcome.value.replace(" ", "-")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +10,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
-from isomatch.cli.outputs import ResultFolder, say_files, say_result
-from isomatch.cli.terminal import progress, say_json
-from isomatch.matching import Orientation, Refinement, Resolution, Start
+from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks, read_outcomes
+from isomatch.cli.outputs import ResultFolder, refuse_outcomes, say_files, say_result
+from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
 
 
 def match(
@@ -27,10 +28,14 @@ def match(
     orientation: Orientation | None = None,
     start: Start | None = None,
     resolution: Resolution | None = None,
+    hypotheses: Hypotheses | None = None,
     config: Path | None = None,
+    both: bool = False,
+    fail_on: str | None = None,
+    report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
     seed: int = 0,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Match two meshes: find the target point of every source vertex.
 
@@ -41,7 +46,7 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json, map.png and report.html.
+        Folder for map.npz, map.txt, result.json, map.png and report.html; with --both also map_back.npz.
     landmarks : Path
         Text file with two columns of 0-based vertex indices (source, target), separated by a comma or blanks; # starts
         a comment.
@@ -55,35 +60,53 @@ def match(
         "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
     resolution : str
         On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all vertices.
+    hypotheses : str
+        "given" if the map may come only from the hints given here; otherwise all (default).
     config : Path
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
+    both : bool
+        Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
+    fail_on : str
+        Outcomes that make the exit code 1, after all files are written: low-confidence, symmetry-ambiguous,
+        hints-contradicted, partial, converged; several with commas. With --both, that of either direction counts.
+    report : bool
+        Whether to write report.html.
     seed : int
         Seed of the sampling and of the eigensolver.
-    json : bool
-        Print a single JSON object and nothing else.
     force : bool
         Replace an existing result in the folder.
+    talk : Talk
+        What is told.
     """
-    folder = ResultFolder(output)
+    refused = read_outcomes(fail_on)
+    folder = ResultFolder(output, report=report, both=both)
     settings = read_config(config) or isomatch.Config()
     options: dict[str, Any] = {
         "refinement": refinement,
         "orientation": orientation,
         "start": start,
         "resolution": resolution,
+        "hypotheses": hypotheses,
     }
     settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
     pairs = None if landmarks is None else read_landmarks(landmarks)
-    with progress() as stage:
-        stage("reading")
+    with talk.progress() as tell:
+        tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
+            run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
+            run = isomatch.match_both if both else _one_way
             with naming_files(source=source, target=target):
-                result = isomatch.match(
-                    *shapes, landmarks=pairs, initial_map=first, config=settings, seed=seed, progress=stage
+                result, back = run(
+                    *shapes,
+                    landmarks=pairs,
+                    initial_map=first,
+                    config=settings,
+                    seed=seed,
+                    progress=part(tell, 0.05, 0.85),
                 )
-            stage("writing")
+            tell("writing", 0.85)
             given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
             record = folder.write(
                 *shapes,
@@ -92,9 +115,24 @@ def match(
                 titles=(f"source: {source.name}", f"target: {target.name}"),
                 facts={what: str(path) for what, path in given.items() if path is not None},
                 more={"source": str(source), "target": str(target)},
+                back=back,
             )
-    if json:
-        say_json(record)
-        return
-    say_result(result)
-    say_files(folder.files)
+        tell("done", 1.0)
+
+    def summary() -> None:
+        say_result(result)
+        if back:
+            say("")
+            say("back, from target to source", "bold")
+            say_result(back)
+        say_files(folder.files)
+
+    talk.result(record, summary)
+    for each in filter(None, (result, back)):
+        refuse_outcomes(each, refused, folder.folder)
+
+
+def _one_way(
+    source: isomatch.Mesh, target: isomatch.Mesh, **options: Any
+) -> tuple[isomatch.MatchResult, None]:
+    return isomatch.match(source, target, **options), None

@@ -62,8 +62,10 @@ class CompleteMatch:
     embedding: Embedding
 
 
-def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> CompleteMatch:
-    """Match two complete shapes.
+def match_complete(
+    pair: ShapePair, hints: Hints, timer: StageTimer, known: list[Hypothesis] | None = None
+) -> CompleteMatch:
+    """Match two complete shapes; hypotheses that are ``known`` take the place of the search.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> Complete
     both = pair.source, pair.target
     parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
     timer.start("search")
-    may_win, only_rivals = _hypotheses(pair, hints)
+    may_win, only_rivals = _hypotheses(pair, hints) if known is None else (known, [])
     timer.start("selection")
     judge = Judge(pair, hints)
     eligible = _ranked(pair, judge(may_win), hints)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
 from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
 from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints
-from isomatch.matching.pair import prepare_pair
+from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
@@ -44,7 +45,10 @@ def match(
     seed : int
         Seeds sampling and eigensolver of shapes not yet prepared.
     progress : callable, optional
-        Called with the name of each stage as it starts.
+        Called as ``progress(stage, share)`` when a stage starts, on the thread that called `match`: its name, and the
+        share of the work that is done, which rises from 0 to 1 and is an estimate. A function of the stage alone is
+        called with that. What it raises ends the match and reaches the caller as it is. `show_progress` is such a
+        function.
 
     Returns
     -------
@@ -77,10 +81,25 @@ def match(
     'CONVERGED'
     """
     timer = StageTimer(progress)
-    with serial_blas():
-        timer.start("prepare")
-        pair = prepare_pair(source, target, config, seed)
-        given = landmarks, initial_map, initial_descriptors
-        if pair.oriented and (pair.source.others or pair.target.others):
-            return match_components(pair, *given, timer, seed)
-        return match_connected(pair, Hints.of(pair, *given), timer, seed)
+
+    def matched() -> MatchResult:
+        with serial_blas():
+            timer.start("prepare")
+            pair = prepare_pair(source, target, config, seed, timer)
+            result = match_prepared(pair, (landmarks, initial_map, initial_descriptors), timer, seed)
+        timer.reach("done", 1.0)
+        return result
+
+    return in_background(matched)
+
+
+def match_prepared(
+    pair: ShapePair,
+    given: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
+    timer: StageTimer,
+    seed: int,
+) -> MatchResult:
+    """Match two prepared shapes, given landmarks, an initial map and descriptors."""
+    if pair.oriented and (pair.source.others or pair.target.others):
+        return match_components(pair, *given, timer, seed)
+    return match_connected(pair, Hints.of(pair, *given), timer, seed)

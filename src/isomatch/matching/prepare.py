@@ -11,6 +11,7 @@ import numpy as np
 
 from isomatch._arrays import Float32Array, FloatArray, IntArray
 from isomatch._cached import cached_property
+from isomatch._interruption import in_background
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
@@ -37,7 +38,7 @@ from isomatch.matching.levels import Level, full_level, levels_of
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.prepared_file import read_prepared, write_prepared
 from isomatch.matching.smooth_shape import SmoothShape
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.stage_timer import PREPARATION, Progress, StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
 from isomatch.surfaces import Graph, Surface, SurfaceLike, Transfer, capped, check, surface_from
 
@@ -287,6 +288,7 @@ def prepare(
     config: Config | None = None,
     seed: int = 0,
     distances: MetricSpace | None = None,
+    progress: Progress | None = None,
 ) -> PreparedShape:
     """Compute everything about one shape that matching needs.
 
@@ -303,6 +305,8 @@ def prepare(
     distances : (n, n) array, callable or DistanceEngine, optional
         Your own distances between the vertices of ``surface``, in its units, in place of ``config.engine``; see
         `distance_engine`. Finite within the main component.
+    progress : callable, optional
+        Called with the name of each stage and the share that is done; see `match`.
 
     Returns
     -------
@@ -322,14 +326,27 @@ def prepare(
     About 0.35 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 0.5 s for 28 000, which
     are matched on 5 000 of them (``config.resolution``). `match` prepares two shapes at once.
     """
-    timer = StageTimer()
+    return in_background(lambda: _prepare(surface, config or Config(), seed, distances, progress))
+
+
+def _prepare(
+    given: SurfaceLike,
+    config: Config,
+    seed: int,
+    distances: MetricSpace | None,
+    progress: Progress | None,
+) -> PreparedShape:
+    timer = StageTimer(progress, PREPARATION)
     timer.start("body")
-    config, surface = config or Config(), surface_from(surface)
+    surface = surface_from(given)
     generator(seed)  # refuses what is no seed
     if distances is None:
-        return _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
-    found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
-    return _prepared(surface, found, config, seed, timer, distances)
+        prepared = _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
+    else:
+        found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
+        prepared = _prepared(surface, found, config, seed, timer, distances)
+    timer.reach("done", 1.0)
+    return prepared
 
 
 def _prepared(

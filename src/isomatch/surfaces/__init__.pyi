@@ -22,8 +22,8 @@ from isomatch.surfaces.io import (
 )
 from isomatch.surfaces.library_meshes import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.surfaces.mesh import Mesh, vertex_normals
-from isomatch.surfaces.picture import picture
 from isomatch.surfaces.objects import contents_of
+from isomatch.surfaces.picture import picture
 from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.polygons import Polygons
