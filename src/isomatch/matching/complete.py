@@ -61,6 +61,13 @@ class CompleteMatch:
     rivals: tuple[Candidate, ...]
     embedding: Embedding
 
+    @property
+    def origin(self) -> str:
+        """Where the winner came from: the initial map, if it agrees with that."""
+        candidate, bound = self.selection.winner.candidate, self.pair.config.outcome.contradiction
+        known = len(self.hints.known) and candidate.hint_error <= bound
+        return "initial map" if known else candidate.hypothesis.origin
+
 
 def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> CompleteMatch:
     """Match two complete shapes.
@@ -129,7 +136,7 @@ def complete_result(
             *against,
         ),
         engine=pair.source.distances.engine,
-        origin="anchors" if elastic else selection.winner.candidate.hypothesis.origin,
+        origin="anchors" if elastic else found.origin,
         reason=elastic.reason if elastic else selection.reason,
         config=pair.config,
         seed=seed,
@@ -200,7 +207,7 @@ def _contest(
     may_win = [True] * len(fits) + [False] * len(others)
     fits += others
     n_tried = len(eligible) + len(rivals)
-    return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
+    return select(fits, may_win, distances_between(pair, fits), settings, pair.config.outcome, n_tried)
 
 
 def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:

@@ -59,13 +59,24 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
     sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
     bodies, shapes = [], []
     for shape, vertices in sides:
-        if isinstance(shape.surface, Graph) or isinstance(shape.body, Graph):
-            raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")
+        shapes.append(_places(shape)[vertices])
         bodies.append(shape.body.vertices[vertices])
-        shapes.append(shape.surface.vertices[shape.user_vertex[vertices]])
     return [
         np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
     ]
+
+
+def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:
+    """Target vertex nearest in space to each of some source vertices (q,), the shapes as they are."""
+    return np.asarray(cKDTree(_places(target)).query(_places(source)[source_vertex])[1], dtype=np.int64)
+
+
+def _places(shape: PreparedShape) -> FloatArray:
+    """(n_body, 3) positions of the vertices in the user's coordinates."""
+    if isinstance(shape.surface, Graph) or isinstance(shape.body, Graph):
+        raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")
+    places: FloatArray = shape.surface.vertices[shape.user_vertex]
+    return places
 
 
 def start_from_known(pair: ShapePair, known: IntArray) -> IntArray:
