@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth, holes
@@ -106,3 +107,26 @@ def test_a_mirrored_map_of_an_asymmetric_animal_does_not_win(example, example_tr
     mirror = cKDTree(rest).query(rest * [-1, 1, 1])[1]
     found = match(*prepared_example, initial_map=example_truth[mirror])
     assert found.outcome is Outcome.HINTS_CONTRADICTED
+
+
+@pytest.mark.parametrize("kind", ["kidney", "liver"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_pose_wins_a_tie(kind, turned):
+    """The target is aligned within 20° as it is, or by the turn that carries the shape onto itself."""
+    made = [organ(kind, 1500, style=4, symmetry="turn", pose=pose) for pose in (1, 2)]
+    turn = Rotation.from_rotvec(np.deg2rad(20) * np.array([1, 2, 2]) / 3)
+    if turned:
+        turn = turn * Rotation.from_euler("z", 180, degrees=True)
+    target = Mesh(made[1].mesh.vertices @ turn.as_matrix().T, made[1].mesh.faces)
+    found = match(made[0].mesh, target, config=Config(start="pose"))
+    truth = organ_truth(*made, symmetric=turned).vertices
+    assert error(target, found.map.vertices, truth) < 0.05
+    assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    assert not any("aligned" in note for note in found.notes)
+
+
+def test_a_pose_that_misleads_is_told(example, prepared_example):
+    over = Mesh(example[1].mesh.vertices @ np.diag([1.0, -1, -1]), example[1].mesh.faces)
+    found = match(prepared_example[0], over, config=Config(start="pose"))
+    assert found.outcome is Outcome.CONVERGED
+    assert any("do not seem to be aligned" in note for note in found.notes)

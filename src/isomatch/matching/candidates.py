@@ -34,8 +34,8 @@ class Candidate:
     landmark_error : float
         Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
     hint_error : float
-        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither, the
-        mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
+        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
+        the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
     """
 
     hypothesis: Hypothesis
@@ -86,12 +86,11 @@ class Judge:
     def _errors(self, target_row: IntArray) -> tuple[float, float]:
         """Mean error at the landmarks, and ``hint_error``."""
         pair, landmarks = self._pair, self._landmarks
-        at_landmarks = np.zeros(1)
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._leading), default=0.0)
         if len(landmarks):
-            at_landmarks = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
-        from_leading = pair.distances_between_maps(target_row, self._leading)
-        nearest = from_leading.min() if len(from_leading) else 0.0
-        return float(at_landmarks.mean()), float(max(at_landmarks.max(), nearest))
+            apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
+            mean, worst = float(apart.mean()), max(worst, apart.max())
+        return mean, float(worst)
 
 
 def energy_of(

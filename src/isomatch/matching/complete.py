@@ -130,7 +130,7 @@ def complete_result(
         notes=(
             *pair.notes,
             *hints.notes,
-            *_notes(pair, selection),
+            *_notes(pair, hints, selection),
             *_polishing_described(pair, level),
             *([FAR] if elastic else []),
             *against,
@@ -173,13 +173,19 @@ def _symmetric_variants(pair: ShapePair, best: Candidate) -> list[Hypothesis]:
     return symmetric_variants(pair, best.target_row) if searched else []
 
 
-def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:
+def _notes(pair: ShapePair, hints: Hints, selection: Selection[RefinedCandidate]) -> list[str]:
     """Tell what could not be done as it was asked for."""
     notes = []
     if not pair.oriented and pair.config.orientation == "reverse":
         notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
     if np.isnan(selection.rival):
         notes.append("no other map was tried: symmetric maps go unnoticed")
+    off = selection.winner.candidate.hint_error
+    if pair.config.start == "pose" and not hints.any and off > pair.config.outcome.out_of_pose:
+        notes.append(
+            f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
+            "start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
+        )
     return notes
 
 

@@ -147,7 +147,10 @@ def match_part(
     fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
     led = _filled(part, known) if len(known) else None
     if not fits and closed is None and led is None:
-        raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
+        raise NotConvergedError(
+            "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
+            "the shapes are roughly aligned in space"
+        )
     fits += [
         fit
         for fit in parallel_map(

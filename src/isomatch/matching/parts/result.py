@@ -97,7 +97,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
 
 
 def _known(pair: ShapePair, hints: Hints) -> IntArray:
-    """What is known of the map beside landmarks: the initial map, or that of the pose (q, 2)."""
+    """Pairs of vertices (q, 2) known beside landmarks: by the initial map, or by the pose."""
     if len(hints.known) or pair.config.start != "pose":
         return hints.known
     vertices = np.arange(pair.source.body.n_vertices)
