@@ -395,6 +395,9 @@ class RefinementSettings(Settings):
     laplace_steps_at_once : int
         If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
         many iterations: the paper as it is written.
+    pin_slope, pin_width : float, (float, float)
+        Width of the bump by which the map follows landmarks that are held, over the distance by which they are moved; and
+        the least and the greatest width, in √area.
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
@@ -418,6 +421,9 @@ class RefinementSettings(Settings):
     laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
     laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+    pin_slope: float = setting(2.0, "docs/hints.md: 1.5 to 3 alike; steeper turns faces over", least=1)
+    pin_width: tuple[float, ...] = setting((0.1, 0.2), "docs/hints.md", least=0.01)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -755,6 +761,9 @@ class Config(Settings):
         Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
         shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
         nearest to it wins. With ``hypotheses="given"``, no others may win but those from hints.
+    pin : float, optional
+        Landmarks hold: those farther from their targets than this, in √area, are moved there, and the map around follows
+        smoothly. 0 holds all exactly. By default they only lead.
     part : {"auto", "source", "target", "both", "none"}
         Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
         Parts are matched where automatic hypotheses, a joint refinement and the orientation "preserve" are asked for,
@@ -810,6 +819,7 @@ class Config(Settings):
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
     start: Start = setting("auto", "shapes need not be aligned")
+    pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
     part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
     resolution: Resolution = setting("auto", "docs/performance.md, resolution")

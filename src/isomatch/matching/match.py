@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
 from isomatch._threads import serial_blas
+from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
 from isomatch.matching.connected import match_connected
-from isomatch.matching.hints import Hints
+from isomatch.matching.hints import Hints, checked_landmarks
 from isomatch.matching.pair import prepare_pair
+from isomatch.matching.pins import pinned
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
@@ -80,6 +84,18 @@ def match(
         timer.start("prepare")
         pair = prepare_pair(source, target, config, seed)
         given = landmarks, initial_map, initial_descriptors
-        if pair.oriented and (pair.source.others or pair.target.others):
-            return match_components(pair, *given, timer, seed)
-        return match_connected(pair, Hints.of(pair, *given), timer, seed)
+        several = pair.oriented and (pair.source.others or pair.target.others)
+        tolerance = pair.config.pin
+        if tolerance is not None and landmarks is None:
+            raise SettingError(f"pin = {tolerance}, but no landmarks were given that could be held")
+        result = (
+            match_components(pair, *given, timer, seed)
+            if several
+            else match_connected(pair, Hints.of(pair, *given), timer, seed)
+        )
+        if tolerance is None or landmarks is None:
+            return result
+        timer.start("pins")
+        sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+        held = pinned(pair, result, checked_landmarks(landmarks, *sizes), tolerance)
+        return replace(held, timings=timer.stop())

@@ -119,7 +119,8 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
         f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in zip(hints.given[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
-    return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
+    which = "the map" if pair.config.pin is None else "the map before it was bent"
+    return [f"{which} contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
 
 
 def outcome_of(
