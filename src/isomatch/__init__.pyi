@@ -29,7 +29,17 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
+from isomatch.matching import (
+    Config,
+    MatchResult,
+    Outcome,
+    PreparedShape,
+    Quality,
+    match,
+    nearest_landmarks,
+    prepare,
+    read_landmarks,
+)
 from isomatch.surfaces import (
     Graph,
     Mesh,
@@ -82,7 +92,9 @@ __all__ = [
     "heat_kernel_signature",
     "laplace_basis",
     "match",
+    "nearest_landmarks",
     "prepare",
+    "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",

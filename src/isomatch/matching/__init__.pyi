@@ -2,6 +2,7 @@ from isomatch.matching.body import Body, body_of
 from isomatch.matching.config import (
     AnchorSettings,
     Config,
+    Hypotheses,
     MatchSettings,
     Orientation,
     OutcomeSettings,
@@ -16,6 +17,7 @@ from isomatch.matching.config import (
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
+from isomatch.matching.landmark_files import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -29,6 +31,7 @@ __all__ = [
     "Body",
     "Config",
     "Hints",
+    "Hypotheses",
     "MatchResult",
     "MatchSettings",
     "Orientation",
@@ -51,7 +54,9 @@ __all__ = [
     "first_map",
     "match",
     "measure_quality",
+    "nearest_landmarks",
     "outcome_of",
     "prepare",
     "prepare_pair",
+    "read_landmarks",
 ]
