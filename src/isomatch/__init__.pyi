@@ -1,3 +1,4 @@
+from isomatch.assets import Asset, read_asset, write_asset
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -55,6 +56,7 @@ from isomatch.surfaces import (
 __version__: str
 
 __all__ = [
+    "Asset",
     "CanonicalForm",
     "Config",
     "Correspondence",
@@ -94,10 +96,12 @@ __all__ = [
     "match",
     "nearest_landmarks",
     "prepare",
+    "read_asset",
     "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",
     "wave_kernel_signature",
+    "write_asset",
     "write_mesh",
 ]

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from isomatch._arrays import IntArray, numbers_of
 from isomatch._files import is_whole_number, opened, text_lines
 from isomatch.errors import FormatError, LandmarkError
-from isomatch.surfaces import Graph, Surface
+from isomatch.surfaces import Graph, SurfaceLike, surface_from
 
 logger = logging.getLogger(__name__)
 
@@ -45,8 +45,8 @@ class _Point:
 
 def read_landmarks(
     path: str | PathLike[str],
-    source: Surface,
-    target: Surface,
+    source: SurfaceLike,
+    target: SurfaceLike,
     target_path: str | PathLike[str] | None = None,
 ) -> IntArray:
     r"""Read landmarks from a file of pairs, or from one file of points for each shape.
@@ -57,8 +57,8 @@ def read_landmarks(
         Pairs as text: two vertex indices on each line, or two positions, separated by commas or blanks; or a table whose
         header has the columns ``source`` and ``target``, or ``source_x`` … ``target_z``. With ``target_path``, points
         marked on the source.
-    source, target : Mesh, PointCloud or Graph
-        The shapes.
+    source, target : Mesh, PointCloud, Graph, path_like, tuple or object
+        The shapes, as for `match`.
     target_path : path, optional
         Points marked on the target. Points of the two files are joined by name if they share any, otherwise in order.
         They may be files of 3D Slicer (``.mrk.json``, ``.fcsv``) or of MeshLab (``.pp``), or text: one index or position
@@ -105,14 +105,14 @@ def read_landmarks(
 
 
 def nearest_landmarks(
-    source: Surface, target: Surface, source_points: ArrayLike, target_points: ArrayLike
+    source: SurfaceLike, target: SurfaceLike, source_points: ArrayLike, target_points: ArrayLike
 ) -> IntArray:
     """Take the vertices nearest to positions as landmarks.
 
     Parameters
     ----------
-    source, target : Mesh or PointCloud
-        The shapes.
+    source, target : Mesh, PointCloud, path_like, tuple or object
+        The shapes, as for `match`.
     source_points, target_points : (m, 3) array_likes
         Positions in the coordinates of each shape.
 
@@ -144,12 +144,13 @@ def nearest_landmarks(
     return np.column_stack([_vertices(sides[0], source, "source"), _vertices(sides[1], target, "target")])
 
 
-def _vertices(points: list[_Point], surface: Surface, side: str) -> IntArray:
+def _vertices(points: list[_Point], given: SurfaceLike, side: str) -> IntArray:
     """Vertex (m,) of each point: the nearest one to a position."""
     placed = [i for i, point in enumerate(points) if len(point.at) == 3]
     vertices = np.array([point.at[0] for point in points]).astype(np.int64)
     if not placed:
         return vertices
+    surface = surface_from(given)
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
     positions, tree = np.array([points[i].at for i in placed]), cKDTree(surface.vertices)

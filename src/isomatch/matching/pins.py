@@ -60,10 +60,8 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
             found, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
             alone &= ~on_both
     far = alone | (moved > tolerance)
-    vertices, faces, weights = (x.copy() for x in (found.vertices, found.faces, found.barycentric))
     rows, images = landmarks[far].T
-    vertices[rows], faces[rows], weights[rows] = images, images[:, None], [1.0, 0.0, 0.0]
-    found = Correspondence(vertices, found.n_target, faces, weights)
+    found = _with_images(found, rows, PrecisePoints.at_vertices(images))
     notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
     if moved.max() > tolerance:
         notes[0] += f" by up to {moved.max():.3f} √area"
@@ -118,11 +116,15 @@ class _Bending:
         faces = body.faces if isinstance(body, Mesh) else self._target.faces
         points = nearest_points(coordinates, goals, faces, nearest)
         user_vertex = (self._target.detail or self._target).user_vertex
-        found = self._found
-        vertices, corners, barycentric = (x.copy() for x in (found.vertices, found.faces, found.barycentric))
-        corners[touched], barycentric[touched] = user_vertex[points.corners], points.barycentric
-        vertices[touched] = corners[touched, 0]
-        return Correspondence(vertices, found.n_target, corners, barycentric), gap
+        images = PrecisePoints(user_vertex[points.corners], points.barycentric)
+        return _with_images(self._found, touched, images), gap
+
+
+def _with_images(found: Correspondence, rows: IntArray, images: PrecisePoints) -> Correspondence:
+    """Give some source vertices (m,) other images."""
+    vertices, faces, weights = (x.copy() for x in (found.vertices, found.faces, found.barycentric))
+    vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric
+    return Correspondence(vertices, found.n_target, faces, weights, found.source_hash, found.target_hash)
 
 
 def _at(points: PrecisePoints, rows: IntArray) -> PrecisePoints:
