@@ -38,9 +38,9 @@ def match(
         The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
         or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.surfaces.surface_from`.
     landmarks : (m, 2) array_like of int, optional
-        Rows (source vertex, target vertex), m ≥ 3.
+        Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional
-        Target vertex of each source vertex from another method; −1 where unknown.
+        Target vertex of each source vertex from another method; −1 where unknown. It wins where no other map fits better.
     initial_descriptors : two array_likes, optional
         (n_source, q) and (n_target, q) values of functions that should correspond.
     config : Config, optional
@@ -89,11 +89,10 @@ def match(
         tolerance = pair.config.pin
         if tolerance is not None and landmarks is None:
             raise SettingError(f"pin = {tolerance}, but no landmarks were given that could be held")
-        result = (
-            match_components(pair, *given, timer, seed)
-            if several
-            else match_connected(pair, Hints.of(pair, *given), timer, seed)
-        )
+        if several:
+            result = match_components(pair, *given, timer, seed)
+        else:
+            result = match_connected(pair, Hints.of(pair, *given), timer, seed)
         if tolerance is None or landmarks is None:
             return result
         timer.start("pins")
