@@ -39,7 +39,9 @@ from isomatch.matching import (
     Quality,
     match,
     match_both,
+    nearest_landmarks,
     prepare,
+    read_landmarks,
     show_progress,
 )
 from isomatch.surfaces import (
@@ -97,8 +99,10 @@ __all__ = [
     "laplace_basis",
     "match",
     "match_both",
+    "nearest_landmarks",
     "prepare",
     "read_asset",
+    "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",

@@ -122,6 +122,27 @@ def test_options_of_match_come_before_the_file_of_settings(shapes, tmp_path, cap
     assert "rough" in capsys.readouterr().err
 
 
+def test_match_holds_landmarks_marked_in_other_tools(shapes, tmp_path, capsys):
+    meshes = [isomatch.read_mesh(shapes / f"{side}.ply") for side in ("source", "target")]
+    pairs = np.array(true_pairs())
+    for side, mesh in enumerate(meshes):
+        points = mesh.vertices[pairs[:, side]].tolist()
+        rows = "".join(f'<point x="{x}" y="{y}" z="{z}" name="{i}"/>' for i, (x, y, z) in enumerate(points))
+        (tmp_path / f"{side}.pp").write_text(f"<PickedPoints>{rows}</PickedPoints>")
+    options = ["--landmarks", str(tmp_path / "0.pp"), "--target-landmarks", str(tmp_path / "1.pp")]
+    out = tmp_path / "out"
+    assert run_match(shapes, out, *options, "--pin", "0", "--hypotheses", "given", "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert (record["config"]["pin"], record["config"]["hypotheses"]) == (0, "given")
+    assert record["quality"]["landmark_error"] == 0
+    found = isomatch.Correspondence.load(out / "map.npz")
+    np.testing.assert_array_equal(found.vertices[pairs[:, 0]], pairs[:, 1])
+    assert run_match(shapes, out, *options[2:], "--force") == 1
+    assert "--target-landmarks needs --landmarks" in one_line(capsys)
+    assert run_match(shapes, out, "--pin", "0.01", "--force") == 1
+    assert "no landmarks were given" in one_line(capsys)
+
+
 def true_pairs():
     source, target = example_pair()
     truth = ground_truth(source, target).vertices

@@ -179,10 +179,13 @@ class PreparedShape(SmoothShape):
             return 1.0 / self.scale
         return float(self.body.vertex_areas @ self.average_distance)
 
+    def distance(self, a: IntArray, b: IntArray) -> FloatArray:
+        """Low-rank geodesic distances between vertices of two lists (q,), in √area; O(k) a pair."""
+        return np.where(a == b, 0.0, np.maximum(self.distances.distance(a, b), 0.0))
+
     def mean_distance(self, a: IntArray, b: IntArray) -> float:
-        """Mean low-rank geodesic distance between vertices of two lists, in √area; O(k) a pair."""
-        apart = np.maximum(self.distances.distance(a, b), 0.0)
-        return float(np.where(a == b, 0.0, apart).mean())
+        """Mean of these distances."""
+        return float(self.distance(a, b).mean())
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
         """Low-rank geodesic distances between m vertices, (m, m), in √area."""

@@ -66,12 +66,13 @@ _ADVICE = {
     ),
     Outcome.LOW_CONFIDENCE: (
         "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
-        "three to five landmark pairs at extremities, or check that both shapes are complete and of one kind."
+        "three to five landmark pairs at extremities, or start = 'pose' if the shapes are roughly aligned in space; or "
+        "check that both shapes are complete and of one kind."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
-        "is meant."
+        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
     ),
     Outcome.PARTIAL: (
         "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
