@@ -12,6 +12,7 @@ from isomatch import __version__
 from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
+from isomatch.cli.choose import choose
 from isomatch.cli.demo import demo
 from isomatch.cli.distance import distance
 from isomatch.cli.info import info
@@ -34,7 +35,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, basis, distance, check, repair, demo, bench, paper, info):
+for each in (match, choose, basis, distance, check, repair, demo, bench, paper, info):
     app.command(each)
 
 

@@ -35,7 +35,7 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
         stage("writing")
-        folder.write(
+        record = folder.write(
             source.mesh,
             target.mesh,
             result,
@@ -65,4 +65,4 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
             ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
         ]
     )
-    say_files(folder.files)
+    say_files(record["files"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +13,7 @@ import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import progress, say_json
+from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.matching import Orientation, Refinement, Resolution, Start
 
 
@@ -79,22 +81,48 @@ def match(
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
-            with naming_files(source=source, target=target):
-                result = isomatch.match(
-                    *shapes, landmarks=pairs, initial_map=first, config=settings, seed=seed, progress=stage
-                )
-            stage("writing")
             given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
-            record = folder.write(
-                *shapes,
-                result,
-                names=(source.name, target.name),
-                titles=(f"source: {source.name}", f"target: {target.name}"),
-                facts={what: str(path) for what, path in given.items() if path is not None},
-                more={"source": str(source), "target": str(target)},
-            )
+            shown: dict[str, Any] = {
+                "names": (source.name, target.name),
+                "facts": {what: str(path) for what, path in given.items() if path is not None},
+                "landmarks": pairs,
+                "command": _with_landmarks(
+                    source,
+                    target,
+                    output=output,
+                    **options,
+                    initial_map=initial_map,
+                    config=config,
+                    seed=seed,
+                ),
+            }
+            try:
+                with naming_files(source=source, target=target):
+                    result = isomatch.match(
+                        *shapes,
+                        landmarks=pairs,
+                        initial_map=first,
+                        config=settings,
+                        seed=seed,
+                        progress=stage,
+                    )
+            except (LandmarkError, MapError, NotConvergedError) as error:
+                raise folder.write_picker(*shapes, error, **shown) from error
+            stage("writing")
+            titles = f"source: {source.name}", f"target: {target.name}"
+            more = {"source": str(source), "target": str(target)}
+            record = folder.write(*shapes, result, titles=titles, more=more, **shown)
     if json:
         say_json(record)
         return
     say_result(result)
-    say_files(folder.files)
+    say_files(record["files"])
+
+
+def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
+    """Write the command that matches again with landmarks."""
+    words = ["isomatch", "match", str(source), str(target)]
+    for name, value in options.items():
+        if value not in (None, 0):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])

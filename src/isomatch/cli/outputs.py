@@ -41,14 +41,24 @@ class ResultFolder:
         }
         return {what: str(self.folder / name) for what, name in names.items()}
 
+    def alternative(self, number: int) -> Path:
+        """Path of the map of an alternative, from 1."""
+        return self.folder / f"alternative_{number}.npz"
+
     def claimed(self, force: bool) -> AbstractContextManager[None]:
         """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        return claimed(self._result, [] if force else map(Path, self.files.values()))
+        written = [*map(Path, self.files.values()), *self._alternatives]
+        return claimed(self.result, [] if force else written)
 
     @property
-    def _result(self) -> Path:
+    def result(self) -> Path:
+        """Path of ``result.json``."""
         return Path(self.files["result"])
+
+    @property
+    def _alternatives(self) -> list[Path]:
+        return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
 
     def write(
         self,
@@ -60,24 +70,48 @@ class ResultFolder:
         titles: tuple[str, str],
         facts: dict[str, Any],
         more: dict[str, Any],
+        **shown: Any,
     ) -> dict[str, Any]:
         """Write all files, ``result.json`` last: where it exists, the others are complete and belong to it.
 
-        The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
-        ``result.json``, which begin with ``more``.
+        The picture has ``titles`` below the shapes, the report ``facts`` about the run and what else is ``shown``, see
+        `isomatch.view.write_report`. Returns the contents of ``result.json``, which begin with ``more``.
         """
-        self._result.unlink(missing_ok=True)
+        self._clear()
         result.map.save(self.files["map"])
         result.map.save(self.files["text"])
+        for path, other in zip(self._alternatives, result.alternatives):
+            other.map.save(path)
         picture = self.files["picture"]
         view.draw_map(source, target, result.map, picture, titles=titles)
         facts = {"isomatch": isomatch.__version__, **facts}
         view.write_report(
-            self.files["report"], source, target, result, names=names, picture=picture, facts=facts
+            self.files["report"],
+            source,
+            target,
+            result,
+            names=names,
+            picture=picture,
+            facts=facts,
+            **shown,
         )
-        record = {"isomatch": isomatch.__version__, **more, **result.to_dict(), "files": self.files}
-        write_text(self._result, json_text(record))
+        saved = {path.stem: str(path) for path, _ in zip(self._alternatives, result.alternatives)}
+        record = {"isomatch": isomatch.__version__, **more, **result.to_dict(), "files": self.files | saved}
+        write_text(self.result, json_text(record))
         return record
+
+    def write_picker(
+        self, source: isomatch.Mesh, target: isomatch.Mesh, error: isomatch.IsomatchError, **shown: Any
+    ) -> isomatch.IsomatchError:
+        """Write the report of a match that found no map; return its error, which then names that report."""
+        self._clear()
+        report = self.files["report"]
+        view.write_landmark_picker(report, source, target, str(error), **shown)
+        return type(error)(f"{error}. Both shapes are in {report}, where you can pick landmarks")
+
+    def _clear(self) -> None:
+        for path in (self.result, *self._alternatives):
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
