@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from base64 import b64decode
+from functools import partial
 from html import escape
 from html.parser import HTMLParser
 from importlib.resources import files
@@ -23,7 +24,7 @@ from isomatch.view.measures import MEASURES, quality_measures
 from isomatch.view.scene import scene_of
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
-VOID = {"meta", "img", "br", "line", "circle"}
+VOID = {"meta", "img", "br", "line", "circle", "input"}
 
 
 class Page(HTMLParser):
@@ -133,7 +134,7 @@ def test_the_report_is_whole_small_and_loads_nothing(written, page):
 
 
 def test_the_script_asks_only_for_elements_that_are_there(page):
-    script = page.all("script")[-1]["text"]
+    script = "".join(each["text"] for each in page.all("script")[-2:])
     asked = set(re.findall(r'by\("(\w+)"\)', script))
     for names in re.findall(r"\[([^\[\]]*)\]\.map\(by\)", script):
         asked |= set(re.findall(r'"(\w+)"', names))
@@ -146,7 +147,7 @@ def test_what_the_user_named_is_shown_and_never_obeyed(written, page):
     assert page.all("title")[0]["text"] == f"isomatch: {HOSTILE} → target.ply"
     assert page.by_id("name0")["text"] == f"source: {HOSTILE}"
     assert HOSTILE in [cell["text"] for cell in page.all("td")]
-    assert len(page.all("script")) == 4
+    assert len(page.all("script")) == 6
     assert "<script>alert" not in written
     for text in ("a <bold> guess", "left out <7> vertices"):
         assert text not in written
@@ -170,7 +171,8 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     soft = " ".join(element["text"] for element in page.all("p"))
     assert "Grey: 7 source vertices" in soft
     assert "Source: left out <7> vertices" in soft
-    assert "--landmarks" in soft
+    assert "--landmarks" in page.by_id("command")["text"]
+    assert "hidden" not in page.by_id("landmarks")
     assert "simplified" not in soft
 
 
@@ -229,7 +231,7 @@ def test_a_large_shape_is_simplified_and_its_vertices_stay_what_they_are(pair):
 
 
 def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "scene_of", lambda *shapes: scene_of(*shapes, most=3000))
+    monkeypatch.setattr(report, "scene_of", partial(scene_of, most=3000))
     converged = dataclasses.replace(result, outcome=Outcome.CONVERGED, alternatives=(), map=pair[2], notes=())
     (tmp_path / "still.png").write_bytes(b"a picture")
     write_report(tmp_path / "report.html", *pair[:2], converged, picture=tmp_path / "still.png")
@@ -237,7 +239,7 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     told = " ".join(element["text"] for element in page.all("p"))
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
-    assert "--landmarks" not in told
+    assert "hidden" in page.by_id("landmarks")
     assert "No other map" in told
     assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == "Converged"
@@ -259,6 +261,8 @@ def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 def test_the_script_is_sound_javascript():
-    script = (files("isomatch.view") / "report.js").read_text(encoding="utf-8")
+    script = "".join(
+        (files("isomatch.view") / name).read_text(encoding="utf-8") for name in ("landmarks.js", "report.js")
+    )
     done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

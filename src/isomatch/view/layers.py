@@ -44,7 +44,7 @@ class Layer:
     ratio: bool = False
 
     def packed(self, index: IntArray) -> dict[str, Any]:
-        """Plain values for JSON; ``levels`` is (n,) uint8 for the vertices of ``index``: 0 … 254, 255 where there is none."""
+        """Plain values for JSON; ``levels`` is uint8 at the vertices of ``index``: 0 … 254, 255 where there is none."""
         scaled = np.log if self.ratio else np.asarray
         low, high, values = scaled(self.low), scaled(self.high), scaled(self.values[index])
         shares = np.clip((values - low) / (high - low), 0.0, 1.0)

@@ -156,7 +156,7 @@
     return at;
   };
   const svg = (name, attributes, ...inner) => {
-    const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+    const made = document.createElementNS(by("pins").namespaceURI, name);
     Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
   };
   const pin = () => by("pins").replaceChildren(...landmarks.rows.flatMap((row, k) => row.flatMap((vertex, pane) => {

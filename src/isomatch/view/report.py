@@ -91,8 +91,8 @@ def write_report(
     -----
     The 3D view shows the source as it lies in its file. Pictures turn it by the rotation that the map implies, under
     which even a map that exchanges front and back looks right. A shape of more than 30 000 vertices is simplified in the
-    3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per shown
-    vertex and 30 for each alternative, plus the pictures.
+    3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per
+    shown vertex and 30 for each alternative, plus the pictures.
     """
     others = result.alternatives[:MOST_ALTERNATIVES]
     maps = {"returned": result.map}
@@ -247,8 +247,8 @@ def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
     if angle > LEAST_TURN:
         remarks.append(
             f"In 3D the source lies as in its file. The map implies that it faces like the target after a turn of "
-            f"{angle:.0f}°; “turned by the map” and the pictures show it so. Where shapes lie alike in their files, look at "
-            "both: turned by the map, even a map that exchanges front and back looks right."
+            f"{angle:.0f}°; “turned by the map” and the pictures show it so. Where shapes lie alike in their files, look "
+            "at both: turned by the map, even a map that exchanges front and back looks right."
         )
     return remarks
 
