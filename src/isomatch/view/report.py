@@ -168,7 +168,7 @@ def write_landmark_picker(
         pairs,
         colour=_COLOURS[Outcome.LOW_CONFIDENCE],
         headline="No map was found",
-        advice=escape(_sentence(reason)),
+        advice=escape(_sentence(reason.rstrip(".")) + "."),
         picture="",
         plain="Pick landmarks below.",
         maps="",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target
+from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
 from isomatch.view.layers import Layer, stretch
 
@@ -85,8 +85,9 @@ class _Shown:
     def __init__(self, mesh: Mesh, camera: FloatArray, most: int, kept: IntArray) -> None:
         self.points = seen_from(camera, mesh)  # (n, 3)
         self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
-        self.n_used = len(np.unique(mesh.sound_faces))
-        shown, self.faces = _simplified(self.points, mesh.sound_faces, most)
+        used = used_vertices(mesh)
+        self.n_used = len(used)
+        shown, self.faces = _simplified(self.points, mesh.sound_faces, used, most)
         self.n_shown = len(shown)
         self.index = np.concatenate([shown, np.setdiff1d(kept, shown)])
 
@@ -125,9 +126,8 @@ def _packed_map(
     }
 
 
-def _simplified(points: FloatArray, faces: IntArray, most: int) -> tuple[IntArray, IntArray]:
-    """Choose at most ``most`` vertices to show; return their indices, and the faces between them in the new indices."""
-    used = np.unique(faces)
+def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
+    """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
     shown, cell = used, np.arange(len(used))
     size = most**-0.5  # side of the cells; the surface has unit area
     while len(shown) > most:
