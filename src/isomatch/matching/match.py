@@ -13,12 +13,12 @@ from isomatch.matching.pair import prepare_pair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 
 def match(
-    source: Surface | PreparedShape,
-    target: Surface | PreparedShape,
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -30,8 +30,9 @@ def match(
 
     Parameters
     ----------
-    source, target : Mesh, PointCloud, Graph or PreparedShape
-        The shapes; `prepare` one that is matched more than once.
+    source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
+        The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
+        or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.surfaces.surface_from`.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3.
     initial_map : (n_source,) array_like of int, optional

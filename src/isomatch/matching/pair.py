@@ -14,7 +14,7 @@ from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, Set
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.smooth_shape import SmoothShape
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +163,8 @@ class ShapePair(SmoothPair):
 
 
 def prepare_pair(
-    source: Surface | PreparedShape,
-    target: Surface | PreparedShape,
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
     config: Config | None = None,
     seed: int = 0,
 ) -> ShapePair:
@@ -194,7 +194,7 @@ def prepare_pair(
     return ShapePair(prepared[0], prepared[1], settings)
 
 
-def _prepared(side: str, shape: Surface | PreparedShape, config: Config, seed: int) -> PreparedShape:
+def _prepared(side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int) -> PreparedShape:
     if isinstance(shape, PreparedShape):
         in_full = config.resolution == "full" and shape.detail is None and not shape.others
         used_config = replace(shape.requested, resolution="full") if in_full else shape.requested

@@ -37,7 +37,7 @@ from isomatch.matching.orientation import orientation_of
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Surface, Transfer, capped, check
+from isomatch.surfaces import Graph, Surface, SurfaceLike, Transfer, capped, check, surface_from
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -236,7 +236,7 @@ class PreparedShape(SmoothShape):
 
 
 def prepare(
-    surface: Surface,
+    surface: SurfaceLike,
     config: Config | None = None,
     seed: int = 0,
     distances: MetricSpace | None = None,
@@ -245,9 +245,9 @@ def prepare(
 
     Parameters
     ----------
-    surface : Mesh, PointCloud or Graph
-        Any shape with one main component; further ones of a mesh are prepared when they are needed. Points and graphs
-        have neither an inside nor curvature: maps from or to them rest on distances and spectra alone, which do not tell
+    surface : Mesh, PointCloud, Graph, path_like, tuple or object
+        Anything that `surface_from` takes, with one main component; further ones of a mesh are prepared when they are
+        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and spectra alone, which do not tell
         a shape from its mirror image.
     config : Config, optional
         Settings.
@@ -277,7 +277,7 @@ def prepare(
     """
     timer = StageTimer()
     timer.start("body")
-    config = config or Config()
+    config, surface = config or Config(), surface_from(surface)
     generator(seed)  # refuses what is no seed
     if distances is None:
         return _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
