@@ -43,7 +43,7 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json, map.png and report.html.
+        Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose.
     landmarks : Path
         Text file with two columns of 0-based vertex indices (source, target), separated by a comma or blanks; # starts
         a comment.
