@@ -65,7 +65,8 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     assert [each["origin"].split(",")[0] for each in record["alternatives"]] == ["the map before", "try 0"]
     assert [each["energy"] for each in record["alternatives"]] == [None, 0.1]
     assert record["config"] == {**before["config"], "hypotheses": "given"}
-    assert (record["seed"], record["source"]) == (3, before["source"])
+    for kept in ("seed", "source", "target", "match_again"):
+        assert record[kept] == before[kept]
     others = [isomatch.Correspondence.load(result / f"alternative_{k}.npz") for k in (1, 2)]
     np.testing.assert_array_equal(others[0].vertices, former.vertices)
     np.testing.assert_array_equal(others[1].vertices, first.vertices)
@@ -91,6 +92,10 @@ def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, 
         (result / "result.json").write_text(text)
         assert main(["choose", str(result), "1"]) == 1
         assert "result.json: lacks source, target" in capsys.readouterr().err
+    record = json.loads(before["result.json"])
+    (result / "result.json").write_text(json.dumps({**record, "source": record["target"]}))
+    assert main(["choose", str(result), "1"]) == 1
+    assert "is not a map of this source" in capsys.readouterr().err
     (result / "result.json").write_bytes(before["result.json"])
     assert {path.name: path.read_bytes() for path in result.iterdir()} == before
 

@@ -20,6 +20,7 @@ from isomatch.matching import Alternative
 _NEEDED: dict[str, type] = {
     "source": str,
     "target": str,
+    "match_again": str,
     "config": dict,
     "seed": int,
     "origin": str,
@@ -60,6 +61,7 @@ def choose(folder: Path, number: int, /, *, json: bool = False) -> None:
         maps = [
             isomatch.Correspondence.load(results.alternative(i), n_target) for i, _ in enumerate(others, 1)
         ]
+        former.check_fits(*shapes)
         with naming_files(source=source, target=target):
             result = isomatch.match(
                 *shapes,
@@ -83,7 +85,8 @@ def choose(folder: Path, number: int, /, *, json: bool = False) -> None:
             names=(source.name, target.name),
             titles=(f"source: {source.name}", f"target: {target.name}"),
             facts={"source": str(source), "target": str(target), "chosen": chosen},
-            more={"source": str(source), "target": str(target)},
+            more={name: record[name] for name in ("source", "target", "match_again")},
+            command=record["match_again"],
         )
     if json:
         say_json(record)

@@ -110,7 +110,7 @@ def match(
                 raise folder.write_picker(*shapes, error, **shown) from error
             stage("writing")
             titles = f"source: {source.name}", f"target: {target.name}"
-            more = {"source": str(source), "target": str(target)}
+            more = {"source": str(source), "target": str(target), "match_again": shown["command"]}
             record = folder.write(*shapes, result, titles=titles, more=more, **shown)
     if json:
         say_json(record)

@@ -3,7 +3,7 @@
 const landmarks = (() => {
   const by = (id) => document.getElementById(id);
   const [text, problem, save, picking] = ["noted", "problem", "save", "picking"].map(by);
-  const given = JSON.parse(by("given").textContent), key = "isomatch landmarks " + given.key;
+  const given = JSON.parse(by("given").textContent), key = "isomatch " + JSON.stringify(given);
   const HEAD = "# source, target", MISSING = "?";
   const list = { rows: [], changed: () => {} };  // rows are [source vertex, target vertex], null where it is still missing
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
-from hashlib import blake2b
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -18,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import IntArray, array_of
 from isomatch._files import write_text
 from isomatch.correspondence import Correspondence
+from isomatch.errors import LandmarkError
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import lighting
@@ -76,7 +76,8 @@ def write_report(
         Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
         grey. Positions and the stretch of the edges are always there.
     landmarks : (q, 2) array_like of int, optional
-        Pairs (source vertex, target vertex) with which the list of landmarks begins.
+        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
+        do not have are left out.
     command : str
         Command that matches again with the saved landmarks, to be copied.
 
@@ -84,6 +85,8 @@ def write_report(
     ------
     DescriptorError
         If a layer does not have one number for each source vertex.
+    LandmarkError
+        If landmarks are not pairs of integers.
     UnwritableFileError
         If the file cannot be written.
 
@@ -97,7 +100,7 @@ def write_report(
     others = result.alternatives[:MOST_ALTERNATIVES]
     maps = {"returned": result.map}
     maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
-    pairs = _pairs(landmarks)
+    pairs = _pairs(landmarks, source, target)
     scene = scene_of(
         source, target, maps, layers=user_layers(layers or {}, source.n_vertices), landmarks=pairs
     )
@@ -155,11 +158,12 @@ def write_landmark_picker(
 
     Raises
     ------
+    LandmarkError
+        If landmarks are not pairs of integers.
     UnwritableFileError
         If the file cannot be written.
     """
-    pairs = _pairs(landmarks)
-    pairs = pairs[((pairs >= 0) & (pairs < [source.n_vertices, target.n_vertices])).all(axis=1)]
+    pairs = _pairs(landmarks, source, target)
     scene = scene_of(source, target, {}, landmarks=pairs)
     page = _page(
         (source, target),
@@ -190,16 +194,15 @@ def _page(
     **parts: str,
 ) -> str:
     """Fill the template: what every page has, and the parts that differ, as HTML."""
-    digest = blake2b(landmarks.tobytes(), digest_size=8)  # so that a list is kept for these shapes and hints
-    for side in _SIDES:
-        digest.update((scene[side]["vertices"] + scene[side]["faces"]).encode())
+    # the list is kept for these shapes and landmarks
+    given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": landmarks.tolist()}
     return _template("report.html").substitute(
         **parts,
         title=escape(f"isomatch: {names[0]} → {names[1]}"),
         pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
         source_name=escape(_title("source", names[0])),
         target_name=escape(_title("target", names[1])),
-        given=_json({"key": digest.hexdigest(), "landmarks": landmarks.tolist()}),
+        given=_json(given),
         scene=_json(scene),
         **_lights(),
         **{name: _text(file) for name, file in _INLINED.items()},
@@ -218,8 +221,17 @@ def _json(value: object) -> str:
     return json.dumps(value).replace("<", "\\u003c")  # so that no text in it can end the element
 
 
-def _pairs(landmarks: ArrayLike | None) -> IntArray:
-    return np.zeros((0, 2), dtype=np.int64) if landmarks is None else np.asarray(landmarks, dtype=np.int64)
+def _pairs(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
+    """Return those landmarks whose vertices both shapes have, (q, 2)."""
+    pairs = array_of(
+        np.zeros((0, 2), dtype=np.int64) if landmarks is None else landmarks, "landmarks", LandmarkError
+    )
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise LandmarkError(
+            f"landmarks have shape {pairs.shape} and type {pairs.dtype}; expected rows (source vertex, target vertex)"
+        )
+    inside = (pairs >= 0) & (pairs < [source.n_vertices, target.n_vertices])
+    return np.asarray(pairs[inside.all(axis=1)], dtype=np.int64)
 
 
 def _lights() -> dict[str, str]:
