@@ -1,7 +1,6 @@
 """The report in a browser, used by clicking: nothing is loaded, nothing complained about, and it does what it says."""
 
 import dataclasses
-import os
 import shutil
 from io import BytesIO
 
@@ -17,7 +16,7 @@ from isomatch.view import write_landmark_picker, write_report
 from shapes import icosphere
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-CHROMIUM = os.environ.get("ISOMATCH_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
 DESKTOP, PHONE = {"width": 1100, "height": 800}, {"width": 390, "height": 800}
