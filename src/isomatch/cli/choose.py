@@ -74,14 +74,12 @@ def choose(folder: Path, number: int, /, *, json: bool = False) -> None:
         del left[number - 1]
         left.insert(0, _alternative({"origin": f"the map before, {record['origin']}"}, former))
         chosen = f"alternative {number}, from {others[number - 1]['origin']}"
-        notes = (
-            f"{chosen}, was chosen and refined; the map before is alternative 1",
-            *result.notes,
-        )
+        note = f"{chosen}, was chosen and refined; the map before is alternative 1"
+        result = replace(result, alternatives=tuple(left), notes=(note, *result.notes))
         stage("writing")
         record = results.write(
             *shapes,
-            replace(result, alternatives=tuple(left), notes=notes),
+            result,
             names=(source.name, target.name),
             titles=(f"source: {source.name}", f"target: {target.name}"),
             facts={"source": str(source), "target": str(target), "chosen": chosen},
