@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
 from isomatch.cli.outputs import ResultFolder, refuse_outcomes, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
 
 
@@ -48,7 +50,8 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json, map.png and report.html; with --both also map_back.npz.
+        Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose; with
+        --both also map_back.npz.
     landmarks : Path
         Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z), separated by
         commas or blanks, or a table with the columns source, target; # starts a comment. With --target-landmarks, the
@@ -106,18 +109,6 @@ def match(
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
-            run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
-            run = isomatch.match_both if both else _one_way
-            with naming_files(source=source, target=target):
-                result, back = run(
-                    *shapes,
-                    landmarks=pairs,
-                    initial_map=first,
-                    config=settings,
-                    seed=seed,
-                    progress=part(tell, 0.05, 0.85),
-                )
-            tell("writing", 0.85)
             given = {
                 "source": source,
                 "target": target,
@@ -125,15 +116,31 @@ def match(
                 "target landmarks": target_landmarks,
                 "initial map": initial_map,
             }
-            record = folder.write(
-                *shapes,
-                result,
-                names=(source.name, target.name),
-                titles=(f"source: {source.name}", f"target: {target.name}"),
-                facts={what: str(path) for what, path in given.items() if path is not None},
-                more={"source": str(source), "target": str(target)},
-                back=back,
-            )
+            again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
+            shown: dict[str, Any] = {
+                "names": (source.name, target.name),
+                "facts": {what: str(path) for what, path in given.items() if path is not None},
+                "landmarks": pairs,
+                "command": _with_landmarks(source, target, **again),
+            }
+            run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
+            run = isomatch.match_both if both else _one_way
+            try:
+                with naming_files(source=source, target=target):
+                    result, back = run(
+                        *shapes,
+                        landmarks=pairs,
+                        initial_map=first,
+                        config=settings,
+                        seed=seed,
+                        progress=part(tell, 0.05, 0.85),
+                    )
+            except (LandmarkError, MapError, NotConvergedError) as error:
+                raise folder.write_picker(*shapes, error, **shown) from error
+            tell("writing", 0.85)
+            titles = f"source: {source.name}", f"target: {target.name}"
+            more = {"source": str(source), "target": str(target), "match_again": shown["command"]}
+            record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
         tell("done", 1.0)
 
     def summary() -> None:
@@ -142,7 +149,7 @@ def match(
             say("")
             say("back, from target to source", "bold")
             say_result(back)
-        say_files(folder.files)
+        say_files(record["files"])
 
     talk.result(record, summary)
     for each in filter(None, (result, back)):
@@ -153,3 +160,12 @@ def _one_way(
     source: isomatch.Mesh, target: isomatch.Mesh, **options: Any
 ) -> tuple[isomatch.MatchResult, None]:
     return isomatch.match(source, target, **options), None
+
+
+def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
+    """Write the command that matches again with landmarks."""
+    words = ["isomatch", "match", str(source), str(target)]
+    for name, value in options.items():
+        if value is not None and (name, value) != ("seed", 0):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])
