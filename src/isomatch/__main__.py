@@ -21,6 +21,8 @@ def program() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it
             signal.signal(number, _end)
+    # the process that removes what workers shared would say so when a signal has ended this one
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
     codes: list[int] = []
     work = Thread(target=lambda: codes.append(_command()), daemon=True)
     work.start()

@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from isomatch._arrays import FloatArray
-from isomatch._interruption import Call, current_call, stop_if_abandoned
+from isomatch._interruption import POLL, Call, current_call, stop_if_abandoned
 from isomatch._limits import processors
 from isomatch.errors import SettingError
 
@@ -70,7 +70,8 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         for thread in threads:
             thread.start()
         for thread in threads:
-            thread.join()
+            while thread.is_alive():
+                thread.join(POLL)
     except BaseException:
         call.abandoned = True
         raise

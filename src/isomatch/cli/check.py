@@ -26,7 +26,9 @@ _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
 
 
 def check(
-    *files: Path,
+    file: Path,
+    /,
+    *more: Annotated[Path, Parameter(json_list=False)],
     verb: Annotated[Verb | None, Parameter(name="--for")] = None,
     json: bool = False,
 ) -> None:
@@ -37,17 +39,17 @@ def check(
 
     Parameters
     ----------
-    files : Path
-        Meshes: .off, .obj, .ply or .stl; or folders of them. Of several there is a table, one row for each file.
+    file : Path
+        Mesh: .off, .obj, .ply or .stl; or a folder of them.
+    more : Path
+        Further meshes and folders. Of several meshes there is a table, one row for each.
     verb : str
         The command that the exit code is about: distance, basis or match, with their default settings.
     json : bool
         Print a single JSON object, of several files a list of them, and nothing else.
     """
-    if not files:
-        raise isomatch.SettingError("no mesh was given; name files, or folders of meshes")
-    paths = [path for given in files for path in _meshes(given)]
-    several = len(paths) != 1 or files[0].is_dir()
+    paths = [path for given in (file, *more) for path in _meshes(given)]
+    several = len(paths) > 1 or file.is_dir()
     records = [_examined(path, in_table=several) for path in paths]
     if json:
         plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
@@ -62,8 +64,8 @@ def check(
     bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
     if several and bad:
         raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
-    for file, reason in bad.items():
-        raise isomatch.MeshError(f"{file}: {reason}")
+    for name, reason in bad.items():
+        raise isomatch.MeshError(f"{name}: {reason}")
 
 
 def _meshes(given: Path) -> list[Path]:
