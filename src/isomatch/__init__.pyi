@@ -1,3 +1,4 @@
+from isomatch.assets import Asset, read_asset, write_asset
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -45,6 +46,7 @@ from isomatch.surfaces import (
 __version__: str
 
 __all__ = [
+    "Asset",
     "CanonicalForm",
     "Config",
     "Correspondence",
@@ -83,9 +85,11 @@ __all__ = [
     "laplace_basis",
     "match",
     "prepare",
+    "read_asset",
     "read_mesh",
     "read_point_cloud",
     "repair",
     "wave_kernel_signature",
+    "write_asset",
     "write_mesh",
 ]

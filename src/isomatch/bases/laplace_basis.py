@@ -280,6 +280,6 @@ def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:
     q, r = block, np.eye(block.shape[1])
     for _ in range(2):
         upper = np.linalg.cholesky(q.T @ q).T
-        q = solve_triangular(upper, q.T, trans="T", check_finite=False).T
+        q = q @ solve_triangular(upper, np.eye(len(upper)), check_finite=False)
         r = upper @ r
     return q, r

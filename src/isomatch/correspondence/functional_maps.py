@@ -97,16 +97,18 @@ class SampledBasis:
 
     @cached_property
     def _triangular(self) -> tuple[FloatArray, FloatArray]:
+        """Q and R⁻¹."""
         q, r = np.linalg.qr(self.at_samples)
-        return q, r
+        return q, solve_triangular(r, np.eye(len(r)), check_finite=False)
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
         """Least-squares coefficients (k, q) of values (m, q) in the first k functions.
 
-        One QR decomposition serves every k, because its leading columns are that of the leading functions.
+        One QR decomposition serves every k, because its leading columns are that of the leading functions, and the
+        leading block of R⁻¹ is the inverse of that of R.
         """
-        q, r = self._triangular
-        coefficients: FloatArray = solve_triangular(r[:k, :k], q[:, :k].T @ values, check_finite=False)
+        q, inverse = self._triangular
+        coefficients: FloatArray = inverse[:k, :k] @ (q[:, :k].T @ values)
         return coefficients
 
 

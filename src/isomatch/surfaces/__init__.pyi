@@ -1,16 +1,28 @@
+from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import EdgeTable
+from isomatch.surfaces.attribute import Attribute, Domain, Kind
 from isomatch.surfaces.caps import capped
 from isomatch.surfaces.carrying import Transfer
 from isomatch.surfaces.check import check
+from isomatch.surfaces.contents import Contents, Part
 from isomatch.surfaces.decimation import Decimated, decimate, normalised
 from isomatch.surfaces.given import SurfaceLike, mesh_from, surface_from
 from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.io import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces.io import (
+    FORMATS,
+    MeshFormat,
+    read_contents,
+    read_mesh,
+    read_point_cloud,
+    write_contents,
+    write_mesh,
+)
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.picture import picture
 from isomatch.surfaces.placed import PlacedMesh, VertexGroups
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
 from isomatch.surfaces.repair import Repair, repair
@@ -20,14 +32,20 @@ from isomatch.surfaces.surface import Surface
 
 __all__ = [
     "FORMATS",
+    "Attribute",
+    "Contents",
     "Decimated",
+    "Domain",
     "EdgeTable",
     "Graph",
+    "Kind",
     "Mesh",
     "MeshFormat",
     "MeshReport",
+    "Part",
     "PlacedMesh",
     "PointCloud",
+    "Polygons",
     "PrecisePoints",
     "Raster",
     "Repair",
@@ -39,11 +57,13 @@ __all__ = [
     "capped",
     "check",
     "decimate",
+    "first_equal",
     "mesh_from",
     "nearest_in_triangle",
     "normalised",
     "picture",
     "rasterise",
+    "read_contents",
     "read_mesh",
     "read_point_cloud",
     "repair",
@@ -51,5 +71,6 @@ __all__ = [
     "surface_from",
     "surface_in_use",
     "vertex_normals",
+    "write_contents",
     "write_mesh",
 ]

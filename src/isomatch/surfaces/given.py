@@ -12,9 +12,9 @@ from isomatch._arrays import IntArray
 from isomatch.errors import MeshError
 from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import read_mesh
-from isomatch.surfaces.io._polygons import triangulate
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.polygons import triangulate
 from isomatch.surfaces.surface import Surface
 
 SurfaceLike: TypeAlias = Any

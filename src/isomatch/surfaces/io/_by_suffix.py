@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import replace as with_changes
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from isomatch._files import opened, replaced
-from isomatch.errors import DescriptorError, FormatError
-from isomatch.surfaces.io import obj, off, ply, stl
+from isomatch.errors import DescriptorError, FormatError, InputError
+from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.contents import Contents
+from isomatch.surfaces.io import gltf, obj, off, ply, stl
+from isomatch.surfaces.io._seams import merged_corners
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
 
@@ -26,21 +30,58 @@ class MeshFormat:
     read : callable
         Makes a mesh of the bytes of a file and its name, which is for messages.
     write : callable
-        Makes bytes of a mesh and of those options of `write_mesh` that the format has, by keyword.
+        Makes bytes of `Contents` and of those options of `write_mesh` that the format has, by keyword.
     options : frozenset of str
-        Names of these options: ``"binary"``, ``"colors"``.
+        Names of these options: ``"binary"``.
+    read_contents : callable, optional
+        Makes `Contents` of the bytes of a file and its name; by default points and triangles alone.
+    keeps : callable, optional
+        Whether the format has a place for an attribute; by default it has none.
+    single : frozenset of str
+        Kinds of attributes of which it has only one.
     """
 
     read: Callable[[bytes, str], Mesh]
     write: Callable[..., bytes]
     options: frozenset[str] = frozenset()
+    read_contents: Callable[[bytes, str], Contents] | None = None
+    keeps: Callable[[Attribute], bool] = lambda attribute: False
+    single: frozenset[str] = frozenset()
 
+
+def _surface_of(read_contents: Callable[[bytes, str], Contents]) -> Callable[[bytes, str], Mesh]:
+    def read(data: bytes, name: str) -> Mesh:
+        contents = read_contents(data, name)
+        return Mesh(contents.placed_points, contents.polygons.triangles)
+
+    return read
+
+
+_BINARY = frozenset({"binary"})
 
 FORMATS: dict[str, MeshFormat] = {
-    ".off": MeshFormat(off.read, off.write),
-    ".obj": MeshFormat(obj.read, obj.write, frozenset({"colors"})),
-    ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
-    ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
+    ".off": MeshFormat(
+        off.read,
+        off.write,
+        read_contents=off.read_contents,
+        keeps=off.keeps,
+        single=frozenset({"colour", "normal"}),
+    ),
+    ".obj": MeshFormat(
+        obj.read,
+        obj.write,
+        read_contents=obj.read_contents,
+        keeps=obj.keeps,
+        single=frozenset({"colour", "uv", "normal"}),
+    ),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY),
+    ".glb": MeshFormat(
+        _surface_of(gltf.read_contents), gltf.write_glb, read_contents=gltf.read_contents, keeps=gltf.keeps
+    ),
+    ".gltf": MeshFormat(
+        _surface_of(gltf.read_contents), gltf.write_gltf, read_contents=gltf.read_contents, keeps=gltf.keeps
+    ),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
 
@@ -171,18 +212,90 @@ def write_mesh(
     [1.0, 0.0, 0.0]
     """
     path = Path(path)
-    mesh_format = _format_of(path)
-    options: dict[str, object] = {}
-    if binary is not None:
-        options["binary"] = binary
+    contents = Contents.of_mesh(mesh)
     if colors is not None:
-        options["colors"] = _vertex_colors(colors, mesh.n_vertices)
-    for option in sorted(options.keys() - mesh_format.options):
-        able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
-        raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
-    data = mesh_format.write(mesh, **options)
+        color = _vertex_colors(colors, mesh.n_vertices)
+        if not _format_of(path).keeps(color):
+            raise _no_option(
+                path, "colors", [suffix for suffix, other in FORMATS.items() if other.keeps(color)]
+            )
+        contents = contents.with_attributes(color)
+    write_contents(path, contents, binary=binary)
+
+
+def read_contents(path: str | os.PathLike[str]) -> Contents:
+    """Read all that a surface file holds; see `read_mesh` for the errors.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `read_mesh`.
+
+    Returns
+    -------
+    Contents
+        Points, polygons and attributes, in the order of the file.
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    with opened(path) as file:
+        data = file.read()
+    if mesh_format.read_contents is None:
+        return Contents.of_mesh(mesh_format.read(data, str(path)))
+    try:
+        return mesh_format.read_contents(data, str(path))
+    except InputError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def write_contents(
+    path: str | os.PathLike[str], contents: Contents, *, binary: bool | None = None
+) -> tuple[Attribute, ...]:
+    """Write a surface file; an existing file is replaced, see `write_mesh` for the errors.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `write_mesh`.
+    contents : Contents
+        What to write. If it was read from a file of the same format, all else in that file is written too.
+    binary : bool, optional
+        For PLY and STL only: whether to write binary or text; by default as the file was that was read.
+
+    Returns
+    -------
+    tuple of Attribute
+        Attributes for which the format has no place and which are not in the file.
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    if binary is not None and "binary" not in mesh_format.options:
+        able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
+        raise _no_option(path, "binary", able)
+    kept: list[Attribute] = []
+    left: list[Attribute] = []
+    for attribute in contents.attributes:
+        place: Attribute | None = attribute
+        if attribute.domain == "corner" and not mesh_format.keeps(attribute):
+            place = merged_corners(contents.polygons, len(contents.points), attribute)
+        if (
+            place is None
+            or not mesh_format.keeps(place)
+            or (place.kind in mesh_format.single and any(place.kind == other.kind for other in kept))
+        ):
+            left.append(attribute)
+        else:
+            kept.append(place)
+    data = mesh_format.write(
+        with_changes(contents, attributes=tuple(kept)), **({} if binary is None else {"binary": binary})
+    )
     with replaced(path) as file:
         file.write(data)
+    return tuple(left)
+
+
+def _no_option(path: Path, option: str, able: list[str]) -> FormatError:
+    return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
 
 
 def _format_of(path: Path) -> MeshFormat:
@@ -193,11 +306,11 @@ def _format_of(path: Path) -> MeshFormat:
         raise FormatError(f"{path}: {found} is not a mesh format; use one of {', '.join(FORMATS)}") from None
 
 
-def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
+def _vertex_colors(colors: ArrayLike, n_vertices: int) -> Attribute:
     array = np.asarray(colors)
     if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
         raise DescriptorError(
             f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
             "red, green and blue from 0 to 255 per vertex"
         )
-    return array
+    return Attribute("color", "point", "colour", array)
