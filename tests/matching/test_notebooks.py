@@ -49,6 +49,8 @@ def test_a_map_is_drawn_while_its_meshes_are_in_use():
     shown = pictures(f._repr_html_())
     assert len(shown) == 2
     np.testing.assert_array_equal(*shown)
+    assert Mesh(sphere.vertices, sphere.faces).content_hash == f.source_hash, "a copy that is soon gone"
+    assert len(pictures(f._repr_html_())) == 2
     del sphere
     assert f._repr_html_() == "<p>Correspondence(source 42 → target 42)</p>"
     assert pictures(Correspondence([0, -1], 2)._repr_html_()) == []

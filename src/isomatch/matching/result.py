@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from functools import partial
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -181,13 +180,17 @@ def _itself(found: Correspondence) -> Correspondence:
 _PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
 
 
-def _settings(module: str, name: str, values: dict[str, Any]) -> MatchSettings:
-    """Make the settings of `match` or of a baseline, which are of a later room, by name."""
-    kind = getattr(import_module(module), name, None) if module.startswith("isomatch.") else None
-    if not (isinstance(kind, type) and issubclass(kind, Settings)):
-        raise FormatError(f"it was made with unknown settings {module}.{name}")
-    made: Any = kind.from_dict(values)
-    return cast(MatchSettings, made)
+def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
+    """Make the settings of `match`, or of a baseline that is loaded; nothing that a file names is imported."""
+    kinds = [Settings]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+        if kind.__name__ == name:
+            made: Any = kind.from_dict(values)
+            return cast(MatchSettings, made)
+    raise FormatError(
+        f"its settings {name!r} are not known; first import the method that made it, such as isomatch.baselines.BASELINES"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,13 +252,12 @@ class MatchResult:
             own = getattr(self.map, name)
             others = [getattr(other.map, name) for other in self.alternatives]
             stacked[f"alternative_{name}"] = np.array(others, dtype=own.dtype).reshape(-1, *own.shape)
-        kind = type(self.config)
         about = {
             **{name: getattr(self, name) for name in _PLAIN},
             "outcome": self.outcome.name,
             "quality": asdict(self.quality),
             "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
-            "settings": [kind.__module__, kind.__qualname__],
+            "settings": type(self.config).__name__,
             "config": self.config.to_dict(),
         }
         arrays = {**vars(self.map), **stacked, "about": json.dumps(about)}
@@ -276,7 +278,6 @@ class MatchResult:
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
-            module, settings = about["settings"]
             found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
             return cls(
@@ -289,7 +290,7 @@ class MatchResult:
                 ),
                 notes=tuple(about["notes"]),
                 symmetries=tuple(about["symmetries"]),
-                config=_settings(module, settings, about["config"]),
+                config=_settings(about["settings"], about["config"]),
                 **{name: about[name] for name in _PLAIN if name not in ("notes", "symmetries")},
             )
         except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hashlib import blake2b
 from typing import TYPE_CHECKING
-from weakref import WeakValueDictionary
+from weakref import WeakSet
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from isomatch._arrays import AnyArray
 if TYPE_CHECKING:
     from isomatch.surfaces.surface import Surface
 
-_IN_USE: WeakValueDictionary[str, Surface] = WeakValueDictionary()
+_IN_USE: WeakSet[Surface] = WeakSet()
 
 
 def hash_of(surface: Surface, *arrays: AnyArray) -> str:
@@ -22,10 +22,10 @@ def hash_of(surface: Surface, *arrays: AnyArray) -> str:
     for array in arrays:
         found.update(str(array.shape).encode())
         found.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
-    _IN_USE[found.hexdigest()] = surface
+    _IN_USE.add(surface)
     return found.hexdigest()
 
 
 def surface_in_use(content_hash: str) -> Surface | None:
     """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
-    return _IN_USE.get(content_hash)
+    return next((surface for surface in list(_IN_USE) if surface.content_hash == content_hash), None)
