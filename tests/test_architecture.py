@@ -11,7 +11,7 @@ import isomatch
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
     "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
-    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads",
+    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads", "_workers",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}
@@ -35,9 +35,10 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
+    "collections": MATCHING | {"assets", "view", "collections"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"assets", "view", "paper", "cli", "__init__"},
-    "__init__": MATCHING | {"assets"},
+    "cli": EVALUATION | {"assets", "collections", "view", "paper", "cli", "__init__"},
+    "__init__": MATCHING | {"assets", "collections"},
     "__main__": {"_files", "cli"},
 }
 

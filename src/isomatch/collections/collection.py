@@ -105,7 +105,9 @@ class Collection:
         if template is not None and template not in names:
             by_file = {str(entry.path): entry.name for entry in entries}
             if str(Path(template)) not in by_file:
-                raise InputError(f"template {template!r} is no shape of this collection; give its name or file")
+                raise InputError(
+                    f"template {template!r} is no shape of this collection; give its name or file"
+                )
             template = by_file[str(Path(template))]
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
@@ -155,7 +157,7 @@ class Collection:
         return [entry.name for entry in self.shapes]
 
     def rows(self) -> Rows:
-        """What is known so far, from the ledgers of all shards, also while they are written."""
+        """Return what is known so far, from the ledgers of all shards, also while they are written."""
         return read_ledgers(self.layout.ledgers())
 
     def maps(self, source: str, target: str) -> PairMaps:
@@ -173,7 +175,7 @@ class Collection:
         return PairMaps.load(path)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """The template asked for, or the medoid; None as long as not all shapes are prepared."""
+        """Return the template asked for, or the medoid; None as long as not all shapes are prepared."""
         if self.template is not None:
             return self.template
         known = [name for name in self.names if name in rows.shapes]
@@ -183,7 +185,7 @@ class Collection:
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
 
     def wanted_pairs(self, rows: Rows) -> list[Pair]:
-        """The pairs to match, as far as their shapes could be prepared."""
+        """List the pairs to match, as far as their shapes could be prepared."""
         usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
         pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
         return [pair for pair in pairs if usable.issuperset(pair)]
@@ -264,7 +266,7 @@ class Collection:
         return again
 
     def _ordered(self, shard: tuple[int, int]) -> Sequence[Entry]:
-        """The shapes, for each shard beginning at another one."""
+        """Order the shapes, for each shard beginning at another one."""
         first = len(self.shapes) * shard[0] // shard[1]
         return (*self.shapes[first:], *self.shapes[:first])
 
@@ -297,11 +299,13 @@ class Collection:
         """Raise `SettingError` unless another collection has the same settings."""
         mine, theirs = self.config.changed(), old.config.changed()
         different = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
-        different += [name for name in ("pairs", "template", "seed") if getattr(self, name) != getattr(old, name)]
+        different += [
+            name for name in ("pairs", "template", "seed") if getattr(self, name) != getattr(old, name)
+        ]
         if different:
             raise SettingError(
-                f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or give "
-                "another folder"
+                f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
+                "give another folder"
             )
 
 

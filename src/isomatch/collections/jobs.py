@@ -120,7 +120,9 @@ class Job:
 
 def _unsureness(record: Record) -> tuple[int, float]:
     there = record["there"]
-    return [outcome.name for outcome in Outcome][::-1].index(there["outcome"]), there["quality"]["misfit"] or 0.0
+    return [outcome.name for outcome in Outcome][::-1].index(there["outcome"]), there["quality"][
+        "misfit"
+    ] or 0.0
 
 
 def _row(work: Callable[[], Record]) -> Record:

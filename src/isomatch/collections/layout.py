@@ -42,32 +42,32 @@ class Layout:
         return self.folder / "index.html"
 
     def prepared(self, key: str) -> Path:
-        """The prepared shape with a key."""
+        """Return the path of the prepared shape with a key."""
         return self.folder / "prepared" / f"{key}.npz"
 
     def maps(self, pair: Pair) -> Path:
-        """The maps of a pair, both directions."""
+        """Return the path of the maps of a pair, both directions."""
         return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
 
     def corresponded(self, name: str, suffix: str = ".ply") -> Path:
-        """The surface of a shape in the topology of the template."""
+        """Return the path of a shape's surface in the topology of the template."""
         return self.folder / "corresponded" / f"{name}{suffix}"
 
     def report(self, pair: Pair) -> Path:
-        """The report of a pair."""
+        """Return the path of the report of a pair."""
         return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
 
     def thumbnail(self, name: str) -> Path:
-        """A small picture of a shape."""
+        """Return the path of a small picture of a shape."""
         return self.folder / "thumbnails" / f"{name}.png"
 
     def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
-        """The ledger of a shard (index from 0, count)."""
+        """Return the path of the ledger of a shard (index from 0, count)."""
         index, count = shard
         return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
 
     def ledgers(self) -> Iterator[Path]:
-        """The ledgers of all shards."""
+        """Find the ledgers of all shards."""
         return iter(sorted(self.folder.glob("ledger*.sqlite")))
 
 

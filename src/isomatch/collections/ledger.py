@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 from isomatch._files import claimed, writing
 from isomatch.collections.map_file import Record
@@ -29,10 +30,17 @@ class Rows:
 
     def merge(self, other: Rows) -> None:
         """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one."""
-        for mine, theirs in ((self.shapes, other.shapes), (self.pairs, other.pairs)):
-            for name, record in theirs.items():
-                if name not in mine or _rank(record) > _rank(mine[name]):
-                    mine[name] = record  # type: ignore[index]
+        _merge(self.shapes, other.shapes)
+        _merge(self.pairs, other.pairs)
+
+
+K = TypeVar("K")
+
+
+def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
+    for name, record in theirs.items():
+        if name not in mine or _rank(record) > _rank(mine[name]):
+            mine[name] = record
 
 
 def _rank(record: Record) -> tuple[bool, float]:
@@ -122,5 +130,7 @@ def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
         shapes = {name: json.loads(record) for name, record in connection.execute("SELECT * FROM shapes")}
         pairs = {(a, b): json.loads(record) for a, b, record in connection.execute("SELECT * FROM pairs")}
     except ValueError as error:
-        raise FormatError(f"{path}: a row is damaged ({error}); move the ledger away, and run again") from None
+        raise FormatError(
+            f"{path}: a row is damaged ({error}); move the ledger away, and run again"
+        ) from None
     return Rows(shapes, pairs)

@@ -78,7 +78,9 @@ class PairMaps:
             there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
             back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
         except (ValueError, KeyError, TypeError, MapError) as error:
-            raise FormatError(f"{path}: not the maps of a pair ({error}); remove it, and match again") from None
+            raise FormatError(
+                f"{path}: not the maps of a pair ({error}); remove it, and match again"
+            ) from None
         return cls(there, back, record)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from zlib import crc32
 
 from isomatch._files import opened
-from isomatch.errors import InputError, some
+from isomatch.errors import InputError
 
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
@@ -53,7 +53,7 @@ def _listed(path: Path, names: Collection[str]) -> list[Pair]:
     pairs = [(row["source"], row["target"]) for row in rows]
     strangers = sorted({name for pair in pairs for name in pair} - set(names))
     if strangers:
-        raise InputError(f"{path}: {some(strangers)} are no shapes of this collection; give their names")
+        raise InputError(f"{path}: {', '.join(strangers)} are no shapes of this collection; give their names")
     if any(a == b for a, b in pairs):
         raise InputError(f"{path}: a shape is paired with itself; remove these lines")
     known: dict[frozenset[str], Pair] = {}

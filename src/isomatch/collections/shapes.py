@@ -11,7 +11,7 @@ from io import StringIO
 from pathlib import Path
 
 from isomatch._files import opened
-from isomatch.errors import InputError, some
+from isomatch.errors import InputError
 from isomatch.surfaces import FORMATS
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
@@ -57,16 +57,18 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
     else:
         found = [Entry(Path(path).stem, Path(path)) for path in shapes]
     if not found:
-        raise InputError(f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv")
+        raise InputError(
+            f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
+        )
     twice = [name for name, count in Counter(entry.name for entry in found).items() if count > 1]
     if twice:
         raise InputError(
-            f"{shapes}: several shapes are named {some(twice)}; give a list.csv with columns name and path"
+            f"{shapes}: several shapes are named {', '.join(twice)}; give a list.csv with columns name and path"
         )
     bad = [e.name for e in found if BETWEEN in e.name or not e.name or set(e.name) & set('/\\:*?"<>|')]
     if bad:
         raise InputError(
-            f"{shapes}: {some(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
+            f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
             "give a list.csv with columns name and path"
         )
     return tuple(found)
@@ -75,7 +77,9 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
 def _found(where: str) -> list[Entry]:
     folder = Path(where)
     paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
-    return [Entry(path.stem, path) for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS]
+    return [
+        Entry(path.stem, path) for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS
+    ]
 
 
 def _listed(path: Path) -> list[Entry]:

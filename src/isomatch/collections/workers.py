@@ -6,14 +6,14 @@ import os
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from typing import Any
 
 from isomatch._threads import n_threads
-from isomatch._workers import begin_worker
+from isomatch._workers import begin_worker, worker_processes
 from isomatch.errors import InputError, MissingDependencyError
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
@@ -38,25 +38,25 @@ class Task:
     lost: int = 0
 
     def alone(self) -> list[Task]:
-        """A task for each item."""
+        """Make a task for each item."""
         return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Workers:
     """Workers that tasks are sent to.
 
     Parameters
     ----------
-    make : callable
-        Makes an executor; again where one has broken.
+    open : callable
+        Opens an executor, for a block; again where one has broken.
     count : int
         How many workers it has.
     threads : int
         How many threads each of them uses, if it is a process of its own.
     """
 
-    make: Callable[[], Executor]
+    open: Callable[[], AbstractContextManager[Executor]]
     count: int
     threads: int = 1
 
@@ -66,43 +66,40 @@ class Workers:
         """Yield each item with its row, or with the error that no worker survived; in the order of completion.
 
         A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
-        nothing else is running; if its worker dies then, it is its fault. No task is begun once it is late.
+        nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
         """
         waiting, suspects = deque(tasks), deque[Task]()
-        executor, running = self.make(), dict[Future[Any], Task]()
-        try:
-            while True:
-                while waiting and len(running) < QUEUED * self.count and not late():
-                    task = waiting.popleft()
-                    running[self._sent(executor, task)] = task
-                if not running and suspects and not late():
-                    task = suspects.popleft()
-                    running[self._sent(executor, task)] = task
-                if not running:
-                    return
-                lost = []
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    task = running.pop(future)
-                    try:
-                        yield from zip(task.items, future.result())
-                    except Exception as error:  # jobs return what fails in them: this is a worker's end
-                        lost.append((task, error))
-                if not lost:
-                    continue
-                broken = getattr(executor, "_broken", False)
-                if broken:
-                    lost += [(task, lost[0][1]) for task in running.values()]
-                    running.clear()
-                    executor.shutdown(wait=False, cancel_futures=True)
-                    executor = self.make()
-                for task, error in lost:
+        while (waiting or suspects) and not late():
+            with self.open() as executor:
+                for task, outcome in self._until_broken(executor, waiting, suspects, late):
+                    if not isinstance(outcome, Exception):
+                        yield from zip(task.items, outcome)
+                        continue
                     for one in task.alone():
                         if one.lost > 2:
-                            yield one.items[0], error
+                            yield one.items[0], outcome
                         else:
                             (suspects if one.lost == 2 else waiting).append(one)
-        finally:
-            executor.shutdown(wait=False, cancel_futures=True)
+
+    def _until_broken(
+        self, executor: Executor, waiting: deque[Task], suspects: deque[Task], late: Callable[[], bool]
+    ) -> Iterator[tuple[Task, Any]]:
+        """Yield tasks with their rows or the error of their worker, until all are done or the executor is broken."""
+        running = dict[Future[Any], Task]()
+        broken = False
+        while True:
+            while waiting and len(running) < QUEUED * self.count and not late() and not broken:
+                task = waiting.popleft()
+                running[self._sent(executor, task)] = task
+            if suspects and not running and not late() and not broken:
+                task = suspects.popleft()
+                running[self._sent(executor, task)] = task
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                error = future.exception()  # jobs return what fails in them: this is the end of a worker
+                broken = broken or isinstance(error, BrokenExecutor)
+                yield running.pop(future), error or future.result()
 
     def _sent(self, executor: Executor, task: Task) -> Future[list[Any]]:
         return executor.submit(_rows, task, self.threads, _here())
@@ -137,15 +134,16 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> W
         If Dask is not installed.
     """
     if not isinstance(executor, str):
-        return Workers(lambda: executor, jobs or n_threads())
+        return Workers(lambda: nullcontext(executor), jobs or n_threads())
     kind, _, address = executor.partition(":")
     if kind == "local" and not address:
         count = jobs or n_threads()
-        make = partial(ProcessPoolExecutor, count, mp_context=get_context("spawn"))
-        return Workers(make, count, max(1, n_threads() // count))
+        return Workers(partial(worker_processes, count), count, max(1, n_threads() // count))
     if kind == "dask" and address:
         return _dask_workers(address, jobs)
-    raise InputError(f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786")
+    raise InputError(
+        f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
+    )
 
 
 def _dask_workers(address: str, jobs: int | None) -> Workers:
@@ -160,4 +158,13 @@ def _dask_workers(address: str, jobs: int | None) -> Workers:
     except (OSError, ValueError) as error:
         raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
     count = jobs or sum(client.nthreads().values()) or 1
-    return Workers(lambda: client.get_executor(pure=False), count)
+    return Workers(partial(_dask_executor, client), count)
+
+
+@contextmanager
+def _dask_executor(client: Any) -> Iterator[Executor]:
+    executor = client.get_executor(pure=False)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False)
