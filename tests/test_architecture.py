@@ -11,9 +11,10 @@ import isomatch
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
     "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
-    "_limits", "_memory", "_renamed", "_settings", "_threads",
+    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
+ASSETS = SURFACES | {"assets"}
 GEODESICS = SURFACES | {"geodesics"}
 BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
@@ -24,6 +25,7 @@ EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 MAY_IMPORT = {
     **dict.fromkeys(FOUNDATION, FOUNDATION),
     "surfaces": SURFACES,
+    "assets": ASSETS,
     "datasets": GEODESICS | {"datasets"},
     "geodesics": GEODESICS,
     "bases": BASES,
@@ -34,8 +36,8 @@ MAY_IMPORT = {
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"view", "paper", "cli", "__init__"},
-    "__init__": MATCHING,
+    "cli": EVALUATION | {"assets", "view", "paper", "cli", "__init__"},
+    "__init__": MATCHING | {"assets"},
     "__main__": {"_files", "cli"},
 }
 

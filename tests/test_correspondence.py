@@ -32,7 +32,7 @@ def test_pull_back_takes_the_value_of_the_image():
 
 
 def test_pull_back_interpolates_at_the_precise_image(precise):
-    np.testing.assert_allclose(precise.pull_back([0, 10, 20, 30, 40]), [7, 24, 40, np.nan])
+    np.testing.assert_allclose(precise.pull_back([0.0, 10, 20, 30, 40]), [7, 24, 40, np.nan])
 
 
 @given(maps(), st.data())

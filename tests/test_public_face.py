@@ -21,6 +21,7 @@ from isomatch._settings import Settings
 RECORD = Path(__file__).with_name("public_face.txt")
 ROOMS = (
     "surfaces",
+    "assets",
     "geodesics",
     "bases",
     "descriptors",

@@ -1,3 +1,4 @@
+from isomatch.assets import Asset, read_asset, write_asset
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -38,7 +39,9 @@ from isomatch.matching import (
     Quality,
     match,
     match_both,
+    nearest_landmarks,
     prepare,
+    read_landmarks,
     show_progress,
 )
 from isomatch.surfaces import (
@@ -56,6 +59,7 @@ from isomatch.surfaces import (
 __version__: str
 
 __all__ = [
+    "Asset",
     "BothDirections",
     "CanonicalForm",
     "Config",
@@ -95,11 +99,15 @@ __all__ = [
     "laplace_basis",
     "match",
     "match_both",
+    "nearest_landmarks",
     "prepare",
+    "read_asset",
+    "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",
     "show_progress",
     "wave_kernel_signature",
+    "write_asset",
     "write_mesh",
 ]

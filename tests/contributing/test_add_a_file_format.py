@@ -17,7 +17,7 @@ import pytest
 
 from isomatch.cli import main
 from isomatch.errors import FormatError
-from isomatch.surfaces import FORMATS, Mesh, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces import FORMATS, Contents, Mesh, MeshFormat, read_mesh, read_point_cloud, write_mesh
 from isomatch.surfaces.io._text import format_rows, is_count, read_lines
 from zoo import torus, zoo
 
@@ -40,13 +40,13 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(vertices, rows.whole(np.arange(len(rows.values)), "whole vertex indices").reshape(-1, 3))
 
 
-def write(mesh: Mesh) -> bytes:
+def write(contents: Contents) -> bytes:
     """Write a toy file."""
     return b"".join(
         [
-            f"toy {mesh.n_vertices} {mesh.n_faces}\n".encode(),
-            format_rows("%r %r %r\n", mesh.vertices),
-            format_rows("%d %d %d\n", mesh.faces),
+            f"toy {len(contents.points)} {len(contents.polygons.triangles)}\n".encode(),
+            format_rows("%r %r %r\n", contents.points),
+            format_rows("%d %d %d\n", contents.polygons.triangles),
             b"end\n",
         ]
     )
@@ -68,7 +68,7 @@ def test_the_round_trip_returns_equal_arrays(tmp_path, specimen):
 
 
 def test_a_file_cut_short_anywhere_is_refused():
-    data = write(torus())
+    data = write(Contents.of_mesh(torus()))
     whole = len(data.rstrip())
     for end in range(whole):
         with pytest.raises(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch.errors import FormatError
+from isomatch.surfaces import Contents
 from isomatch.surfaces.io import FORMATS
 from zoo import grid, torus
 
@@ -27,22 +28,28 @@ MIXED_BINARY_PLY = (
     + np.array([0, 1, 0], ">f4").tobytes() + b"\0\1c"
     + b"\3\0\0\0\1\0\2" + b"\4\0\0\0\1\0\2\0\0"
 )  # fmt: skip
+
+
+def written(suffix, mesh, **options):
+    return FORMATS[suffix].write(Contents.of_mesh(mesh), **options)
+
+
 SEEDS = {
     ".off": [
-        FORMATS[".off"].write(grid(3, 3)),
+        written(".off", grid(3, 3)),
         b"# c\nCOFF 4 2 0\n0 0 0 1 1 1\n1 0 0\n1 1 0\n0 1 0 # end\n\n4 0 1 2 3 9 9\n3 0 1 2\n",
     ],
     ".obj": [
-        FORMATS[".obj"].write(torus(4, 3)),
+        written(".obj", torus(4, 3)),
         b"mtllib C:\\a.mtl\no part\nv 0 0 0 .5 .5 .5\nv 1 0 0\nv 1 1 0\nvt 0 0\nf 1/1/1 2//1 3/1\nf -3 -2 \\\n -1\r",
     ],
     ".ply": [
-        FORMATS[".ply"].write(grid(3, 3)),
-        FORMATS[".ply"].write(grid(3, 3), binary=False),
+        written(".ply", grid(3, 3)),
+        written(".ply", grid(3, 3), binary=False),
         PLY_WITH_EVERYTHING,
         MIXED_BINARY_PLY,
     ],
-    ".stl": [FORMATS[".stl"].write(grid(3, 3)), FORMATS[".stl"].write(grid(2, 2), binary=False)],
+    ".stl": [written(".stl", grid(3, 3)), written(".stl", grid(2, 2), binary=False)],
 }
 CASES = [(suffix, seed) for suffix, seeds in SEEDS.items() for seed in seeds]
 FACTOR = 20  # times the size of the file

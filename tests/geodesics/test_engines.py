@@ -166,12 +166,16 @@ def test_an_engine_is_returned_as_it_is():
             "heat",
             "engine 'heat' cannot be chosen: the distances are given, by engine 'matrix'",
         ),
-        ("cat.off", None, "distances of a str are not defined; give a Mesh, PointCloud, Graph"),
     ],
 )
 def test_combinations_that_do_not_exist(surface, name, message):
     with pytest.raises(SettingError, match=message):
         distance_engine(surface, name)
+
+
+def test_what_has_no_distances():
+    with pytest.raises(MeshError, match=r"a builtins\.list is no mesh; give a Mesh, the path of a mesh file"):
+        distance_engine([1.0])
 
 
 @pytest.mark.parametrize(("name", "package"), PACKAGES.items())

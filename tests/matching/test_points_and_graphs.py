@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from isomatch import Graph, Mesh, MeshError, PointCloud, SettingError, match, prepare
+from isomatch import Graph, Mesh, MeshError, PointCloud, match, prepare
 from isomatch.datasets import creature
 from isomatch.evaluation import geodesic_errors
 
@@ -90,5 +90,5 @@ def test_too_few_points_are_refused():
 
 
 def test_what_is_no_shape_is_refused():
-    with pytest.raises(SettingError, match="ndarray cannot be matched"):
+    with pytest.raises(MeshError, match=r"numpy\.ndarray is no mesh; .* where points will do, PointCloud"):
         prepare(np.zeros((10, 3)))

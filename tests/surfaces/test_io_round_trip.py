@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
-from isomatch.surfaces import Mesh, read_mesh, write_mesh
+from isomatch.surfaces import Contents, Mesh, read_mesh, write_mesh
 from isomatch.surfaces.io import FORMATS
 from zoo import grid, torus, zoo
 
@@ -28,7 +28,7 @@ def meshes(draw, width=64):
 
 def round_trip(mesh, suffix, options):
     mesh_format = FORMATS[suffix]
-    return mesh_format.read(mesh_format.write(mesh, **options), "file")
+    return mesh_format.read(mesh_format.write(Contents.of_mesh(mesh), **options), "file")
 
 
 def assert_same(a, b):
@@ -103,7 +103,11 @@ def test_colours_are_written_as_the_formats_have_them(tmp_path):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("a.off", {"colors": BLACK_TO_WHITE}, "a .off file has no option 'colors'; use one of .obj, .ply"),
+        (
+            "a.stl",
+            {"colors": BLACK_TO_WHITE},
+            "a .stl file has no option 'colors'; use one of .off, .obj, .ply",
+        ),
         ("a.obj", {"binary": True}, "a .obj file has no option 'binary'; use one of .ply, .stl"),
         ("a.xyz", {}, "suffix '.xyz' is not a mesh format; use one of .off, .obj, .ply, .stl"),
         ("a", {}, "no suffix is not a mesh format"),
@@ -172,7 +176,7 @@ def test_missing_files_and_folders(tmp_path):
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_a_damaged_file_gives_a_mesh_or_one_line_that_says_where(suffix, options, data):
-    content = bytearray(FORMATS[suffix].write(grid(3, 3), **options))
+    content = bytearray(FORMATS[suffix].write(Contents.of_mesh(grid(3, 3)), **options))
     start = data.draw(st.integers(0, len(content)))
     content[start : start + data.draw(st.integers(0, 6))] = data.draw(st.binary(max_size=4))
     message = "file:1: expected nothing else"

@@ -22,7 +22,7 @@ from isomatch.matching import (
     outcome_of,
     prepare_pair,
 )
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 NOT_JUDGED = (
     "a baseline tries no other map: misfit and rival are not defined, and symmetric maps are not noticed"
@@ -56,8 +56,8 @@ class Task:
     @classmethod
     def of(
         cls,
-        source: Surface | PreparedShape,
-        target: Surface | PreparedShape,
+        source: SurfaceLike | PreparedShape,
+        target: SurfaceLike | PreparedShape,
         landmarks: ArrayLike | None,
         initial_map: ArrayLike | None,
         initial_descriptors: tuple[ArrayLike, ArrayLike] | None,

@@ -25,15 +25,16 @@ from isomatch.geodesics import (
     MetricSpace,
     Sampling,
     farthest_point_sampling,
+    metric_space,
     peripheral_vertex,
 )
-from isomatch.surfaces import Mesh, PointCloud
+from isomatch.surfaces import Mesh, PointCloud, SurfaceLike
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 
 
 def distance_basis(
-    surface: MetricSpace,
+    surface: MetricSpace | SurfaceLike,
     k: int = 50,
     p: int = 100,
     method: BasisMethod | None = None,
@@ -114,6 +115,7 @@ def distance_basis(
     >>> bool(basis.error_estimate() < 0.05)
     True
     """
+    surface = metric_space(surface)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
     if method not in get_args(BasisMethod):

@@ -22,8 +22,10 @@ from isomatch.geodesics import (
     MetricSpace,
     Sampling,
     farthest_point_sampling,
+    metric_space,
     peripheral_vertex,
 )
+from isomatch.surfaces import SurfaceLike
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 
@@ -50,7 +52,7 @@ class CanonicalForm:
 
 
 def canonical_form(
-    surface: MetricSpace,
+    surface: MetricSpace | SurfaceLike,
     dim: int = 3,
     method: EmbeddingMethod = "nystrom",
     p: int = 100,
@@ -107,6 +109,7 @@ def canonical_form(
         raise SettingError(
             f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
         )
+    surface = metric_space(surface)
     distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points
     with serial_blas():

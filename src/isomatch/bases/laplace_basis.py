@@ -17,7 +17,7 @@ from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
-from isomatch.surfaces import Mesh, Surface
+from isomatch.surfaces import Mesh, Surface, SurfaceLike, surface_from
 
 Precision = Literal["double", "single"]
 
@@ -64,13 +64,13 @@ class LaplaceBasis:
 
 
 def laplace_basis(
-    surface: Surface, k: int = 200, seed: int = 0, precision: Precision = "double"
+    surface: SurfaceLike, k: int = 200, seed: int = 0, precision: Precision = "double"
 ) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 
     Parameters
     ----------
-    surface : Mesh, PointCloud or Graph
+    surface : Mesh, PointCloud, Graph, or what `surface_from` takes
         A surface of one component and n vertices; every vertex of a mesh belongs to a face.
     k : int
         Number of functions, at most n.
@@ -105,6 +105,7 @@ def laplace_basis(
     >>> laplace_basis(tetrahedron, k=2)
     LaplaceBasis(4 points, 2 functions)
     """
+    surface = surface_from(surface)
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
     if precision not in TOLERANCE:
@@ -120,7 +121,7 @@ def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: 
 
     Parameters
     ----------
-    surface : Mesh, PointCloud or Graph
+    surface : Mesh, PointCloud, Graph, or what `surface_from` takes
         A surface of one component and n vertices; every vertex of a mesh belongs to a face.
     coarse : LaplaceBasis
         k eigenpairs of a coarser version of it, with n_c vertices.
@@ -279,6 +280,6 @@ def _orthonormal_columns(block: FloatArray) -> tuple[FloatArray, FloatArray]:
     q, r = block, np.eye(block.shape[1])
     for _ in range(2):
         upper = np.linalg.cholesky(q.T @ q).T
-        q = solve_triangular(upper, q.T, trans="T", check_finite=False).T
+        q = q @ solve_triangular(upper, np.eye(len(upper)), check_finite=False)
         r = upper @ r
     return q, r

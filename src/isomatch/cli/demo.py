@@ -71,6 +71,6 @@ def demo(
                 ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
             ]
         )
-        say_files(folder.files)
+        say_files(record["files"])
 
     talk.result(record, summary)

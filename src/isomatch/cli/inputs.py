@@ -1,4 +1,4 @@
-"""The inputs of commands: what a file of points means; landmarks, an initial map, settings."""
+"""The inputs of commands: what a file of points means; pairs, an initial map, settings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NoReturn
 import isomatch
 from isomatch._arrays import IntArray
 from isomatch._files import read_integers
-from isomatch.errors import FormatError, IsomatchError, LandmarkError, SettingError
+from isomatch.errors import FormatError, IsomatchError, SettingError
 
 
 def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
@@ -29,14 +29,6 @@ def naming_files(**files: Path) -> Iterator[None]:
             rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
         )
         raise type(error)(message) from error
-
-
-def read_landmarks(path: Path) -> IntArray:
-    """Read pairs of 0-based vertex indices (source, target); see `read_pairs`."""
-    pairs = read_pairs(path, "a landmark", "of the source and of the target")
-    if not len(pairs):
-        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices on each line")
-    return pairs
 
 
 def read_pairs(path: Path, what: str, whose: str) -> IntArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks, read_outcomes
+from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
 from isomatch.cli.outputs import ResultFolder, refuse_outcomes, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
 
 
@@ -23,12 +25,14 @@ def match(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     landmarks: Path | None = None,
+    target_landmarks: Path | None = None,
+    pin: float | None = None,
+    hypotheses: Hypotheses | None = None,
     initial_map: Path | None = None,
     refinement: Refinement | None = None,
     orientation: Orientation | None = None,
     start: Start | None = None,
     resolution: Resolution | None = None,
-    hypotheses: Hypotheses | None = None,
     config: Path | None = None,
     both: bool = False,
     fail_on: str | None = None,
@@ -46,12 +50,21 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json, map.png and report.html; with --both also map_back.npz.
+        Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose; with
+        --both also map_back.npz.
     landmarks : Path
-        Text file with two columns of 0-based vertex indices (source, target), separated by a comma or blanks; # starts
-        a comment.
+        Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z), separated by
+        commas or blanks, or a table with the columns source, target; # starts a comment. With --target-landmarks, the
+        points marked on the source.
+    target_landmarks : Path
+        The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text. Points of both files
+        are joined by name, or in order if no name is shared.
+    pin : float
+        Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
     initial_map : Path
         A map to start from: a text file with one 0-based target index per line (-1: unknown), or a map.npz.
+    hypotheses : str
+        Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
     refinement : str
         How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
     orientation : str
@@ -60,8 +73,6 @@ def match(
         "pose" if the meshes are roughly aligned in space, which gives a first map; otherwise auto (default).
     resolution : str
         On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all vertices.
-    hypotheses : str
-        "given" if the map may come only from the hints given here; otherwise all (default).
     config : Path
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
     both : bool
@@ -85,38 +96,51 @@ def match(
         "refinement": refinement,
         "orientation": orientation,
         "start": start,
-        "resolution": resolution,
+        "pin": pin,
         "hypotheses": hypotheses,
+        "resolution": resolution,
     }
     settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
-    pairs = None if landmarks is None else read_landmarks(landmarks)
+    if landmarks is None and target_landmarks is not None:
+        raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
     with talk.progress() as tell:
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
         with folder.claimed(force):
+            given = {
+                "source": source,
+                "target": target,
+                "landmarks": landmarks,
+                "target landmarks": target_landmarks,
+                "initial map": initial_map,
+            }
+            again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
+            shown: dict[str, Any] = {
+                "names": (source.name, target.name),
+                "facts": {what: str(path) for what, path in given.items() if path is not None},
+                "landmarks": pairs,
+                "command": _with_landmarks(source, target, **again),
+            }
             run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
             run = isomatch.match_both if both else _one_way
-            with naming_files(source=source, target=target):
-                result, back = run(
-                    *shapes,
-                    landmarks=pairs,
-                    initial_map=first,
-                    config=settings,
-                    seed=seed,
-                    progress=part(tell, 0.05, 0.85),
-                )
+            try:
+                with naming_files(source=source, target=target):
+                    result, back = run(
+                        *shapes,
+                        landmarks=pairs,
+                        initial_map=first,
+                        config=settings,
+                        seed=seed,
+                        progress=part(tell, 0.05, 0.85),
+                    )
+            except (LandmarkError, MapError, NotConvergedError) as error:
+                raise folder.write_picker(*shapes, error, **shown) from error
             tell("writing", 0.85)
-            given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
-            record = folder.write(
-                *shapes,
-                result,
-                names=(source.name, target.name),
-                titles=(f"source: {source.name}", f"target: {target.name}"),
-                facts={what: str(path) for what, path in given.items() if path is not None},
-                more={"source": str(source), "target": str(target)},
-                back=back,
-            )
+            titles = f"source: {source.name}", f"target: {target.name}"
+            more = {"source": str(source), "target": str(target), "match_again": shown["command"]}
+            record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
         tell("done", 1.0)
 
     def summary() -> None:
@@ -125,7 +149,7 @@ def match(
             say("")
             say("back, from target to source", "bold")
             say_result(back)
-        say_files(folder.files)
+        say_files(record["files"])
 
     talk.result(record, summary)
     for each in filter(None, (result, back)):
@@ -136,3 +160,12 @@ def _one_way(
     source: isomatch.Mesh, target: isomatch.Mesh, **options: Any
 ) -> tuple[isomatch.MatchResult, None]:
     return isomatch.match(source, target, **options), None
+
+
+def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
+    """Write the command that matches again with landmarks."""
+    words = ["isomatch", "match", str(source), str(target)]
+    for name, value in options.items():
+        if value is not None and (name, value) != ("seed", 0):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])

@@ -52,12 +52,25 @@ class ResultFolder:
             names["map back"] = "map_back.npz"
         return {what: str(self.folder / name) for what, name in names.items()}
 
+    @property
+    def result(self) -> Path:
+        """Path of ``result.json``."""
+        return self.folder / RESULT
+
+    def alternative(self, number: int) -> Path:
+        """Path of the map of an alternative, from 1."""
+        return self.folder / f"alternative_{number}.npz"
+
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
         """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
-        new = [] if force else map(Path, self.files.values())
-        with made_folder(self.folder), claimed(Path(self.files["result"]), new):
+        new = [] if force else [*map(Path, self.files.values()), *self._alternatives]
+        with made_folder(self.folder), claimed(self.result, new):
             yield
+
+    @property
+    def _alternatives(self) -> list[Path]:
+        return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
 
     def write(
         self,
@@ -70,13 +83,20 @@ class ResultFolder:
         facts: dict[str, Any],
         more: dict[str, Any],
         back: isomatch.MatchResult | None = None,
+        **shown: Any,
     ) -> dict[str, Any]:
         """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
 
-        The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
-        ``result.json``, which begin with ``more``.
+        The picture has ``titles`` below the shapes, the report ``facts`` about the run and what else is ``shown``, see
+        `isomatch.view.write_report`. Returns the contents of ``result.json``, which begin with ``more``.
         """
-        record = {"isomatch": isomatch.__version__, **more, **_described(result), "files": self.files}
+        others = dict(zip(self._alternatives, result.alternatives))
+        record = {
+            "isomatch": isomatch.__version__,
+            **more,
+            **_described(result),
+            "files": self.files | {path.stem: str(path) for path in others},
+        }
         if back:
             record["back"] = _described(back)
         facts = {"isomatch": isomatch.__version__, **facts}
@@ -84,16 +104,39 @@ class ResultFolder:
             files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
             result.map.save(files["map"])
             result.map.save(files["text"])
+            for path, other in others.items():
+                other.map.save(folder / path.name)
             picture = files["picture"]
             view.draw_map(source, target, result.map, picture, titles=titles)
             if self.report:
                 view.write_report(
-                    files["report"], source, target, result, names=names, picture=picture, facts=facts
+                    files["report"],
+                    source,
+                    target,
+                    result,
+                    names=names,
+                    picture=picture,
+                    facts=facts,
+                    **shown,
                 )
             if back:
                 back.map.save(files["map back"])
             write_text(folder / RESULT, json_text(record))
+        for path in self._alternatives[len(others) :]:
+            path.unlink(missing_ok=True)
         return record
+
+    def write_picker(
+        self, source: isomatch.Mesh, target: isomatch.Mesh, error: isomatch.IsomatchError, **shown: Any
+    ) -> isomatch.IsomatchError:
+        """Write the report of a match that found no map; return its error, which then names that report."""
+        if not self.report:
+            return error
+        for path in (self.result, *self._alternatives):
+            path.unlink(missing_ok=True)
+        report = self.files["report"]
+        view.write_landmark_picker(report, source, target, str(error), **shown)
+        return type(error)(f"{error}. Both shapes are in {report}, where you can pick landmarks")
 
 
 def _described(result: isomatch.MatchResult) -> dict[str, Any]:

@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csc_array, csr_array
 
-from isomatch._array_file import FIRST_VERSION, ArrayFormat, Stored, require_known_version, save_arrays
 from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
-from isomatch._files import opened, read_integers, replaced
+from isomatch.bases import LaplaceBasis, laplace_basis
+from isomatch.correspondence.carried_values import pulled_back, pushed_forward
+from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
+from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
+from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError, some
+from isomatch.surfaces import (
+    Mesh,
+    PrecisePoints,
+    SurfaceLike,
+    mesh_from,
+    picture,
+    surface_from,
+    surface_in_use,
+)
 
 UNMATCHED = -1
-DIRECTION = "source -> target"
-FORMAT = ArrayFormat(
-    what="a map",
-    writer="Correspondence.save",
-    version=1,  # raise it when earlier versions of isomatch could not read the files
-    arrays={
-        "direction": Stored("text", group="direction"),
-        "n_target": Stored("integer", group="n_target"),
-        "vertices": Stored("integer", ("n",)),
-        "faces": Stored("integer", ("n", 3), group="precise"),
-        "barycentric": Stored("float", ("n", 3), group="precise"),
-    },
-)
-
-_HEADER = re.compile(
-    r"# isomatch map(?:, format version (?P<version>[0-9]{1,9}))?,.*\n"
-    r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
-)
-LONGEST_HEADER = 1000  # bytes of a text
-_LINES = "write one 0-based target vertex on each line, -1 where unmatched"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +44,8 @@ class Correspondence:
         three times.
     barycentric : (n_source, 3) array of float, optional
         Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
+    source_hash, target_hash : str
+        ``content_hash`` of the two surfaces, so that no others are taken for them; empty if not known.
 
     Examples
     --------
@@ -61,6 +54,8 @@ class Correspondence:
     Correspondence(source 3 → target 3, 1 unmatched)
     >>> f.pull_back([10.0, 20.0, 30.0])
     array([30., 10., nan])
+    >>> f.pull_back(["arm", "leg", "head"]).tolist()
+    ['head', 'arm', '']
     >>> f.reversed().vertices
     array([ 1, -1,  0])
     """
@@ -69,6 +64,8 @@ class Correspondence:
     n_target: int
     faces: IntArray
     barycentric: FloatArray
+    source_hash: str
+    target_hash: str
 
     def __init__(
         self,
@@ -76,6 +73,8 @@ class Correspondence:
         n_target: int,
         faces: ArrayLike | None = None,
         barycentric: ArrayLike | None = None,
+        source_hash: str = "",
+        target_hash: str = "",
     ) -> None:
         given = array_of(vertices, "the vertices of a map", MapError)
         if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
@@ -103,12 +102,27 @@ class Correspondence:
         for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "n_target", int(n_target))
+        for field, value in (
+            ("n_target", int(n_target)),
+            ("source_hash", source_hash),
+            ("target_hash", target_hash),
+        ):
+            object.__setattr__(self, field, value)
 
     def __repr__(self) -> str:
         missing = int((~self.matched).sum())
         tail = f", {missing} unmatched" if missing else ""
         return f"Correspondence(source {len(self.vertices)} → target {self.n_target}{tail})"
+
+    def _repr_html_(self) -> str:
+        """Picture of both meshes in corresponding colours, as long as they are in use, for notebooks."""
+        source, target = surface_in_use(self.source_hash), surface_in_use(self.target_hash)
+        pictures = ""
+        if isinstance(source, Mesh) and isinstance(target, Mesh):
+            low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
+            colours = 0.1 + 0.9 * (target.vertices - low) / np.where(high > low, high - low, 1.0)
+            pictures = picture(source, self.pull_back(colours)) + picture(target, colours)
+        return f"<p>{self!r}</p>{pictures}"
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -120,55 +134,270 @@ class Correspondence:
         """(n_source,) which source vertices have an image."""
         return self.vertices >= 0
 
-    def pull_back(self, values: ArrayLike) -> FloatArray:
+    def check_fits(self, source: SurfaceLike = None, target: SurfaceLike = None) -> None:
+        """Raise `MapError` if this is a map of other surfaces: of other numbers of vertices, or with another hash.
+
+        The surfaces are anything that `surface_from` takes.
+        """
+        for name, given, n, known, other in (
+            ("source", source, len(self.vertices), self.source_hash, self.target_hash),
+            ("target", target, self.n_target, self.target_hash, self.source_hash),
+        ):
+            if given is None:
+                continue
+            surface = surface_from(given)
+            if surface.n_vertices != n:
+                raise MapError(
+                    f"{self!r} is not a map of this {name}, which has {surface.n_vertices} vertices; give the {name} "
+                    "that the map was made for"
+                )
+            if known and known != surface.content_hash:
+                remedy = (
+                    "source and target are exchanged"
+                    if other == surface.content_hash
+                    else f"give the {name} that the map was made for, or match again"
+                )
+                raise MapError(
+                    f"{self!r} is a map of another {name}: {surface!r} has as many vertices, but their positions or the "
+                    f"faces differ; {remedy}"
+                )
+
+    def pull_back(self, values: ArrayLike, fill: object = None) -> AnyArray:
         """Pull values back from the target to the source.
+
+        Real and complex floats are interpolated at the precise images. Integers, booleans and texts are labels, and
+        never averaged: each source vertex takes that of its target vertex, ``vertices``.
 
         Parameters
         ----------
-        values : (n_target,) or (n_target, q) array_like
+        values : (n_target, ...) array_like
             One row for each target vertex.
+        fill : scalar, optional
+            Value where unmatched. By default ``nan``, −1 for signed integers, False, or an empty text; values of other
+            types have no default.
 
         Returns
         -------
-        (n_source,) or (n_source, q) array of float
-            Values interpolated at the precise images; ``nan`` where unmatched.
+        (n_source, ...) array
+            Of float64 or complex128, or labels of the type given; a text may be longer if ``fill`` is.
 
         Raises
         ------
         DescriptorError
-            If the number of rows is not that of the target's vertices.
+            If the number of rows is not that of the target's vertices, the type cannot hold ``fill``, or ``fill`` is
+            needed and not given.
         """
-        rows = np.asarray(values, dtype=np.float64)
+        rows = array_of(values, "values", DescriptorError)
         if rows.shape[:1] != (self.n_target,):
             raise DescriptorError(
                 f"values have shape {rows.shape}, expected one row for each of the {self.n_target} target vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
-        weights = self.barycentric.reshape(-1, 3, *(1,) * (rows.ndim - 1))
-        carried: FloatArray = (weights * rows[self.faces]).sum(axis=1)
-        carried[~self.matched] = np.nan
-        return carried
+        return pulled_back(rows, self.vertices, self.faces, self.barycentric, fill)
 
-    def __matmul__(self, values: ArrayLike) -> FloatArray:
-        """Pull back: the map as a matrix, applied."""
+    def __matmul__(self, values: ArrayLike) -> AnyArray:
+        """Pull back, as `pull_back`."""
         return self.pull_back(values)
 
-    def then(self, other: Correspondence) -> Correspondence:
-        """Compose two maps on vertices: the source of this map → the target of the other. Precise images are lost."""
+    def to_sparse(self) -> csr_array:
+        """Matrix (n_source, n_target) of the barycentric weights: row i is empty if source vertex i is unmatched.
+
+        Its products are those of `pull_back` on floats, but 0 in place of ``nan`` where unmatched.
+        """
+        held = np.flatnonzero(self.matched)
+        entries = self.barycentric[held].ravel(), (np.repeat(held, 3), self.faces[held].ravel())
+        matrix = csr_array(entries, shape=self.shape)
+        matrix.eliminate_zeros()
+        return matrix
+
+    @property
+    def T(self) -> csc_array:
+        """The transposed matrix (n_target, n_source): ⟨f.to_sparse() @ x, y⟩ = ⟨x, f.T @ y⟩."""
+        return self.to_sparse().T
+
+    def to_functional(
+        self, source: LaplaceBasis | SurfaceLike, target: LaplaceBasis | SurfaceLike, k: int = 50
+    ) -> FunctionalMap:
+        """Express the map in Laplace–Beltrami functions: a (k, k) matrix, target functions → source functions.
+
+        Parameters
+        ----------
+        source, target : LaplaceBasis, or what `surface_from` takes
+            Bases of the surfaces of the map, with one row for each vertex, or the surfaces, of which they are made.
+        k : int
+            Number of functions.
+
+        Returns
+        -------
+        FunctionalMap
+            Least squares over the matched vertices, weighted by their areas. O(n k²).
+
+        Raises
+        ------
+        MapError
+            If a basis has fewer functions, or a surface is not one of this map.
+        MeshError
+            If a surface has no basis, see `laplace_basis`.
+        """
+        bases = []
+        for name, given, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
+            basis = given
+            if not isinstance(basis, LaplaceBasis):
+                surface = surface_from(given)
+                self.check_fits(**{name: surface})
+                basis = laplace_basis(surface, k)
+            if len(basis.vectors) != n or len(basis.values) < k:
+                raise MapError(
+                    f"{basis!r} is no basis of {k} functions at the {n} vertices of the {name}; compute "
+                    f"laplace_basis({name}, {k})"
+                )
+            bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights))
+        held = self.matched
+        weights = np.sqrt(bases[0].weights[held, None])
+        pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[held]
+        return FunctionalMap(fit_functional_map(weights * bases[0].vectors[held], weights * pulled), *bases)
+
+    def push_forward(
+        self, values: ArrayLike, source_areas: ArrayLike, target_areas: ArrayLike | None = None
+    ) -> FloatArray:
+        """Push values forward from the source to the target, weighted by areas.
+
+        With P = ``to_sparse()`` and the areas A_s, A_t of the vertices, this is A_t⁻¹ Pᵀ A_s g for densities, which
+        preserves the integral over the matched vertices: Σ A_t (push g) = Σ A_s g. It is the adjoint of P with respect
+        to areas, and 0 where no image lies. Without ``target_areas`` it is the mean (Pᵀ A_s g) / (Pᵀ A_s 1) of the
+        values that arrive, which preserves constants, and ``nan`` where none does. ``reversed(source, target)`` pulls
+        values to every target vertex instead.
+
+        Parameters
+        ----------
+        values : (n_source,) or (n_source, q) array_like of float
+            One row for each source vertex.
+        source_areas : (n_source,) array_like of float
+            Such as ``source.vertex_areas``.
+        target_areas : (n_target,) array_like of float, optional
+            To preserve integrals.
+
+        Returns
+        -------
+        (n_target,) or (n_target, q) array of float
+
+        Raises
+        ------
+        DescriptorError
+            If values or areas have another number of rows, or the values are not floats: labels have no mean.
+
+        Examples
+        --------
+        >>> f = Correspondence([0, 0, 2], n_target=3)
+        >>> f.push_forward([1.0, 2.0, 3.0], source_areas=[1.0, 3.0, 1.0])
+        array([1.75,  nan, 3.  ])
+        >>> f.push_forward([1.0, 2.0, 3.0], source_areas=[1.0, 3.0, 1.0], target_areas=[2.0, 1.0, 2.0])
+        array([3.5, 0. , 1.5])
+        """
+        return pushed_forward(self.T, self.matched, values, source_areas, target_areas)
+
+    def then(
+        self, other: Correspondence, middle: SurfaceLike = None, target: SurfaceLike = None
+    ) -> Correspondence:
+        """Compose two maps: the source of this map → the target of the other.
+
+        A precise image inside a triangle of the middle surface is mapped between the images of its corners, if they lie
+        in one triangle. Otherwise it is the image of the nearest corner; with the surfaces it is the point of the target
+        nearest to the interpolated positions, but not across a tear: corners whose images are more than four times as
+        far from that of the nearest corner as usual, relative to the middle surface, are left out. The exact product,
+        whose rows may spread over three triangles, is ``self.to_sparse() @ other.to_sparse()``.
+
+        Parameters
+        ----------
+        other : Correspondence
+            From the target of this map, the middle surface.
+        middle, target : Mesh, or what `mesh_from` takes; optional
+            Source and target of the other map; both or neither.
+
+        Raises
+        ------
+        MapError
+            If the other map does not start from the target of this one, or is not one of these meshes.
+        """
         if len(other.vertices) != self.n_target:
             raise MapError(
                 f"cannot compose {self!r} with {other!r}: the first ends on {self.n_target} vertices, the second "
                 f"starts from {len(other.vertices)}"
             )
-        image = np.where(self.matched, other.vertices[self.vertices], UNMATCHED)
-        return Correspondence(image, other.n_target)
+        if self.target_hash and other.source_hash and self.target_hash != other.source_hash:
+            raise MapError(
+                f"cannot compose {self!r} with {other!r}: the first ends on another surface than the second starts "
+                "from, though with as many vertices; give maps onto and from the same one"
+            )
+        if (middle is None) != (target is None):
+            raise MapError(
+                "to compose maps on their surfaces, both are needed; give middle and target, or neither"
+            )
+        if middle is not None:
+            middle, target = mesh_from(middle), mesh_from(target)
+            other.check_fits(middle, target)
+        by_weight = np.argsort(-self.barycentric, axis=1, kind="stable")
+        corners = np.take_along_axis(self.faces, by_weight, axis=1)
+        weights = np.take_along_axis(self.barycentric, by_weight, axis=1)
+        image, faces, barycentric = (
+            part[corners[:, 0]] for part in (other.vertices, other.faces, other.barycentric)
+        )
+        image = np.where(self.matched, image, UNMATCHED)
+        weights = np.where(other.matched[corners], weights, 0.0)
+        inside = np.flatnonzero((image >= 0) & (weights[:, 1:] > 0).any(axis=1))
+        weights = weights[inside] / weights[inside].sum(axis=1, keepdims=True)
+        points = PrecisePoints(corners[inside], weights)
+        there = PrecisePoints(other.faces, other.barycentric)
+        found, changed = (
+            composed_on_surface(points, there, middle, target)
+            if middle is not None
+            else composed_in_faces(points, there)
+        )
+        rows = inside[changed]
+        faces[rows], barycentric[rows] = (part[changed] for part in found)
+        image[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
+        return Correspondence(image, other.n_target, faces, barycentric, self.source_hash, other.target_hash)
 
-    def reversed(self) -> Correspondence:
-        """Return the map target → source: the first source vertex mapped to each target vertex, −1 if there is none."""
-        back = np.full(self.n_target, UNMATCHED, dtype=np.int64)
-        source = np.flatnonzero(self.matched)[::-1]
-        back[self.vertices[source]] = source
-        return Correspondence(back, len(self.vertices))
+    def reversed(
+        self, source: SurfaceLike = None, target: SurfaceLike = None, within: float = 0.05
+    ) -> Correspondence:
+        """Return the map target → source.
+
+        Without the surfaces, a target vertex gets the first source vertex that is mapped to it, and none if there is
+        none: usually a fifth of the vertices and more, which the repr counts as unmatched. With the surfaces, each
+        target vertex gets the point of the source whose image is nearest, the inverse of the piecewise linear map; a
+        vertex of the source if either surface has no triangles.
+
+        Parameters
+        ----------
+        source, target : Mesh, PointCloud, Graph, or what `surface_from` takes; optional
+            The surfaces of the map; both or neither.
+        within : float
+            Target vertices farther from any image, along edges, remain unmatched; in √(target area). They lie on what
+            the source does not have, as where it is a part of the target.
+
+        Raises
+        ------
+        MapError
+            If only one surface is given, or one that the map was not made for.
+        """
+        if source is None and target is None:
+            image = np.full(self.n_target, UNMATCHED, dtype=np.int64)
+            last_first = np.flatnonzero(self.matched)[::-1]
+            image[self.vertices[last_first]] = last_first
+            return Correspondence(
+                image, len(self.vertices), source_hash=self.target_hash, target_hash=self.source_hash
+            )
+        if source is None or target is None:
+            raise MapError("to reverse a map precisely, both surfaces are needed; give source and target")
+        source, target = surface_from(source), surface_from(target)
+        self.check_fits(source, target)
+        there = PrecisePoints(self.faces, self.barycentric)
+        points, reached = inverse(self.vertices, there, source, target, within)
+        image = np.where(reached, points.corners[:, 0], UNMATCHED)
+        return Correspondence(
+            image, len(self.vertices), *points, source_hash=self.target_hash, target_hash=self.source_hash
+        )
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, or the vertices alone to a text file (any other suffix).
@@ -181,18 +410,7 @@ class Correspondence:
         UnwritableFileError
             If the file cannot be written.
         """
-        path = Path(path)
-        if path.suffix == ".npz":
-            arrays = {"direction": np.array(DIRECTION), **vars(self)}
-            save_arrays(path, FORMAT.version, arrays, compressed=True)
-            return
-        header = (
-            f"isomatch map, format version {FORMAT.version}, {DIRECTION}\n"
-            f"{len(self.vertices)} source vertices, {self.n_target} target vertices\n"
-            "line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched"
-        )
-        with replaced(path) as file:
-            np.savetxt(file, self.vertices, fmt="%d", header=header)
+        write_map(Path(path), vars(self))
 
     @classmethod
     def load(cls, path: str | Path, n_target: int | None = None) -> Correspondence:
@@ -217,48 +435,10 @@ class Correspondence:
             If the file is missing (`MissingFileError`), holds no map or one onto another target, or was written by an
             isomatch that is too new.
         """
-        path = Path(path)
-        stored, arrays = _read_arrays(path) if path.suffix == ".npz" else _read_text(path)
-        if stored is None:
-            stored = int(arrays["vertices"].max(initial=-1)) + 1 if n_target is None else n_target
-        elif n_target not in (None, stored):
-            raise FormatError(
-                f"{path}: is a map onto a target of {stored} vertices, not {n_target}; give the map of these two shapes"
-            )
         try:
-            return cls(n_target=stored, **arrays)
+            return cls(**read_map(Path(path), n_target))
         except MapError as error:
             raise FormatError(f"{path}: {error}") from None
-
-
-def _read_arrays(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
-    """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
-    arrays = FORMAT.read(path)
-    if arrays.pop("direction", DIRECTION) != DIRECTION:
-        raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
-    n_target = arrays.pop("n_target", None)
-    return None if n_target is None else int(n_target), arrays
-
-
-def _read_text(path: Path) -> tuple[int | None, dict[str, AnyArray]]:
-    """Read the number of target vertices, if the header has it, and the vertices of a map from a text file."""
-    with opened(path) as file:
-        header = _HEADER.match(file.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace"))
-    if header:
-        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
-
-    def refuse(number: int, line: str) -> NoReturn:
-        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a target vertex; {_LINES}")
-
-    image = read_integers(path, 1, refuse)[:, 0]
-    if header and len(image) != int(header["n_source"]):
-        raise FormatError(
-            f"{path}: {len(image)} lines for the {header['n_source']} source vertices of its header; "
-            "it is cut short or was edited, copy it again or remove the header"
-        )
-    if not (header or len(image)):
-        raise FormatError(f"{path}: no target vertices; {_LINES}")
-    return int(header["n_target"]) if header else None, {"vertices": image}
 
 
 def _precise(

@@ -15,6 +15,7 @@ from scipy.linalg import polar, solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._cached import cached_property
+from isomatch.bases import LaplaceBasis
 from isomatch.correspondence.nearest_neighbours import nearest_rows
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
@@ -48,6 +49,32 @@ def fit_functional_map(source_functions: FloatArray, target_functions: FloatArra
     return np.asarray(np.linalg.lstsq(source, target, rcond=None)[0])
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionalMap:
+    """A map as a matrix between Laplace–Beltrami functions, target → source, as functions are pulled back.
+
+    Parameters
+    ----------
+    matrix : (k, k) array of float
+        C: column j holds the coefficients, on the source, of the pulled back target function j. For a map P that leaves
+        no vertex out, C = Φ_sᵀ A_s P Φ_t.
+    source, target : LaplaceBasis
+        Φ_s and Φ_t, with k functions each, and the areas A_s and A_t.
+    """
+
+    matrix: FloatArray
+    source: LaplaceBasis
+    target: LaplaceBasis
+
+    def __repr__(self) -> str:
+        return f"FunctionalMap({self.target!r} → {self.source!r})"
+
+    def pull_back(self, values: FloatArray) -> FloatArray:
+        """Pull the smooth part of target functions back to the source, Φ_s C Φ_tᵀ A_t f: (n_t, q) → (n_s, q)."""
+        pulled: FloatArray = self.source.vectors @ (self.matrix @ self.target.coefficients(values))
+        return pulled
+
+
 @dataclass(frozen=True, eq=False)
 class SampledBasis:
     """Functions of a surface, to which values known at some vertices are fitted.
@@ -70,16 +97,18 @@ class SampledBasis:
 
     @cached_property
     def _triangular(self) -> tuple[FloatArray, FloatArray]:
+        """Q and R⁻¹."""
         q, r = np.linalg.qr(self.at_samples)
-        return q, r
+        return q, solve_triangular(r, np.eye(len(r)), check_finite=False)
 
     def fit(self, values: FloatArray, k: int) -> FloatArray:
         """Least-squares coefficients (k, q) of values (m, q) in the first k functions.
 
-        One QR decomposition serves every k, because its leading columns are that of the leading functions.
+        One QR decomposition serves every k, because its leading columns are that of the leading functions, and the
+        leading block of R⁻¹ is the inverse of that of R.
         """
-        q, r = self._triangular
-        coefficients: FloatArray = solve_triangular(r[:k, :k], q[:, :k].T @ values, check_finite=False)
+        q, inverse = self._triangular
+        coefficients: FloatArray = inverse[:k, :k] @ (q[:, :k].T @ values)
         return coefficients
 
 

@@ -6,6 +6,7 @@ from isomatch.geodesics.engines import (
     distance_engine,
     engine_names,
     geodesic_distances,
+    metric_space,
 )
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from isomatch.geodesics.intervals import MissingRegion
@@ -37,6 +38,7 @@ __all__ = [
     "euclidean_farthest_points",
     "farthest_point_sampling",
     "geodesic_distances",
+    "metric_space",
     "ordinary_unit",
     "pair_distances",
     "peripheral_vertex",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,7 @@ from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
 from isomatch.geodesics.heat import Heat
 from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud, SurfaceLike, surface_from
 
 ENGINES: dict[type, tuple[type[Any], ...]] = {
     Mesh: (FastMarching, Exact, Heat, Dijkstra),
@@ -50,12 +50,19 @@ def engine_names(kind: type | None = None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(engine.name for engines in known for engine in engines))
 
 
-def distance_engine(surface: MetricSpace, name: str | None = None) -> DistanceEngine:
+def metric_space(given: MetricSpace | SurfaceLike) -> MetricSpace:
+    """Return a metric space as it is, and make a surface of anything else; see `surface_from`."""
+    if isinstance(given, np.ndarray | DistanceEngine) or callable(given):
+        return given
+    return surface_from(given)
+
+
+def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None) -> DistanceEngine:
     """Set up the engine that computes the distances of a surface, or wrap distances that are given.
 
     Parameters
     ----------
-    surface : Mesh, PointCloud, Graph, (n, n) array, callable or DistanceEngine
+    surface : Mesh, PointCloud, Graph, (n, n) array, callable, DistanceEngine, or what `surface_from` takes
         The metric space, n points. An array holds all distances; a callable maps an (m,) array of sources to (m, n)
         distances and is called with one source to learn n; an engine is returned as it is.
     name : str, optional
@@ -81,6 +88,7 @@ def distance_engine(surface: MetricSpace, name: str | None = None) -> DistanceEn
     >>> distance_engine(line).distances_from([1])
     array([[1., 0., 1., 2.]])
     """
+    surface = metric_space(surface)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
             for chosen in engines:
@@ -95,13 +103,8 @@ def distance_engine(surface: MetricSpace, name: str | None = None) -> DistanceEn
         given = surface
     elif isinstance(surface, np.ndarray):
         given = GivenMatrix(surface)
-    elif callable(surface):
-        given = GivenFunction(surface)
     else:
-        raise SettingError(
-            f"distances of a {type(surface).__name__} are not defined; give a Mesh, PointCloud, Graph, an n × n array, "
-            "a function from sources to distance columns, or a DistanceEngine"
-        )
+        given = GivenFunction(cast(DistanceFunction, surface))
     if name not in (None, given.name):
         raise SettingError(
             f"engine {name!r} cannot be chosen: the distances are given, by engine {given.name!r}"
@@ -109,12 +112,14 @@ def distance_engine(surface: MetricSpace, name: str | None = None) -> DistanceEn
     return given
 
 
-def geodesic_distances(surface: MetricSpace, sources: ArrayLike, engine: str | None = None) -> FloatArray:
+def geodesic_distances(
+    surface: MetricSpace | SurfaceLike, sources: ArrayLike, engine: str | None = None
+) -> FloatArray:
     """Geodesic distances from some vertices to all others.
 
     Parameters
     ----------
-    surface : Mesh, PointCloud, Graph, (n, n) array, callable or DistanceEngine
+    surface : Mesh, PointCloud, Graph, (n, n) array, callable, DistanceEngine, or what `surface_from` takes
         The surface, n vertices; see `distance_engine`.
     sources : (m,) array_like of int
         Source vertices.

@@ -18,6 +18,7 @@ from isomatch.matching.config import (
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
+from isomatch.matching.landmark_files import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -65,9 +66,11 @@ __all__ = [
     "match",
     "match_both",
     "measure_quality",
+    "nearest_landmarks",
     "outcome_of",
     "prepare",
     "prepare_pair",
+    "read_landmarks",
     "show_progress",
     "two_arguments",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
-from isomatch.errors import MeshError, SettingError
+from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.matching.config import PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair, separate_sheets
@@ -113,10 +113,6 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
-    if not isinstance(shape, Mesh):
-        raise SettingError(
-            f"a {type(shape).__name__} cannot be matched; give a Mesh, a PointCloud or a Graph"
-        )
     report = check(shape)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))

@@ -22,7 +22,7 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult, Outcome
 from isomatch.matching.search import Hypothesis
 from isomatch.matching.stage_timer import Progress, StageTimer, two_arguments
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 THERE = 0.75  # of the time, with the preparation
 
@@ -35,8 +35,8 @@ class BothDirections(NamedTuple):
 
 
 def match_both(
-    source: Surface | PreparedShape,
-    target: Surface | PreparedShape,
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.correspondence import UNMATCHED
 from isomatch.errors import NotConvergedError
 from isomatch.matching.carrier import Carrier
 from isomatch.matching.connected import match_connected
@@ -333,7 +333,7 @@ def _composed(
         new = match.result.map.matched & (vertices == UNMATCHED)
         for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
             array[new] = getattr(match.result.map, name)[new]
-    whole = Correspondence(vertices, pair.target.surface.n_vertices, corners, weights)
+    whole = replace(main.result.map, vertices=vertices, faces=corners, barycentric=weights)
     quality = replace(
         main.result.quality,
         matched=float(whole.matched.mean()),

@@ -54,6 +54,11 @@ class RefinedCandidate:
         return self.candidate.landmark_error
 
     @property
+    def hint_error(self) -> float:
+        """That of the candidate."""
+        return self.candidate.hint_error
+
+    @property
     def residual(self) -> float:
         """That of the hypothesis, before any refinement."""
         return self.candidate.hypothesis.alignment.residual
@@ -194,8 +199,8 @@ def _joint(
         phi = target.functions[:, :k]
         columns = [row_product(phi, functional_map.T), pair.signatures.target]
         if with_positions:
-            smooth = row_product(phi, target.position_coefficients[:k])
-            columns += [single(unit * smooth), single(weight * vertex_normals(smooth, target.faces))]
+            smooth, normals = target.smoothed(k)
+            columns += [single(unit * smooth), single(weight * normals)]
         return np.hstack(columns)
 
     return Embedding(*parallel_map(lambda half: half(), (of_source, of_target)))

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
 from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
+from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
 from isomatch.matching.connected import match_connected
-from isomatch.matching.hints import Hints
+from isomatch.matching.hints import Hints, checked_landmarks
 from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.pins import pinned
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 
 def match(
-    source: Surface | PreparedShape,
-    target: Surface | PreparedShape,
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
     landmarks: ArrayLike | None = None,
     initial_map: ArrayLike | None = None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None = None,
@@ -31,12 +35,13 @@ def match(
 
     Parameters
     ----------
-    source, target : Mesh, PointCloud, Graph or PreparedShape
-        The shapes; `prepare` one that is matched more than once.
+    source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
+        The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
+        or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.surfaces.surface_from`.
     landmarks : (m, 2) array_like of int, optional
-        Rows (source vertex, target vertex), m ≥ 3.
+        Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional
-        Target vertex of each source vertex from another method; −1 where unknown.
+        Target vertex of each source vertex from another method; −1 where unknown. It wins where no other map fits better.
     initial_descriptors : two array_likes, optional
         (n_source, q) and (n_target, q) values of functions that should correspond.
     config : Config, optional
@@ -99,6 +104,16 @@ def match_prepared(
     seed: int,
 ) -> MatchResult:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
+    landmarks, tolerance = given[0], pair.config.pin
+    if tolerance is not None and landmarks is None:
+        raise SettingError(f"pin = {tolerance}, but no landmarks were given that could be held")
     if pair.oriented and (pair.source.others or pair.target.others):
-        return match_components(pair, *given, timer, seed)
-    return match_connected(pair, Hints.of(pair, *given), timer, seed)
+        result = match_components(pair, *given, timer, seed)
+    else:
+        result = match_connected(pair, Hints.of(pair, *given), timer, seed)
+    if tolerance is None or landmarks is None:
+        return result
+    timer.start("pins")
+    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+    held = pinned(pair, result, checked_landmarks(landmarks, *sizes), tolerance)
+    return replace(held, timings=timer.stop())

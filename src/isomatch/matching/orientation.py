@@ -41,5 +41,5 @@ def orientation_of(
     k = min(k, basis.functions.shape[1], len(target.laplace.values))
     copy = basis.functions[:, :k] @ basis.fit(onto.vertices[target_vertex], k)
     drawn = vertex_normals(copy, mesh.faces)[basis.vertices]
-    smooth = vertex_normals(target.laplace.low_passed(onto.vertices, k), onto.faces)[target_vertex]
+    smooth = target.smoothed(k)[1][target_vertex]
     return float(np.einsum("ij,ij->i", drawn, smooth).mean())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
-from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
+from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
-from isomatch.surfaces import Surface
+from isomatch.surfaces import SurfaceLike
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +164,8 @@ class ShapePair(SmoothPair):
 
 
 def prepare_pair(
-    source: Surface | PreparedShape,
-    target: Surface | PreparedShape,
+    source: SurfaceLike | PreparedShape,
+    target: SurfaceLike | PreparedShape,
     config: Config | None = None,
     seed: int = 0,
     timer: StageTimer | None = None,
@@ -211,17 +211,10 @@ def prepare_pair(
 
 
 def _prepared(
-    side: str, shape: Surface | PreparedShape, config: Config, seed: int, progress: Progress
+    side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int, progress: Progress
 ) -> PreparedShape:
     if isinstance(shape, PreparedShape):
-        in_full = config.resolution == "full" and shape.detail is None and not shape.others
-        used_config = replace(shape.requested, resolution="full") if in_full else shape.requested
-        if name := used_config.differs_in_preparation(config):
-            used, asked = getattr(shape.requested, name), getattr(config, name)
-            raise SettingError(
-                f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
-                "with the settings of the match"
-            )
+        shape.require_prepared_for(config, side)
         return shape
     try:
         return prepare(shape, config, seed, progress=progress)

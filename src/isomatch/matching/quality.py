@@ -106,9 +106,7 @@ def edge_stretch(
 
 def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:
     """Distance between the images under a map (n_s,) and those known (q, 2), source and target vertex: (q,), in √area."""
-    image = target_vertex[known[:, 0]]
-    apart = np.maximum(pair.target.distances.distance(image, known[:, 1]), 0.0)
-    return np.where(image == known[:, 1], 0.0, apart)
+    return pair.target.distance(target_vertex[known[:, 0]], known[:, 1])
 
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints) -> list[str]:
@@ -122,7 +120,8 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
         f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in zip(hints.given[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
-    return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
+    which = "the map" if pair.config.pin is None else "the map before it was bent"
+    return [f"{which} contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
 
 
 def outcome_of(

@@ -8,6 +8,7 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
 from isomatch._cached import cached_property
+from isomatch._threads import row_product
 from isomatch.bases import LaplaceBasis
 from isomatch.correspondence import UNMATCHED, Correspondence, PrecisePoints, SurfaceIndex, VertexCells
 from isomatch.errors import DescriptorError, MeshError
@@ -15,7 +16,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.levels import Detail, identity_transfer
 from isomatch.matching.signatures import point_signatures
-from isomatch.surfaces import Mesh, Surface, Transfer
+from isomatch.surfaces import Mesh, Surface, Transfer, vertex_normals
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -91,6 +92,17 @@ class SmoothShape:
         """(K, 3) coefficients of the positions of the body in the Laplace–Beltrami functions."""
         return self.laplace.coefficients(self.mesh_body.vertices)
 
+    def smoothed(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Positions of the body in its first k functions, and the normals of this smooth surface: (n_body, 3) each."""
+        if k not in self._smoothed:
+            vertices = row_product(self.functions[:, :k], self.position_coefficients[:k])
+            self._smoothed[k] = vertices, vertex_normals(vertices, self.faces)
+        return self._smoothed[k]
+
+    @cached_property
+    def _smoothed(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        return {}
+
     @cached_property
     def index(self) -> SurfaceIndex:
         """Triangles and cells of the body, for nearest vertices and points.
@@ -141,7 +153,14 @@ class SmoothShape:
         corners = _lifted(there, source_body.body_vertex, UNMATCHED)
         weights = _lifted(points.barycentric, source_body.body_vertex)
         weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
-        return Correspondence(corners[:, 0], target.surface.n_vertices, corners, weights)
+        return Correspondence(
+            corners[:, 0],
+            target.surface.n_vertices,
+            corners,
+            weights,
+            self.surface.content_hash,
+            target.surface.content_hash,
+        )
 
     def _in_full(
         self, target: SmoothShape, points: PrecisePoints, matched: BoolArray

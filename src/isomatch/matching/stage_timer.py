@@ -31,6 +31,7 @@ MATCHING = {
     "elastic match": 0.82,
     "polish": 0.85,
     "carry": 0.95,
+    "pins": 0.98,
 }
 """Share of the time of a match that is typically over when each stage starts."""
 

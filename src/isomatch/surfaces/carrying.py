@@ -12,14 +12,14 @@ from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError
-from isomatch.surfaces._collapse import Index, difference, link_corners, other_vertices
+from isomatch.surfaces._collapse import difference
 from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
-from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
+from isomatch.surfaces.placed import PlacedMesh, VertexGroups, nearest_in_face, sort_corners
+from isomatch.surfaces.precise_points import PrecisePoints
 
 LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
 NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
-MOST_TRIED = 32  # fine vertices of each corner, where steps to the nearest of all may start
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
@@ -80,7 +80,7 @@ class Transfer:
         coarse = self._coarse
         start, near = _faces_near(coarse)
         found = PrecisePoints.at_vertices(self.coarse.owner)
-        _, by_owner = self._members
+        by_owner = self._groups.members
 
         def chunk(first: int) -> None:
             _nearest_on_coarse(
@@ -152,16 +152,7 @@ class Transfer:
             Coarse vertices near each position: the search starts at the fine vertices merged into them.
         """
         _, centre, size = normalised(self.fine.vertices)
-        found = PrecisePoints.at_vertices(np.zeros(len(corners), dtype=np.int64))
-        queries = (positions - centre) / size
-        given = queries, corners, self._places, *self._members, *self._linked_corners
-        by_corner = np.argsort(corners[:, 0])  # neighbours one after the other, for the sake of the cache
-
-        def chunk(first: int) -> None:
-            _inverse_image(by_corner[first : first + CHUNK], *given, *found)
-
-        parallel_map(chunk, range(0, len(corners), CHUNK))
-        return found
+        return self._placed.inverse((positions - centre) / size, corners)
 
     @cached_property
     def _coarse(self) -> Mesh:
@@ -170,29 +161,14 @@ class Transfer:
         return Mesh((self.coarse.mesh.vertices - centre) / size, self.coarse.mesh.faces)
 
     @cached_property
-    def _places(self) -> FloatArray:
-        """(n, 3) positions of the fine vertices on the coarse mesh."""
+    def _placed(self) -> PlacedMesh:
+        """The fine mesh with its vertices at their places on the coarse one."""
         places: FloatArray = self.on_coarse.interpolation(self._coarse.n_vertices) @ self._coarse.vertices
-        places.flags.writeable = False  # as the vertices of a mesh, so that loops are compiled once
-        return places
+        return PlacedMesh(self.fine, places, self._groups)
 
     @cached_property
-    def _members(self) -> tuple[AnyArray, AnyArray]:
-        """Fine vertices of each owner a: ``members[start[a]:start[a + 1]]``."""
-        n, owner = self.fine.n_vertices, self.coarse.owner
-        of_owner = csr_array(
-            (np.ones(n, dtype=bool), (owner, np.arange(n))), shape=(self.coarse.mesh.n_vertices, n)
-        )
-        return of_owner.indptr, of_owner.indices
-
-    @cached_property
-    def _linked_corners(self) -> tuple[AnyArray, AnyArray]:
-        """The corners of the fine faces, listed at each vertex."""
-        marks = np.empty((self.fine.n_vertices, 1), dtype=np.int32)
-        corners = np.empty((self.fine.faces.size, 2), dtype=np.int32)
-        corners[:, 0] = self.fine.sound_faces.ravel()
-        link_corners(marks, corners)
-        return marks, corners
+    def _groups(self) -> VertexGroups:
+        return VertexGroups.of(self.coarse.owner, self.coarse.mesh.n_vertices)
 
 
 def _faces_near(mesh: Mesh) -> tuple[AnyArray, AnyArray]:
@@ -227,7 +203,7 @@ def _nearest_on_coarse(
         for at in range(start[owner], start[owner + 1]):
             a, b, c = faces[near[at], 0], faces[near[at], 1], faces[near[at], 2]
             px, py, pz = points[i, 0] - x[a, 0], points[i, 1] - x[a, 1], points[i, 2] - x[a, 2]
-            s, t, gain = _nearest_in(x, a, b, c, px, py, pz)
+            s, t, gain = nearest_in_face(x, a, b, c, px, py, pz)
             cost = px * px + py * py + pz * pz + gain
             if cost >= best:
                 continue
@@ -241,85 +217,4 @@ def _nearest_on_coarse(
                 best = cost
                 corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
                 barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = 1.0 - s - t, s, t
-        _sort_corners(corners, barycentric, i)
-
-
-@compiled(error_model="numpy")
-def _inverse_image(
-    rows: IntArray,
-    queries: FloatArray,
-    corners: IntArray,
-    places: FloatArray,
-    start: AnyArray,
-    members: AnyArray,
-    marks: AnyArray,
-    linked: AnyArray,
-    found: IntArray,
-    weights: FloatArray,
-) -> None:
-    """Find the points of the fine mesh whose places are nearest to queries near the coarse mesh."""
-    for i in rows:
-        qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
-        nearest, least = np.int64(0), np.inf
-        for j in range(corners.shape[1]):
-            owner = corners[i, j]
-            step = (start[owner + 1] - start[owner]) // MOST_TRIED + 1
-            for at in range(start[owner], start[owner + 1], step):
-                v = np.int64(members[at])
-                squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
-                if squared < least:
-                    nearest, least = v, squared
-        before = np.int64(-1)
-        while before != nearest:
-            before = nearest
-            corner = marks[before, 0]
-            while corner >= 0:
-                for v in other_vertices(linked, corner):
-                    squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
-                    if squared < least:
-                        nearest, least = v, squared
-                corner = linked[corner, 1]
-        found[i, 0] = found[i, 1] = found[i, 2] = nearest
-        for k in range(3):  # around the nearest vertex, then around the other corners of the face found
-            a = found[i, k]
-            px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
-            corner = marks[a, 0]
-            while corner >= 0:
-                b, c = other_vertices(linked, corner)
-                corner = linked[corner, 1]
-                s, t, gain = _nearest_in(places, a, b, c, px, py, pz)
-                squared = px * px + py * py + pz * pz + gain
-                if squared < least:
-                    least = squared
-                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
-                    weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
-        _sort_corners(found, weights, i)
-
-
-@compiled(error_model="numpy")
-def _nearest_in(
-    x: FloatArray, a: Index, b: Index, c: Index, px: float, py: float, pz: float
-) -> tuple[float, float, float]:
-    """Call `nearest_in_triangle` for a triangle and a point given by its position from a."""
-    ux, uy, uz = difference(x, b, a)
-    vx, vy, vz = difference(x, c, a)
-    return nearest_in_triangle(
-        ux * ux + uy * uy + uz * uz,
-        ux * vx + uy * vy + uz * vz,
-        vx * vx + vy * vy + vz * vz,
-        ux * px + uy * py + uz * pz,
-        vx * px + vy * py + vz * pz,
-    )
-
-
-@compiled(error_model="numpy")
-def _sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
-    """Turn the corners of a point so that the one of greatest weight comes first."""
-    k = 0
-    for other in range(1, 3):
-        if barycentric[i, other] > barycentric[i, k]:
-            k = other
-    a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
-    r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
-    corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
-    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, max(s, 0.0), max(t, 0.0)
+        sort_corners(corners, barycentric, i)

@@ -12,17 +12,18 @@ from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._edges import fans, linked, meetings
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._winding import faces_to_rewind
+from isomatch.surfaces.given import SurfaceLike, mesh_from
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 
 
-def check(mesh: Mesh) -> MeshReport:
+def check(mesh: SurfaceLike) -> MeshReport:
     """Report every defect of a mesh that affects distances or matching.
 
     Parameters
     ----------
-    mesh : Mesh
-        Any mesh; its arrays may contain anything.
+    mesh : Mesh, path_like, tuple or object
+        Anything that `mesh_from` takes; its arrays may contain anything.
 
     Returns
     -------
@@ -42,6 +43,7 @@ def check(mesh: Mesh) -> MeshReport:
     >>> report.euler_number, report.unused_vertices.tolist(), report.ok
     (2, [4], False)
     """
+    mesh = mesh_from(mesh)
     bad = unsound_faces(mesh.vertices, mesh.faces)
     sound = np.flatnonzero(~bad.any)
     faces = mesh.faces[sound]

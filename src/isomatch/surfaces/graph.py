@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch._cached import cached_property
 from isomatch.errors import MeshError, some
+from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import linked
 
 
@@ -82,6 +83,11 @@ class Graph:
     def area(self) -> float:
         """Sum of the weights."""
         return float(self.vertex_areas.sum())
+
+    @cached_property
+    def content_hash(self) -> str:
+        """32 hexadecimal digits that tell these edges, lengths and weights from others, in this order."""
+        return hash_of(self, self.edges, self.edge_lengths, self.vertex_areas)
 
     @cached_property
     def components(self) -> IntArray:

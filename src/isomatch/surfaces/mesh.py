@@ -11,6 +11,7 @@ from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of, read_on
 from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch.errors import MeshError, some
+from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, linked
 
 
@@ -51,6 +52,12 @@ class Mesh:
 
     def __repr__(self) -> str:
         return f"Mesh({self.n_vertices} vertices, {self.n_faces} faces)"
+
+    def _repr_html_(self) -> str:
+        """Picture, for notebooks."""
+        from isomatch.surfaces.picture import picture
+
+        return f"<p>{self!r}</p>{picture(self)}"
 
     @property
     def n_vertices(self) -> int:
@@ -127,6 +134,11 @@ class Mesh:
         """(e,) length of each edge, in mesh units."""
         x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
         return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
+
+    @cached_property
+    def content_hash(self) -> str:
+        """32 hexadecimal digits that tell these vertices and faces from others, in this order."""
+        return hash_of(self, self.vertices, self.faces)
 
     @property
     def components(self) -> IntArray:
@@ -224,13 +236,10 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
         If a vertex index is out of range.
     """
     faces = _Connectivity(faces, len(vertices)).sound_faces
+    normals = np.zeros((len(vertices), 3))
     cross = _cross(np.ascontiguousarray(vertices, dtype=np.float64), faces)
-    normals = np.column_stack(
-        [np.bincount(faces.ravel(), np.repeat(cross[:, x], 3), len(vertices)) for x in range(3)]
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit: FloatArray = np.divide(normals, length, out=np.zeros((len(vertices), 3)), where=length > 0)
-    return unit
+    _add_normals(read_only(faces), cross, normals)
+    return normals
 
 
 def _cross(points: FloatArray, faces: IntArray) -> FloatArray:
@@ -249,6 +258,18 @@ def _fill_cross(points: FloatArray, faces: IntArray, cross: FloatArray) -> None:
         cross[f, 0] = uy * vz - uz * vy
         cross[f, 1] = uz * vx - ux * vz
         cross[f, 2] = ux * vy - uy * vx
+
+
+@compiled()
+def _add_normals(faces: IntArray, cross: FloatArray, normals: FloatArray) -> None:
+    for f in range(len(faces)):
+        for corner in range(3):
+            for x in range(3):
+                normals[faces[f, corner], x] += cross[f, x]
+    for v in range(len(normals)):
+        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
+        for x in range(3):
+            normals[v, x] = normals[v, x] / length if length > 0 else 0.0
 
 
 def _frozen_vertices(values: ArrayLike) -> FloatArray:

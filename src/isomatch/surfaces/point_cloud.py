@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
 from isomatch.errors import MeshError, SettingError, some
+from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import linked
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
@@ -127,6 +128,11 @@ class PointCloud:
     def area(self) -> float:
         """Total area, in squared units of the points."""
         return float(self.vertex_areas.sum())
+
+    @cached_property
+    def content_hash(self) -> str:
+        """32 hexadecimal digits that tell these points from others, in this order."""
+        return hash_of(self, self.vertices)
 
     @cached_property
     def components(self) -> IntArray:

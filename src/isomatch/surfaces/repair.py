@@ -10,6 +10,7 @@ from isomatch._arrays import IntArray
 from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._winding import faces_to_rewind
+from isomatch.surfaces.given import SurfaceLike, mesh_from
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.report import MeshReport
 
@@ -55,7 +56,7 @@ class Repair:
 
 
 def repair(
-    mesh: Mesh,
+    mesh: SurfaceLike,
     *,
     weld: bool = True,
     remove_duplicates: bool = True,
@@ -78,8 +79,8 @@ def repair(
 
     Parameters
     ----------
-    mesh : Mesh
-        Any mesh; its arrays may contain anything.
+    mesh : Mesh, path_like, tuple or object
+        Anything that `mesh_from` takes; its arrays may contain anything.
     weld : bool
         Whether to weld coincident vertices, such as the seams of texture maps. Two sheets that touch at a vertex are
         joined there.
@@ -115,6 +116,7 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
+    mesh = mesh_from(mesh)
     identity = np.arange(mesh.n_vertices)
     if report and not any(len(getattr(report, defect)) for defect in MENDED):
         return Repair(mesh, identity, identity, np.arange(mesh.n_faces), ())

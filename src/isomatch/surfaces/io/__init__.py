@@ -1,5 +1,25 @@
 """Mesh files: one module for each format, with a function that reads bytes and one that writes them."""
 
-from isomatch.surfaces.io._by_suffix import FORMATS, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.surfaces.io._by_suffix import (
+    FORMATS,
+    MeshFormat,
+    read_attributes,
+    read_contents,
+    read_mesh,
+    read_point_cloud,
+    write_attribute,
+    write_contents,
+    write_mesh,
+)
 
-__all__ = ["FORMATS", "MeshFormat", "read_mesh", "read_point_cloud", "write_mesh"]
+__all__ = [
+    "FORMATS",
+    "MeshFormat",
+    "read_attributes",
+    "read_contents",
+    "read_mesh",
+    "read_point_cloud",
+    "write_attribute",
+    "write_contents",
+    "write_mesh",
+]

@@ -5,16 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from dataclasses import replace as with_changes
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from isomatch._files import opened, replaced
-from isomatch.errors import DescriptorError, FormatError
-from isomatch.surfaces.io import obj, off, ply, stl
+from isomatch.errors import DescriptorError, FormatError, InputError
+from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.contents import Contents
+from isomatch.surfaces.io import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.seams import merged_corners
 
 
 @dataclass(frozen=True)
@@ -26,23 +30,76 @@ class MeshFormat:
     read : callable
         Makes a mesh of the bytes of a file and its name, which is for messages.
     write : callable
-        Makes bytes of a mesh and of those options of `write_mesh` that the format has, by keyword.
+        Makes bytes of `Contents` and of those options of `write_mesh` that the format has, by keyword.
     options : frozenset of str
-        Names of these options: ``"binary"``, ``"colors"``.
+        Names of these options: ``"binary"``.
+    read_contents : callable, optional
+        Makes `Contents` of the bytes of a file and its name; by default points and triangles alone.
+    keeps : callable, optional
+        Whether the format has a place for an attribute; by default it has none.
+    single : frozenset of str
+        Kinds of attributes of which it has only one.
     """
 
     read: Callable[[bytes, str], Mesh]
     write: Callable[..., bytes]
     options: frozenset[str] = frozenset()
+    read_contents: Callable[[bytes, str], Contents] | None = None
+    keeps: Callable[[Attribute], bool] = lambda attribute: False
+    single: frozenset[str] = frozenset()
 
+
+def _with_attributes(
+    read_contents: Callable[[bytes, str], Contents],
+    write: Callable[..., bytes],
+    keeps: Callable[[Attribute], bool] = lambda attribute: False,
+    options: frozenset[str] = frozenset(),
+) -> MeshFormat:
+    """Make a format whose meshes are read with all that the file holds."""
+
+    def read(data: bytes, name: str) -> Mesh:
+        contents = read_contents(data, name)
+        return Mesh(contents.placed_points, contents.polygons.triangles)
+
+    return MeshFormat(read, write, options, read_contents, keeps)
+
+
+_BINARY = frozenset({"binary"})
 
 FORMATS: dict[str, MeshFormat] = {
-    ".off": MeshFormat(off.read, off.write),
-    ".obj": MeshFormat(obj.read, obj.write, frozenset({"colors"})),
-    ".ply": MeshFormat(ply.read, ply.write, frozenset({"binary", "colors"})),
-    ".stl": MeshFormat(stl.read, stl.write, frozenset({"binary"})),
+    ".off": MeshFormat(
+        off.read,
+        off.write,
+        read_contents=off.read_contents,
+        keeps=off.keeps,
+        single=frozenset({"colour", "normal"}),
+    ),
+    ".obj": MeshFormat(
+        obj.read,
+        obj.write,
+        read_contents=obj.read_contents,
+        keeps=obj.keeps,
+        single=frozenset({"colour", "uv", "normal"}),
+    ),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY),
+    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps),
+    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps),
+    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
+    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
+    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
+    ".gii": _with_attributes(gifti.read_contents, gifti.write, gifti.keeps),
+    **dict.fromkeys(freesurfer.SURFACES, _with_attributes(freesurfer.read_contents, freesurfer.write)),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
+
+
+ATTRIBUTE_FORMATS: dict[str, tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]] = {
+    ".gii": (gifti.read_attributes, gifti.write_attribute),
+    ".annot": (freesurfer.read_attributes, freesurfer.write_attribute),
+    **dict.fromkeys(freesurfer.VALUES, (freesurfer.read_attributes, freesurfer.write_attribute)),
+}
+"""How files of each suffix are read and written that hold values on points but no surface."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -171,18 +228,148 @@ def write_mesh(
     [1.0, 0.0, 0.0]
     """
     path = Path(path)
-    mesh_format = _format_of(path)
-    options: dict[str, object] = {}
-    if binary is not None:
-        options["binary"] = binary
+    contents = Contents.of_mesh(mesh)
     if colors is not None:
-        options["colors"] = _vertex_colors(colors, mesh.n_vertices)
-    for option in sorted(options.keys() - mesh_format.options):
-        able = ", ".join(suffix for suffix, other in FORMATS.items() if option in other.options)
-        raise FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {able}")
-    data = mesh_format.write(mesh, **options)
+        color = _vertex_colors(colors, mesh.n_vertices)
+        if not _format_of(path).keeps(color):
+            raise _no_option(
+                path, "colors", [suffix for suffix, other in FORMATS.items() if other.keeps(color)]
+            )
+        contents = contents.with_attributes(color)
+    write_contents(path, contents, binary=binary)
+
+
+def read_contents(path: str | os.PathLike[str]) -> Contents:
+    """Read all that a surface file holds; see `read_mesh` for the errors.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `read_mesh`.
+
+    Returns
+    -------
+    Contents
+        Points, polygons and attributes, in the order of the file.
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    with opened(path) as file:
+        data = file.read()
+    if mesh_format.read_contents is None:
+        return Contents.of_mesh(mesh_format.read(data, str(path)))
+    try:
+        return mesh_format.read_contents(data, str(path))
+    except InputError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def write_contents(
+    path: str | os.PathLike[str], contents: Contents, *, binary: bool | None = None
+) -> tuple[Attribute, ...]:
+    """Write a surface file; an existing file is replaced, see `write_mesh` for the errors.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `write_mesh`.
+    contents : Contents
+        What to write. If it was read from a file of the same format, all else in that file is written too.
+    binary : bool, optional
+        For PLY and STL only: whether to write binary or text; by default as the file was that was read.
+
+    Returns
+    -------
+    tuple of Attribute
+        Attributes for which the format has no place and which are not in the file.
+    """
+    path = Path(path)
+    mesh_format = _format_of(path)
+    if binary is not None and "binary" not in mesh_format.options:
+        able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
+        raise _no_option(path, "binary", able)
+    kept: list[Attribute] = []
+    left: list[Attribute] = []
+    for attribute in contents.attributes:
+        place: Attribute | None = attribute
+        if attribute.domain == "corner" and not mesh_format.keeps(attribute):
+            place = merged_corners(contents.polygons, len(contents.points), attribute)
+        if (
+            place is None
+            or not mesh_format.keeps(place)
+            or (place.kind in mesh_format.single and any(place.kind == other.kind for other in kept))
+        ):
+            left.append(attribute)
+        else:
+            kept.append(place)
+    data = mesh_format.write(
+        with_changes(contents, attributes=tuple(kept)), **({} if binary is None else {"binary": binary})
+    )
     with replaced(path) as file:
         file.write(data)
+    return tuple(left)
+
+
+def read_attributes(path: str | os.PathLike[str]) -> tuple[Attribute, ...]:
+    """Read values on points from a file that holds no surface, or besides one.
+
+    Parameters
+    ----------
+    path : path_like
+        GIFTI (``.shape.gii``, ``.func.gii``, ``.label.gii``) or a FreeSurfer annotation or curvature (``lh.aparc.annot``,
+        ``lh.curv``, ``lh.sulc``, ``lh.thickness``).
+
+    Returns
+    -------
+    tuple of Attribute
+        Labels with names and colours, scalars or vectors, one row for each point of the surface they belong to.
+
+    Raises
+    ------
+    FormatError, MissingDependencyError
+        As `read_mesh`.
+    """
+    path = Path(path)
+    read, _ = _attribute_format_of(path)
+    with opened(path) as file:
+        return read(file.read(), str(path))
+
+
+def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
+    """Write values on points to a file of their own, see `read_attributes`; an existing file is replaced.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is unknown, or its format has no place for the attribute: GIFTI has none for skinning weights and
+        for values of corners and faces, FreeSurfer but for labels (``.annot``) and scalars.
+    """
+    path = Path(path)
+    _, write = _attribute_format_of(path)
+    if path.suffix == ".gii":
+        fits = gifti.keeps(attribute)
+    else:
+        fits = attribute.domain == "point" and attribute.kind == (
+            "label" if path.suffix == ".annot" else "scalar"
+        )
+    if not fits:
+        raise FormatError(f"{path}: {attribute!r} has no place in a {path.suffix} file")
+    data = write(attribute)
+    with replaced(path) as file:
+        file.write(data)
+
+
+def _attribute_format_of(
+    path: Path,
+) -> tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]:
+    try:
+        return ATTRIBUTE_FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise FormatError(f"{path}: no format of values; use one of {', '.join(ATTRIBUTE_FORMATS)}") from None
+
+
+def _no_option(path: Path, option: str, able: list[str]) -> FormatError:
+    return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
 
 
 def _format_of(path: Path) -> MeshFormat:
@@ -193,11 +380,11 @@ def _format_of(path: Path) -> MeshFormat:
         raise FormatError(f"{path}: {found} is not a mesh format; use one of {', '.join(FORMATS)}") from None
 
 
-def _vertex_colors(colors: ArrayLike, n_vertices: int) -> NDArray[np.uint8]:
+def _vertex_colors(colors: ArrayLike, n_vertices: int) -> Attribute:
     array = np.asarray(colors)
     if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
         raise DescriptorError(
             f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
             "red, green and blue from 0 to 255 per vertex"
         )
-    return array
+    return Attribute("color", "point", "colour", array)

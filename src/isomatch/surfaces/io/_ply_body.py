@@ -11,8 +11,8 @@ from isomatch._arrays import AnyArray, IntArray
 from isomatch._compiled import compiled
 from isomatch.errors import FormatError
 from isomatch.surfaces.io._ply_header import Element, Header
-from isomatch.surfaces.io._polygons import spans
 from isomatch.surfaces.io._text import TextLines, read_lines
+from isomatch.surfaces.polygons import spans
 
 ROWS_AT_ONCE = 10_000  # that are read row by row, with two integers for each list
 LONGEST_TYPE = 2**31 - 1  # bytes of a numpy type
@@ -36,7 +36,7 @@ class Table:
 
 def read_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
     """Read every element that is declared in the header."""
-    return _text_tables(data, name, header) if header.text else _binary_tables(data, name, header)
+    return _binary_tables(data, name, header) if header.byte_order else _text_tables(data, name, header)
 
 
 def _text_tables(data: bytes, name: str, header: Header) -> dict[str, Table]:

@@ -39,12 +39,16 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """The contents of the header; ``n_lines`` and ``n_bytes`` are its own length."""
+    """The contents of the header; ``n_lines`` and ``n_bytes`` are its own length.
 
-    text: bool
+    The byte order is that of `numpy.dtype`, or empty if the file is text. Comments are whole lines, ``obj_info`` too.
+    """
+
+    byte_order: str
     elements: tuple[Element, ...]
     n_lines: int
     n_bytes: int
+    comments: tuple[str, ...] = ()
 
 
 def read_header(data: bytes, name: str) -> Header:
@@ -56,11 +60,13 @@ def read_header(data: bytes, name: str) -> Header:
     order = _BYTE_ORDERS[words[1]]
     elements: dict[str, Element] = {}
     properties: list[Property] = []
+    comments: list[str] = []
     n_declared = 0
     for i in range(2, len(lines) - 1):
         words = lines.row(i).split()
         match words:
             case ["comment" | "obj_info", *_]:
+                comments.append(lines.row(i))
                 continue
             case ["element", element, n_rows] if is_count(n_rows) and element not in elements:
                 properties = []
@@ -80,7 +86,7 @@ def read_header(data: bytes, name: str) -> Header:
         n_declared += 1
         if n_declared > MOST_DECLARED:
             lines.fail(i, f"at most {MOST_DECLARED} elements and properties", "remove those not needed")
-    return Header(order == "", tuple(elements.values()), len(lines), n_bytes)
+    return Header(order, tuple(elements.values()), len(lines), n_bytes, tuple(comments))
 
 
 def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:

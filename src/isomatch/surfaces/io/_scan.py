@@ -117,6 +117,30 @@ def select(
     return size, row
 
 
+@compiled()
+def field_of_words(lines: AnyArray, which: int, fields: AnyArray) -> int:
+    """Copy of each word the field after so many slashes, or 0 if that is empty; return how many bytes there are."""
+    size, k = 0, 0
+    while k < len(lines):
+        if lines[k] == SPACE or lines[k] == NEWLINE:
+            fields[size] = lines[k]
+            size += 1
+            k += 1
+            continue
+        slashes, start = 0, size
+        while lines[k] != SPACE and lines[k] != NEWLINE:
+            if lines[k] == SLASH:
+                slashes += 1
+            elif slashes == which:
+                fields[size] = lines[k]
+                size += 1
+            k += 1
+        if size == start:
+            fields[size] = ZERO
+            size += 1
+    return size
+
+
 @compiled(error_model="numpy")
 def parse(lines: AnyArray, powers: FloatArray, at: IntArray, values: FloatArray, counts: IntArray) -> bool:
     """Parse words as floats, from byte, value and row ``at`` on, to the end or to a word for which this is too simple.

@@ -11,7 +11,8 @@ import numpy as np
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 from isomatch._cached import cached_property
 from isomatch.errors import FormatError
-from isomatch.surfaces.io._scan import POWERS, normalise, parse, select
+from isomatch.surfaces.io._scan import POWERS, field_of_words, normalise, parse, select
+from isomatch.surfaces.polygons import spans
 
 EXPORT_AGAIN = "correct the line or export the file again"
 
@@ -87,6 +88,13 @@ class TextLines:
         chosen, numbers = np.zeros(len(self.data), dtype=np.uint8), np.zeros(len(self), dtype=np.int64)
         sizes = select(self.data, octets_of(keyword.encode()), textured, self.numbers, chosen, numbers)
         return TextLines(self.name, *_cut(chosen, numbers, sizes))
+
+    def fields(self, which: int) -> TextLines:
+        """Return the same lines with one field of each ``v/vt/vn`` instead of the word, and 0 where it is missing."""
+        data = np.zeros(2 * len(self.data) + 1, dtype=np.uint8)
+        size = field_of_words(self.data, which, data)
+        data.resize(size, refcheck=False)
+        return TextLines(self.name, read_only(data), self.numbers)
 
     def parse(self) -> NumberRows:
         """Parse every row as blank-separated numbers."""
@@ -193,6 +201,29 @@ def read_lines(
 def format_rows(template: str, table: AnyArray) -> bytes:
     """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
+
+
+def numbered(values: AnyArray, template: str = "%d") -> AnyArray:
+    """Write each number as a word, an array of objects."""
+    return np.array((f"{template} " * len(values) % tuple(values.tolist())).split(), dtype=object)
+
+
+def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int) -> bytes:
+    """Write lines of words: of each part as many for each line as its counts say."""
+    once = np.ones(n_rows, dtype=np.int64)
+    words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
+    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode()
+
+
+def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
+    """Join columns row by row: of each part as many entries for each row as its counts say."""
+    lengths = sum((counts for counts, _ in parts), np.zeros(n_rows, dtype=np.int64))
+    joined: AnyArray = np.zeros(int(lengths.sum()), kind)
+    start = np.cumsum(lengths) - lengths
+    for counts, entries in parts:
+        joined[spans(start, counts)] = entries
+        start = start + counts
+    return joined
 
 
 def octets_of(data: bytes) -> AnyArray:

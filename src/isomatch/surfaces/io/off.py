@@ -4,36 +4,91 @@ from __future__ import annotations
 
 import re
 
-from isomatch._arrays import IntArray
-from isomatch.surfaces.io._polygons import spans, triangulate
-from isomatch.surfaces.io._text import TextLines, format_rows, is_count, read_lines
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.surfaces.attribute import Attribute, Kind
+from isomatch.surfaces.contents import Contents
+from isomatch.surfaces.io._text import (
+    NumberRows,
+    TextLines,
+    format_rows,
+    interleaved_lines,
+    is_count,
+    numbered,
+    read_lines,
+)
 from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.polygons import Polygons, spans, triangulate
 
 # Normals, colours and texture coordinates follow the position on a vertex line, so all variants are read alike.
-_HEADER = re.compile(r"\s*(?:ST)?C?N?OFF(?![A-Za-z])\s*(?P<rest>.*)")
+_HEADER = re.compile(r"\s*(?:ST)?(?P<color>C?)(?P<normal>N?)OFF(?![A-Za-z])\s*(?P<rest>.*)")
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an OFF, COFF, NOFF or STOFF file. Counts may be on the header line; faces may have colours."""
-    n_vertices, n_faces, body = _counts(read_lines(name, data))
+    rows, (corners, sizes) = _tables(read_lines(name, data))
+    return Mesh(_positions(rows), triangulate(corners, sizes))
+
+
+def read_contents(data: bytes, name: str) -> Contents:
+    """Read an OFF file with the colours and normals of its vertices."""
+    lines = read_lines(name, data)
+    rows, polygons = _tables(lines)
+    header = _HEADER.fullmatch(lines.row(0))
+    start, attributes = 3, []
+    for kind in ("normal", "color"):
+        if header is None or not header[kind]:
+            continue
+        if not (rows.counts >= start + 3).all():
+            break
+        values = rows.leading(start + 3, "")[:, start:]
+        start += 3
+        if kind == "color" and values.max(initial=0) > 1 and (values == np.rint(values) % 256).all():
+            values = values.astype(np.uint8)
+        attributes.append(Attribute(kind, "point", "normal" if kind == "normal" else "colour", values))
+    return Contents(_positions(rows), Polygons(*polygons), tuple(attributes))
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether OFF has a place for an attribute."""
+    return attribute.domain == "point" and attribute.kind in ("normal", "colour")
+
+
+def write(contents: Contents) -> bytes:
+    """Write an OFF file."""
+    letters, template, columns = "", "%r %r %r", [contents.points]
+    letter_of: dict[Kind, str] = {"normal": "N", "colour": "C"}
+    for kind, letter in letter_of.items():
+        for attribute in contents.of_kind(kind):
+            letters = letter + letters
+            whole = attribute.values.dtype.kind != "f"
+            template += " %d %d %d" if whole else " %r %r %r"
+            columns.append(attribute.values[:, :3])
+    sizes = contents.polygons.sizes
+    if (sizes == 3).all():
+        faces = format_rows("3 %d %d %d\n", contents.polygons.corners.reshape(-1, 3))
+    else:
+        once = np.ones(len(sizes), dtype=np.int64)
+        words = [(once, numbered(sizes)), (sizes, numbered(contents.polygons.corners))]
+        faces = interleaved_lines(words, len(sizes))
+    head = f"{letters}OFF\n{len(contents.points)} {len(sizes)} 0\n".encode()
+    return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
+
+
+def _tables(lines: TextLines) -> tuple[NumberRows, tuple[IntArray, IntArray]]:
+    """Read the numbers of the vertices, and the corners and sizes of the faces."""
+    n_vertices, n_faces, body = _counts(lines)
     total = n_vertices + n_faces
     if len(body) != total:
         body.fail(
             total, f"{n_vertices} vertex lines and {n_faces} face lines as declared", "correct the counts"
         )
-    vertices = body[:n_vertices].parse().leading(3, "at least 3 numbers x y z of a vertex")
-    return Mesh(vertices, triangulate(*_polygons(body[n_vertices:])))
+    return body[:n_vertices].parse(), _polygons(body[n_vertices:])
 
 
-def write(mesh: Mesh) -> bytes:
-    """Write an OFF file."""
-    return b"".join(
-        [
-            f"OFF\n{mesh.n_vertices} {mesh.n_faces} 0\n".encode(),
-            format_rows("%r %r %r\n", mesh.vertices),
-            format_rows("3 %d %d %d\n", mesh.faces),
-        ]
-    )
+def _positions(rows: NumberRows) -> FloatArray:
+    return rows.leading(3, "at least 3 numbers x y z of a vertex")
 
 
 def _polygons(lines: TextLines) -> tuple[IntArray, IntArray]:

@@ -2,51 +2,134 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
-from numpy.typing import NDArray
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.errors import FormatError, MeshError
+from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.contents import Contents
+from isomatch.surfaces.io._ply_attributes import Columns, read_columns, write_columns
 from isomatch.surfaces.io._ply_body import Table, read_tables
-from isomatch.surfaces.io._ply_header import read_header
-from isomatch.surfaces.io._polygons import triangulate
-from isomatch.surfaces.io._text import format_rows, is_whole
+from isomatch.surfaces.io._ply_header import Header, Property, read_header
+from isomatch.surfaces.io._ply_rows import Cells, cells, holds, write_rows
+from isomatch.surfaces.io._text import is_whole
 from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces.polygons import Polygons, triangulate
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
-_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+
+
+@dataclass(frozen=True)
+class PlyDocument:
+    """What a PLY file holds beside points, polygons and attributes, and how it is written."""
+
+    byte_order: str = "<"
+    comments: tuple[str, ...] = ()
+    positions: str = "double"
+    index_list: str = "vertex_indices"
+    vertex: Columns = field(default_factory=Columns)
+    face: Columns = field(default_factory=Columns)
+    elements: tuple[tuple[str, tuple[Cells, ...], int], ...] = ()
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read a PLY file; properties and elements other than positions and faces are ignored."""
-    tables = read_tables(data, name, read_header(data, name))
+    tables = _tables(data, name, read_header(data, name))
+    return Mesh(_positions(tables, name), triangulate(*_polygons(tables, name)))
+
+
+def read_contents(data: bytes, name: str) -> Contents:
+    """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
+    header = read_header(data, name)
+    tables = _tables(data, name, header)
+    points, (corners, sizes) = _positions(tables, name), _polygons(tables, name)
+    by_name = {element.name: element for element in header.elements}
+    vertex = read_columns(by_name["vertex"], tables["vertex"], "point", "xyz", sizes)
+    face = Columns()
+    index_list = PlyDocument.index_list
+    if "face" in by_name:
+        index_list = next(key for key in _INDEX_LISTS if key in tables["face"].columns)
+        face = read_columns(by_name["face"], tables["face"], "face", [index_list], sizes)
+    others = tuple(
+        (
+            element.name,
+            tuple(
+                Cells(each, column.values.ravel(), column.counts if each.count_type else None)
+                for each in element.properties
+                for column in [tables[element.name].columns[each.name]]
+            ),
+            element.n_rows,
+        )
+        for element in header.elements
+        if element.name not in ("vertex", "face")
+    )
+    x = next(each for each in by_name["vertex"].properties if each.name == "x")
+    document = PlyDocument(
+        header.byte_order,
+        header.comments,
+        "float" if x.type.str[1:] == "f4" else "double",
+        index_list,
+        vertex,
+        face,
+        others,
+    )
+    return Contents(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether PLY has a place for an attribute: a property, or a list of numbers of the corners of each face."""
+    return holds(attribute.coded.values) and (
+        attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
+    )
+
+
+def write(contents: Contents, binary: bool | None = None) -> bytes:
+    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
+    document = contents.document if isinstance(contents.document, PlyDocument) else PlyDocument()
+    byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
+    polygons = contents.polygons
+    if np.abs(polygons.corners).max(initial=0) >= 2**31:
+        raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
+    kind = np.dtype("f4" if document.positions == "float" else "f8")
+    lists = cells(document.index_list, polygons.corners.astype(np.int32), polygons.sizes)
+    elements = [
+        (
+            "vertex",
+            (
+                *(Cells(Property(axis, kind), contents.points[:, i]) for i, axis in enumerate("xyz")),
+                *write_columns(contents.attributes, "point", document.vertex.names, polygons.sizes),
+                *document.vertex.others,
+            ),
+            len(contents.points),
+        ),
+        (
+            "face",
+            (
+                lists,
+                *write_columns(contents.attributes, "face", document.face.names, polygons.sizes),
+                *document.face.others,
+            ),
+            len(polygons),
+        ),
+        *document.elements,
+    ]
+    encoding = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[byte_order]
+    header = ["ply", f"format {encoding} 1.0", *document.comments]
+    for name, columns, n_rows in elements:
+        header += [f"element {name} {n_rows}", *(column.declaration for column in columns)]
+    body = [write_rows(list(columns), n_rows, byte_order) for _, columns, n_rows in elements]
+    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
+
+
+def _tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
+    tables = read_tables(data, name, header)
     if "tristrips" in tables:
         raise FormatError(
             f"{name}:1: expected triangles in element 'face', found 'tristrips'; export faces instead"
         )
-    vertices = _positions(tables, name)
-    if "face" not in tables:
-        return Mesh(vertices, np.zeros((0, 3), dtype=np.int64))
-    return Mesh(vertices, _triangles(tables["face"], name))
-
-
-def write(mesh: Mesh, binary: bool = True, colors: NDArray[np.uint8] | None = None) -> bytes:
-    """Write a PLY file, binary (little endian) or text, with positions in double precision."""
-    if mesh.n_faces and np.abs(mesh.faces).max() >= 2**31:
-        raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
-    header = "\n".join(
-        [
-            "ply",
-            f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
-            f"element vertex {mesh.n_vertices}",
-            *(f"property double {axis}" for axis in "xyz"),
-            *(f"property uchar {color}" for color in ("red", "green", "blue") if colors is not None),
-            f"element face {mesh.n_faces}",
-            "property list uchar int vertex_indices",
-            "end_header\n",
-        ]
-    ).encode()
-    return header + (_binary_body(mesh, colors) if binary else _text_body(mesh, colors))
+    return tables
 
 
 def _positions(tables: dict[str, Table], name: str) -> FloatArray:
@@ -60,7 +143,11 @@ def _positions(tables: dict[str, Table], name: str) -> FloatArray:
     return np.stack([columns[axis].values.ravel() for axis in "xyz"], axis=1, dtype=np.float64)
 
 
-def _triangles(table: Table, name: str) -> IntArray:
+def _polygons(tables: dict[str, Table], name: str) -> tuple[IntArray, IntArray]:
+    """Read the corners of all faces, concatenated, and the number of corners of each."""
+    if "face" not in tables:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    table = tables["face"]
     lists = [table.columns[key] for key in _INDEX_LISTS if key in table.columns]
     if not lists:
         raise FormatError(
@@ -73,7 +160,7 @@ def _triangles(table: Table, name: str) -> IntArray:
         whole = np.logical_and.reduceat(is_whole(corners), np.cumsum(counts) - counts)
         _require(whole, table, "whole vertex indices")
         corners = corners.astype(np.int64)
-    return triangulate(corners, counts)
+    return corners, counts
 
 
 def _require(good: AnyArray, table: Table, expected: str) -> None:
@@ -82,23 +169,3 @@ def _require(good: AnyArray, table: Table, expected: str) -> None:
         raise FormatError(
             f"{table.place(row)}: expected {expected}, face {row} has none; export the file again"
         )
-
-
-def _binary_body(mesh: Mesh, colors: NDArray[np.uint8] | None) -> bytes:
-    vertices = np.zeros(
-        mesh.n_vertices, [("position", "<f8", 3), ("color", "u1", 0 if colors is None else 3)]
-    )
-    vertices["position"] = mesh.vertices
-    if colors is not None:
-        vertices["color"] = colors
-    faces = np.zeros(mesh.n_faces, _FACE)
-    faces["count"], faces["corners"] = 3, mesh.faces
-    return vertices.tobytes() + faces.tobytes()
-
-
-def _text_body(mesh: Mesh, colors: NDArray[np.uint8] | None) -> bytes:
-    if colors is None:
-        vertices = format_rows("%r %r %r\n", mesh.vertices)
-    else:
-        vertices = format_rows("%r %r %r %d %d %d\n", np.hstack([mesh.vertices, colors]))
-    return vertices + format_rows("3 %d %d %d\n", mesh.faces)

@@ -7,6 +7,7 @@ import numpy as np
 from isomatch._arrays import FloatArray
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces._coincident import first_equal
+from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io._text import TextLines, format_rows, read_lines
 from isomatch.surfaces.mesh import Mesh
 
@@ -42,8 +43,9 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(points[is_first], (np.cumsum(is_first) - 1)[first].reshape(-1, 3))
 
 
-def write(mesh: Mesh, binary: bool = True) -> bytes:
+def write(contents: Contents, binary: bool = True) -> bytes:
     """Write an STL file, binary in single precision, or text with all digits."""
+    mesh = Mesh(contents.points, contents.polygons.triangles)
     corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)

@@ -1,0 +1,97 @@
+"""Files of maps: all arrays in an ``.npz`` file, or the vertices alone in a text."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from isomatch._array_file import FIRST_VERSION, ArrayFormat, Stored, require_known_version, save_arrays
+from isomatch._files import opened, read_integers, replaced
+from isomatch.errors import FormatError
+
+DIRECTION = "source -> target"
+FORMAT = ArrayFormat(
+    what="a map",
+    writer="Correspondence.save",
+    version=1,  # raise it when earlier versions of isomatch could not read the files
+    arrays={
+        "direction": Stored("text", group="direction"),
+        "n_target": Stored("integer", group="n_target"),
+        "vertices": Stored("integer", ("n",)),
+        "faces": Stored("integer", ("n", 3), group="precise"),
+        "barycentric": Stored("float", ("n", 3), group="precise"),
+        "source_hash": Stored("text", group="source_hash"),
+        "target_hash": Stored("text", group="target_hash"),
+    },
+)
+
+_HEADER = re.compile(
+    r"# isomatch map(?:, format version (?P<version>[0-9]{1,9}))?,.*\n"
+    r"# (?P<n_source>[0-9]{1,18}) source vertices, (?P<n_target>[0-9]{1,18}) target vertices"
+    r"(?:.*\n#.*\n# source hash (?P<source_hash>\w+), target hash (?P<target_hash>\w+))?"
+)
+LONGEST_HEADER = 1000  # bytes of a text
+_LINES = "write one 0-based target vertex on each line, -1 where unmatched"
+
+
+def write_map(path: Path, parts: dict[str, Any]) -> None:
+    """Write the parts of a map, by name; an empty hash is left out."""
+    parts = {name: part for name, part in parts.items() if not isinstance(part, str) or part}
+    if path.suffix == ".npz":
+        save_arrays(path, FORMAT.version, {"direction": np.array(DIRECTION), **parts}, compressed=True)
+        return
+    header = (
+        f"isomatch map, format version {FORMAT.version}, {DIRECTION}\n"
+        f"{len(parts['vertices'])} source vertices, {parts['n_target']} target vertices\n"
+        "line i (from 0): 0-based target vertex of source vertex i, -1 if unmatched"
+    )
+    if "source_hash" in parts and "target_hash" in parts:
+        header += f"\nsource hash {parts['source_hash']}, target hash {parts['target_hash']}"
+    with replaced(path) as file:
+        np.savetxt(file, parts["vertices"], fmt="%d", header=header)
+
+
+def read_map(path: Path, n_target: int | None) -> dict[str, Any]:
+    """Read the parts of a map, by name; `FormatError` if it is one onto another number of target vertices."""
+    stored, parts = _read_arrays(path) if path.suffix == ".npz" else _read_text(path)
+    if stored is None:
+        stored = int(parts["vertices"].max(initial=-1)) + 1 if n_target is None else n_target
+    elif n_target not in (None, stored):
+        raise FormatError(
+            f"{path}: is a map onto a target of {stored} vertices, not {n_target}; give the map of these two shapes"
+        )
+    return {"n_target": stored, **parts}
+
+
+def _read_arrays(path: Path) -> tuple[int | None, dict[str, Any]]:
+    """Read the number of target vertices, if the file has it, and the arrays of a map from an ``.npz`` file."""
+    arrays = FORMAT.read(path)
+    if arrays.pop("direction", DIRECTION) != DIRECTION:
+        raise FormatError(f"{path}: does not map {DIRECTION}; exchange the shapes, or give another map")
+    n_target = arrays.pop("n_target", None)
+    return None if n_target is None else int(n_target), arrays
+
+
+def _read_text(path: Path) -> tuple[int | None, dict[str, Any]]:
+    """Read the number of target vertices, if the header has it, and the vertices of a map from a text file."""
+    with opened(path) as file:
+        header = _HEADER.match(file.read(LONGEST_HEADER).decode("utf-8-sig", errors="replace"))
+    if header:
+        require_known_version(path, int(header["version"] or FIRST_VERSION), FORMAT.version)
+
+    def refuse(number: int, line: str) -> NoReturn:
+        raise FormatError(f"{path}:{number}: {line[:40]!r} is not a target vertex; {_LINES}")
+
+    image = read_integers(path, 1, refuse)[:, 0]
+    if header and len(image) != int(header["n_source"]):
+        raise FormatError(
+            f"{path}: {len(image)} lines for the {header['n_source']} source vertices of its header; "
+            "it is cut short or was edited, copy it again or remove the header"
+        )
+    if not (header or len(image)):
+        raise FormatError(f"{path}: no target vertices; {_LINES}")
+    hashes = {name: header[name] or "" for name in ("source_hash", "target_hash")} if header else {}
+    return int(header["n_target"]) if header else None, {"vertices": image, **hashes}
