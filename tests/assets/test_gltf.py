@@ -94,6 +94,15 @@ def test_attributes_of_some_parts_only(path):
     np.testing.assert_array_equal(weights.dense_weights[4:6], [[0, 1], [0.5, 0.5]])
 
 
+def test_parts_without_colours_are_white(tmp_path):
+    gltf = scene()
+    gltf.json["meshes"][1]["primitives"][0]["attributes"]["COLOR_0"] = gltf.add_array(
+        np.full((4, 4), 10, np.uint8), normalized=True
+    )
+    (tmp_path / "a.glb").write_bytes(packed(gltf, binary=True))
+    assert read_asset(tmp_path / "a.glb").attribute("color").values[[0, 4]].tolist() == [[255] * 4, [10] * 4]
+
+
 def test_a_file_written_again_is_the_same(path, tmp_path):
     again = tmp_path / "again.glb"
     assert write_asset(again, read_asset(path)) == ()
