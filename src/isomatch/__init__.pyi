@@ -42,6 +42,7 @@ from isomatch.surfaces import (
     repair,
     write_mesh,
 )
+from isomatch.transfer import carry_attributes
 
 __version__: str
 
@@ -75,6 +76,7 @@ __all__ = [
     "SettingError",
     "UnwritableFileError",
     "canonical_form",
+    "carry_attributes",
     "check",
     "distance_basis",
     "distance_engine",

@@ -19,6 +19,7 @@ from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
 from isomatch.cli.terminal import print_anything, printable
+from isomatch.cli.transfer import transfer
 from isomatch.errors import IsomatchError
 
 __all__ = ["main"]
@@ -34,7 +35,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, basis, distance, check, repair, demo, bench, paper, info):
+for each in (match, transfer, basis, distance, check, repair, demo, bench, paper, info):
     app.command(each)
 
 
