@@ -7,7 +7,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, Wrapped, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -75,6 +75,7 @@ __all__ = [
     "Quality",
     "SettingError",
     "UnwritableFileError",
+    "Wrapped",
     "canonical_form",
     "carry_attributes",
     "check",
@@ -92,6 +93,7 @@ __all__ = [
     "read_point_cloud",
     "repair",
     "wave_kernel_signature",
+    "wrap",
     "write_asset",
     "write_mesh",
 ]

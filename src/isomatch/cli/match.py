@@ -10,7 +10,14 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
-from isomatch.cli.outputs import ResultFolder, say_files, say_result
+from isomatch.cli.outputs import (
+    ResultFolder,
+    claimed_files,
+    say_files,
+    say_result,
+    say_wrapped,
+    write_wrapped,
+)
 from isomatch.cli.terminal import progress, say_json
 from isomatch.matching import Orientation, Refinement, Resolution, Start
 
@@ -29,6 +36,7 @@ def match(
     resolution: Resolution | None = None,
     config: Path | None = None,
     seed: int = 0,
+    as_mesh: Path | None = None,
     json: bool = False,
     force: bool = False,
 ) -> None:
@@ -59,6 +67,8 @@ def match(
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
     seed : int
         Seed of the sampling and of the eigensolver.
+    as_mesh : Path
+        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target.
     json : bool
         Print a single JSON object and nothing else.
     force : bool
@@ -78,11 +88,16 @@ def match(
         stage("reading")
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
-        with folder.claimed(force):
+        with folder.claimed(force), claimed_files(as_mesh, force=force):
             with naming_files(source=source, target=target):
                 result = isomatch.match(
                     *shapes, landmarks=pairs, initial_map=first, config=settings, seed=seed, progress=stage
                 )
+            shared = None
+            if as_mesh is not None:
+                stage("mending the mesh")
+                wrapped = isomatch.wrap(result.map, *shapes)
+                shared = write_wrapped(as_mesh, source, wrapped)
             stage("writing")
             given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
             record = folder.write(
@@ -91,10 +106,16 @@ def match(
                 names=(source.name, target.name),
                 titles=(f"source: {source.name}", f"target: {target.name}"),
                 facts={what: str(path) for what, path in given.items() if path is not None},
-                more={"source": str(source), "target": str(target)},
+                more={
+                    "source": str(source),
+                    "target": str(target),
+                    **({"as_mesh": shared} if shared else {}),
+                },
             )
     if json:
         say_json(record)
         return
     say_result(result)
+    if shared:
+        say_wrapped(shared)
     say_files(folder.files)

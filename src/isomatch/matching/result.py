@@ -10,8 +10,9 @@ from functools import partial
 from typing import Any
 
 from isomatch._cached import cached_property
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, wrap
 from isomatch.matching.config import MatchSettings
+from isomatch.surfaces import Mesh, SurfaceLike
 
 
 class Outcome(Enum):
@@ -192,6 +193,21 @@ class MatchResult:
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
+
+    def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
+        """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
+
+        Parameters
+        ----------
+        source, target : Mesh, or what `mesh_from` takes
+            The surfaces that were matched.
+
+        Raises
+        ------
+        MapError
+            If they are others.
+        """
+        return wrap(self.map, source, target).mesh
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch._cached import cached_property
 from isomatch.assets import Asset
-from isomatch.correspondence import UNMATCHED, Correspondence
+from isomatch.correspondence import UNMATCHED, Correspondence, welded_map
 from isomatch.errors import MeshError
 from isomatch.surfaces import Attribute, Mesh, PrecisePoints
 
@@ -89,7 +89,7 @@ class Bridge:
                     f"{name}: has no polygons, and values are carried between surfaces; give a mesh"
                 )
         given.check_fits(*(_mapped(asset, n) for asset, n in zip((source, target), given.shape)))
-        found = _between_meshes(given, source, target)
+        found = welded_map(given, *(_vertices(asset, n) for asset, n in zip((source, target), given.shape)))
         if to_source:
             return cls(found, source, target)
         return cls(found.reversed(source.mesh, target.mesh), target, source)
@@ -171,27 +171,18 @@ def rows_of_corners(asset: Asset, attribute: Attribute) -> IntArray:
 
 def _mapped(asset: Asset, n: int) -> Mesh:
     """Return the mesh that a map of n vertices refers to: a vertex for each point of the file, or the welded one."""
-    if n == asset.mesh.n_vertices and n != len(asset.points):
+    if _is_welded(asset, n):
         return asset.mesh
     return Mesh(asset.placed_points, asset.polygons.triangles)
 
 
-def _between_meshes(given: Correspondence, source: Asset, target: Asset) -> Correspondence:
-    """Weld both ends; a vertex has the image of the first of its points that has one."""
-    n_source, n_target = given.shape
-    from_vertex = source.vertex_of_point if n_source == len(source.points) else np.arange(n_source)
-    to_vertex = target.vertex_of_point if n_target == len(target.points) else np.arange(n_target)
-    matched_first = np.argsort(~given.matched, kind="stable")
-    rows = matched_first[np.unique(from_vertex[matched_first], return_index=True)[1]]
-    with_none = np.append(to_vertex, UNMATCHED)
-    return Correspondence(
-        with_none[given.vertices[rows]],
-        target.mesh.n_vertices,
-        with_none[given.faces[rows]],
-        given.barycentric[rows],
-        source.mesh.content_hash,
-        target.mesh.content_hash,
-    )
+def _vertices(asset: Asset, n: int) -> IntArray:
+    """Return the vertex of the welded mesh for each of the n vertices of a map."""
+    return np.arange(n) if _is_welded(asset, n) else asset.vertex_of_point
+
+
+def _is_welded(asset: Asset, n: int) -> bool:
+    return n == asset.mesh.n_vertices and n != len(asset.points)
 
 
 def _keys(triples: IntArray, n: int) -> IntArray:
