@@ -10,8 +10,8 @@ import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
-    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_limits",
-    "_memory", "_renamed", "_settings", "_threads",
+    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
+    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}
@@ -40,7 +40,7 @@ MAY_IMPORT = {
     "paper": EVALUATION | {"view", "paper", "__init__"},
     "cli": EVALUATION | TRANSFER | {"view", "paper", "cli", "__init__"},
     "__init__": TRANSFER,
-    "__main__": {"cli"},
+    "__main__": {"_files", "cli"},
 }
 
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])

@@ -30,7 +30,20 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
+from isomatch.matching import (
+    BothDirections,
+    Config,
+    MatchResult,
+    Outcome,
+    PreparedShape,
+    Quality,
+    match,
+    match_both,
+    nearest_landmarks,
+    prepare,
+    read_landmarks,
+    show_progress,
+)
 from isomatch.surfaces import (
     Graph,
     Mesh,
@@ -48,6 +61,7 @@ __version__: str
 
 __all__ = [
     "Asset",
+    "BothDirections",
     "CanonicalForm",
     "Config",
     "Correspondence",
@@ -87,11 +101,15 @@ __all__ = [
     "heat_kernel_signature",
     "laplace_basis",
     "match",
+    "match_both",
+    "nearest_landmarks",
     "prepare",
     "read_asset",
+    "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "show_progress",
     "wave_kernel_signature",
     "wrap",
     "write_asset",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 import isomatch
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
-from isomatch.cli.terminal import say, say_json
+from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.transfer import Labelling, Side
 
 
@@ -24,8 +24,8 @@ def transfer(
     data: str = "all",
     to: Side = "source",
     labels: Labelling = "nearest",
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Carry what one file holds to the other: labels, colours, scalars, textures, normals, skinning weights.
 
@@ -49,37 +49,40 @@ def transfer(
         Which of the two receives: source (default) or target.
     labels : str
         Labels of points: nearest (default), or majority of the area around each.
-    json : bool
-        Print a single JSON object and nothing else.
     force : bool
-        Replace existing files.
+        Replace an existing file.
+    talk : Talk
+        What is told.
     """
-    with claimed_files(output, force=force):
+    with talk.progress() as tell, claimed_files(output, force=force):
+        tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
         found = isomatch.Correspondence.load(map_file, n_target)
         words = [word.strip() for word in data.split(",")]
+        tell("carrying", 0.3)
         with naming_files(source=source, target=target):
             carried = isomatch.carry_attributes(found, *assets, words, to=to, labels=labels)
+        tell("writing", 0.8)
         left = [attribute.name for attribute in isomatch.write_asset(output, carried.asset)]
-    if json:
-        say_json(
-            {
-                "output": str(output),
-                "to": to,
-                "carried": [name for name in carried.names if name not in left],
-                "left_out": left,
-                "n_unmatched": carried.unmatched,
-                "n_across_seams": carried.across_seams,
-            }
-        )
-        return
-    kept = [name for name in carried.names if name not in left]
-    say(f"carried to the {to}: {', '.join(kept) or 'nothing'}")
-    if left:
-        say(f"a {output.suffix} file has no place for {', '.join(left)}")
-    if carried.unmatched:
-        say(f"{carried.unmatched} vertices are unmatched and have no value")
-    if carried.across_seams:
-        say(f"{carried.across_seams} faces lie across a seam of the texture and were kept on one side")
-    say(f"wrote {output}")
+        tell("done", 1.0)
+    record = {
+        "output": str(output),
+        "to": to,
+        "carried": [name for name in carried.names if name not in left],
+        "left_out": left,
+        "n_unmatched": carried.unmatched,
+        "n_across_seams": carried.across_seams,
+    }
+    talk.result(record, lambda: _summary(record, output.suffix))
+
+
+def _summary(record: dict[str, Any], suffix: str) -> None:
+    say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
+    if record["left_out"]:
+        say(f"a {suffix} file has no place for {', '.join(record['left_out'])}")
+    if record["n_unmatched"]:
+        say(f"{record['n_unmatched']} vertices are unmatched and have no value")
+    if record["n_across_seams"]:
+        say(f"{record['n_across_seams']} faces lie across a seam of the texture and were kept on one side")
+    say(f"wrote {record['output']}")

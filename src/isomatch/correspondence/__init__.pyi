@@ -7,6 +7,7 @@ from isomatch.correspondence.alignment import (
 from isomatch.correspondence.correspondence import UNMATCHED, Correspondence
 from isomatch.correspondence.functional_maps import (
     Embedding,
+    FunctionalMap,
     SampledBasis,
     SpectralPair,
     fit_functional_map,
@@ -45,6 +46,7 @@ __all__ = [
     "Alignment",
     "Correspondence",
     "Embedding",
+    "FunctionalMap",
     "IntervalCost",
     "PrecisePoints",
     "SampledBasis",

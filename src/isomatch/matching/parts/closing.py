@@ -94,14 +94,13 @@ class ClosedMatch:
 
 
 def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatch | None:
-    """Match two shapes with all their holes closed, by what is known of landmarks; None if no map was found."""
+    """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
     source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
-    none = np.zeros((0, 2), dtype=np.int64)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, pair.config)
-    closed = Hints(hints.landmarks, none, nothing, given=hints.given)
+    closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
     try:
         return ClosedMatch(pair, match_complete(capped, closed, timer))
     except NotConvergedError:

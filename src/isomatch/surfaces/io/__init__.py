@@ -3,9 +3,11 @@
 from isomatch.surfaces.io._by_suffix import (
     FORMATS,
     MeshFormat,
+    read_attributes,
     read_contents,
     read_mesh,
     read_point_cloud,
+    write_attribute,
     write_contents,
     write_mesh,
 )
@@ -13,9 +15,11 @@ from isomatch.surfaces.io._by_suffix import (
 __all__ = [
     "FORMATS",
     "MeshFormat",
+    "read_attributes",
     "read_contents",
     "read_mesh",
     "read_point_cloud",
+    "write_attribute",
     "write_contents",
     "write_mesh",
 ]

@@ -15,10 +15,10 @@ from isomatch._files import opened, replaced
 from isomatch.errors import DescriptorError, FormatError, InputError
 from isomatch.surfaces.attribute import Attribute
 from isomatch.surfaces.contents import Contents
-from isomatch.surfaces.io import gltf, obj, off, ply, stl
-from isomatch.surfaces.io._seams import merged_corners
+from isomatch.surfaces.io import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.point_cloud import PointCloud
+from isomatch.surfaces.seams import merged_corners
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,19 @@ class MeshFormat:
     single: frozenset[str] = frozenset()
 
 
-def _surface_of(read_contents: Callable[[bytes, str], Contents]) -> Callable[[bytes, str], Mesh]:
+def _with_attributes(
+    read_contents: Callable[[bytes, str], Contents],
+    write: Callable[..., bytes],
+    keeps: Callable[[Attribute], bool] = lambda attribute: False,
+    options: frozenset[str] = frozenset(),
+) -> MeshFormat:
+    """Make a format whose meshes are read with all that the file holds."""
+
     def read(data: bytes, name: str) -> Mesh:
         contents = read_contents(data, name)
         return Mesh(contents.placed_points, contents.polygons.triangles)
 
-    return read
+    return MeshFormat(read, write, options, read_contents, keeps)
 
 
 _BINARY = frozenset({"binary"})
@@ -76,14 +83,23 @@ FORMATS: dict[str, MeshFormat] = {
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY),
-    ".glb": MeshFormat(
-        _surface_of(gltf.read_contents), gltf.write_glb, read_contents=gltf.read_contents, keeps=gltf.keeps
-    ),
-    ".gltf": MeshFormat(
-        _surface_of(gltf.read_contents), gltf.write_gltf, read_contents=gltf.read_contents, keeps=gltf.keeps
-    ),
+    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps),
+    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps),
+    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
+    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
+    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
+    ".gii": _with_attributes(gifti.read_contents, gifti.write, gifti.keeps),
+    **dict.fromkeys(freesurfer.SURFACES, _with_attributes(freesurfer.read_contents, freesurfer.write)),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
+
+
+ATTRIBUTE_FORMATS: dict[str, tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]] = {
+    ".gii": (gifti.read_attributes, gifti.write_attribute),
+    ".annot": (freesurfer.read_attributes, freesurfer.write_attribute),
+    **dict.fromkeys(freesurfer.VALUES, (freesurfer.read_attributes, freesurfer.write_attribute)),
+}
+"""How files of each suffix are read and written that hold values on points but no surface."""
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -292,6 +308,64 @@ def write_contents(
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def read_attributes(path: str | os.PathLike[str]) -> tuple[Attribute, ...]:
+    """Read values on points from a file that holds no surface, or besides one.
+
+    Parameters
+    ----------
+    path : path_like
+        GIFTI (``.shape.gii``, ``.func.gii``, ``.label.gii``) or a FreeSurfer annotation or curvature (``lh.aparc.annot``,
+        ``lh.curv``, ``lh.sulc``, ``lh.thickness``).
+
+    Returns
+    -------
+    tuple of Attribute
+        Labels with names and colours, scalars or vectors, one row for each point of the surface they belong to.
+
+    Raises
+    ------
+    FormatError, MissingDependencyError
+        As `read_mesh`.
+    """
+    path = Path(path)
+    read, _ = _attribute_format_of(path)
+    with opened(path) as file:
+        return read(file.read(), str(path))
+
+
+def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
+    """Write values on points to a file of their own, see `read_attributes`; an existing file is replaced.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is unknown, or its format has no place for the attribute: GIFTI has none for skinning weights and
+        for values of corners and faces, FreeSurfer but for labels (``.annot``) and scalars.
+    """
+    path = Path(path)
+    _, write = _attribute_format_of(path)
+    if path.suffix == ".gii":
+        fits = gifti.keeps(attribute)
+    else:
+        fits = attribute.domain == "point" and attribute.kind == (
+            "label" if path.suffix == ".annot" else "scalar"
+        )
+    if not fits:
+        raise FormatError(f"{path}: {attribute!r} has no place in a {path.suffix} file")
+    data = write(attribute)
+    with replaced(path) as file:
+        file.write(data)
+
+
+def _attribute_format_of(
+    path: Path,
+) -> tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]:
+    try:
+        return ATTRIBUTE_FORMATS[path.suffix.lower()]
+    except KeyError:
+        raise FormatError(f"{path}: no format of values; use one of {', '.join(ATTRIBUTE_FORMATS)}") from None
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

@@ -14,9 +14,9 @@ from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.surfaces.attribute import Attribute, Kind, guessed_kind
 from isomatch.surfaces.contents import Contents, Part
 from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
-from isomatch.surfaces.io._libraries import reading
-from isomatch.surfaces.io._seams import split_at_seams
+from isomatch.surfaces.io._reading import reading
 from isomatch.surfaces.polygons import Polygons
+from isomatch.surfaces.seams import split_at_seams
 
 Matrix = tuple[tuple[float, ...], ...]
 TRIANGLES, STRIP, FAN = 4, 5, 6
