@@ -20,6 +20,7 @@ BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
 CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
 MATCHING = CORRESPONDENCE | {"matching"}
+TRANSFER = MATCHING | {"assets", "transfer"}
 EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 
 MAY_IMPORT = {
@@ -32,13 +33,14 @@ MAY_IMPORT = {
     "descriptors": DESCRIPTORS,
     "correspondence": CORRESPONDENCE,
     "matching": MATCHING,
+    "transfer": TRANSFER,
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
     "collections": MATCHING | {"assets", "view", "collections"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"assets", "collections", "view", "paper", "cli", "__init__"},
-    "__init__": MATCHING | {"assets", "collections"},
+    "cli": EVALUATION | TRANSFER | {"collections", "view", "paper", "cli", "__init__"},
+    "__init__": TRANSFER | {"collections"},
     "__main__": {"_files", "cli"},
 }
 

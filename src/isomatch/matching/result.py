@@ -18,10 +18,10 @@ from isomatch._array_file import ArrayFormat, Stored, save_arrays
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
 from isomatch.bases import LaplaceBasis
-from isomatch.correspondence import Correspondence, FunctionalMap
+from isomatch.correspondence import Correspondence, FunctionalMap, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
-from isomatch.surfaces import SurfaceLike
+from isomatch.surfaces import Mesh, SurfaceLike
 
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
@@ -238,6 +238,21 @@ class MatchResult:
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
+
+    def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
+        """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
+
+        Parameters
+        ----------
+        source, target : Mesh, or what `mesh_from` takes
+            The surfaces that were matched.
+
+        Raises
+        ------
+        MapError
+            If they are others.
+        """
+        return wrap(self.map, source, target).mesh
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, the maps of the alternatives too; `Correspondence.load` reads its map.
