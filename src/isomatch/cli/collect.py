@@ -78,8 +78,8 @@ def run(
             what = "prepared" if event.what == "shape" else "matched"
             tell(f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of)
         if part[1] == 1:
-            tell("writing", 1.0)
-            finish(collection)
+            for line in finish(collection, executor, jobs):
+                tell(f"written in the topology of the template: {line['name']}", 1.0)
     talk.result(_status(collection), lambda: _say_status(collection))
 
 

@@ -156,6 +156,10 @@ class Collection:
         """Names of the shapes."""
         return [entry.name for entry in self.shapes]
 
+    def path_of(self, name: str) -> Path:
+        """Return the file of a shape."""
+        return next(entry.path for entry in self.shapes if entry.name == name)
+
     def rows(self) -> Rows:
         """Return what is known so far, from the ledgers of all shards, also while they are written."""
         return read_ledgers(self.layout.ledgers())

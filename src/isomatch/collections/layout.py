@@ -37,6 +37,11 @@ class Layout:
         return self.folder / "pairs.csv"
 
     @property
+    def shapes_table(self) -> Path:
+        """One line for each shape in the topology of the template."""
+        return self.folder / "shapes.csv"
+
+    @property
     def page(self) -> Path:
         """The page to look at."""
         return self.folder / "index.html"
