@@ -35,8 +35,9 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
+    "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"assets", "view", "paper", "cli", "__init__"},
+    "cli": EVALUATION | {"assets", "view", "statistics", "paper", "cli", "__init__"},
     "__init__": MATCHING | {"assets"},
     "__main__": {"cli"},
 }

@@ -1,6 +1,7 @@
 from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import position_colours
 from isomatch.view.measures import Measure, quality_measures
+from isomatch.view.panels import arranged_panels, colour_scale
 from isomatch.view.report import write_report
 from isomatch.view.stills import ValuePanel, draw_map
 from isomatch.view.surface_image import surface_image
@@ -8,7 +9,9 @@ from isomatch.view.surface_image import surface_image
 __all__ = [
     "Measure",
     "ValuePanel",
+    "arranged_panels",
     "camera_of",
+    "colour_scale",
     "draw_map",
     "position_colours",
     "quality_measures",
