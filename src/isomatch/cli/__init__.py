@@ -18,6 +18,7 @@ from isomatch.cli.info import info
 from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
+from isomatch.cli.statistics import statistics
 from isomatch.cli.terminal import print_anything, printable
 from isomatch.errors import IsomatchError
 
@@ -34,7 +35,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, basis, distance, check, repair, demo, bench, paper, info):
+for each in (match, basis, distance, check, repair, statistics, demo, bench, paper, info):
     app.command(each)
 
 

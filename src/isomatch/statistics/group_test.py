@@ -91,7 +91,8 @@ def group_test(
     -----
     With the total scatter S of all shapes about their mean and the difference d of the group means,
     T² = (m − 2) q / (1 − q) where q = (m₁ m₂ / m) dᵀ S⁻¹ d. S is the same for all labels, so a permutation needs one
-    product with the whitened positions: O(n_permutations m n) time. Where the vertices vary in fewer than three directions, only these are tested.
+    product with the whitened positions: O(n_permutations m n) time. Where a vertex varies in fewer than three
+    directions, only these are tested.
 
     Examples
     --------

@@ -197,6 +197,11 @@ class ShapeModel:
         """(n,) variance of each vertex, the sum over its three coordinates; their weighted mean is the total variance."""
         return np.asarray(np.einsum("k,kij,kij->i", self.variances, self.modes, self.modes))
 
+    @property
+    def aligned(self) -> FloatArray:
+        """(m, n, 3) the shapes of the model, moved onto their mean."""
+        return np.asarray(self.mean + np.tensordot(self.scores, self.modes, 1))
+
     def vertices(self, scores: ArrayLike) -> FloatArray:
         """Return the shape (n, 3) with given scores along the first modes; further ones are 0.
 
