@@ -66,7 +66,7 @@ def geodesic_distortions(
         raise SettingError(f"n_samples = {n_samples} is not at least 1")
     shares = shapes.area_weights
     used = np.flatnonzero(shares > 0)
-    points = generalised_procrustes(shapes.vertices, shares).mean[used]
+    points = generalised_procrustes(shapes.vertices, shares, "remove").mean[used]
     start = int(np.linalg.norm(points - shares[used] @ points, axis=1).argmax())
     samples = used[euclidean_farthest_points(points, min(n_samples, len(used)), start)]
     columns = []

@@ -57,9 +57,7 @@ class CorrespondedShapes:
                 "a row x, y, z for each vertex of each named shape"
             )
         if not len(vertices):
-            raise MeshError(
-                f"no shapes{''.join(f'; {reason}' for reason in self.left_out)}; give at least one"
-            )
+            raise MeshError("no shapes; give at least one")
         twice = [name for name, count in Counter(self.names).items() if count > 1]
         if twice:
             raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
@@ -111,9 +109,10 @@ class CorrespondedShapes:
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
             else:
                 kept[name] = mesh
-        faces = next(iter(kept.values())).faces if kept else np.zeros((0, 3), dtype=np.int64)
-        positions = np.array([mesh.vertices for mesh in kept.values()]).reshape(len(kept), -1, 3)
-        return cls(tuple(kept), positions, faces, tuple(left_out))
+        if not kept:
+            raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
+        positions = np.array([mesh.vertices for mesh in kept.values()])
+        return cls(tuple(kept), positions, next(iter(kept.values())).faces, tuple(left_out))
 
     @property
     def n_vertices(self) -> int:
