@@ -16,6 +16,7 @@ from isomatch.datasets.shape_files import arrays, read_landmarks
 from isomatch.errors import FormatError, IsomatchError
 from isomatch.evaluation import read_published_curves
 from isomatch.geodesics import Sampling
+from isomatch.statistics import CorrespondedShapes, ShapeModel
 from zoo import grid
 
 BASIS = DistanceBasis(
@@ -28,6 +29,9 @@ BASIS = DistanceBasis(
     held_out=Sampling(np.array([1]), np.ones((1, 6))),
 )
 MAP = Correspondence([0, 3, -1, 2], 4, np.array([[0, 1, 2]] * 4), np.full((4, 3), 1 / 3))
+MODEL = ShapeModel.fit(
+    CorrespondedShapes(("a", "b"), [grid(3, 3).vertices, grid(3, 3).vertices ** 2], grid(3, 3).faces)
+)
 SHAPES = {
     "faces": grid(3, 3).faces,
     "cat0": grid(3, 3).vertices,
@@ -62,7 +66,14 @@ def use_map(found):
         found.reversed()
 
 
+def use_model(model):
+    with np.errstate(all="ignore"):
+        _ = model.variance_ratios, model.vertex_variances, model.aligned
+        model.mesh()
+
+
 LOADERS = {
+    "model": (ShapeModel.load, use_model),
     "basis": (DistanceBasis.load, use_basis),
     "map": (Correspondence.load, use_map),
     "shapes": (load_shapes, lambda loaded: None),
@@ -75,7 +86,7 @@ def seeds(tmp_path_factory):
     """The arrays of a sound file of each kind."""
     path = tmp_path_factory.mktemp("sound") / "file.npz"
     found = {"shapes": SHAPES, "curves": CURVES}
-    for kind, value in (("basis", BASIS), ("map", MAP)):
+    for kind, value in (("basis", BASIS), ("map", MAP), ("model", MODEL)):
         value.save(path)
         with np.load(path) as stored:
             found[kind] = dict(stored)

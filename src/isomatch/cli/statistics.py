@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,8 @@ from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import progress, say, say_json, say_table
 from isomatch.errors import FormatError, IsomatchError
+
+TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
 
 def statistics(
@@ -70,18 +73,35 @@ def statistics(
         stage("reading")
         shapes = shape_statistics.read_shapes(folder)
         labels = _read_groups(groups, shapes.names) if groups else {}
-        notes = [f"left out: {reason}" for reason in shapes.left_out]
+        notes = [f"left out: {reason}" for reason in shapes.left_out] + _doubts(
+            folder / "pairs.csv", shapes.names
+        )
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         stage("model")
         if mirror is not None:
             shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
         model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
+        scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
+        tested = _tested(model, labels, test, seed) if groups else None
+        unlabelled = [name for name in model.names if groups and name not in labels]
+        if unlabelled:
+            notes.append(f"without a group: {', '.join(unlabelled)}")
+        geodesic = shape_statistics.geodesic_distortions(
+            shapes, progress=lambda name: stage(f"distances of {name}")
+        )
+        share = shapes.area_weights if weights == "area" else None
+        procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
+        stage("writing")
+        into.clear()
         into.model(model, modes)
         into.quality(model, seed)
-        scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         if scored:
             into.scored(scored)
-        record: dict[str, Any] = {
+        if tested:
+            into.groups(model.mesh(), tested)
+        into.distances(shapes, geodesic, procrustes, labels)
+        notes += into.exports(shapes, model)
+        record = {
             "isomatch": isomatch.__version__,
             "folder": str(folder),
             "shapes": list(model.names),
@@ -94,24 +114,14 @@ def statistics(
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
             "scored": {name: each.error for name, each in scored.items()},
+            "groups": _summary(tested, model, test) if tested else None,
+            "notes": notes,
         }
-        if labels:
-            record["groups"] = _tested(into, model, labels, test, seed)
-            if unlabelled := [name for name in model.names if name not in labels]:
-                notes.append(f"without a group: {', '.join(unlabelled)}")
-        geodesic = shape_statistics.geodesic_distortions(
-            shapes, progress=lambda name: stage(f"distances of {name}")
-        )
-        share = shapes.area_weights if weights == "area" else None
-        procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
-        stage("writing")
-        into.distances(shapes, geodesic, procrustes, labels)
-        notes += into.exports(shapes, model)
-        into.finish(record | {"notes": notes})
+        into.finish(record)
     if json:
-        say_json({**record, "notes": notes, "output": str(output), "files": into.written})
+        say_json({**record, "output": str(output), "files": into.written})
         return
-    _say(model, record, notes)
+    _say(model, record)
     say(f"wrote {output}: {len(into.written)} files")
 
 
@@ -137,6 +147,18 @@ def _scored(
         raise type(error)(f"{name}: {error}") from error
 
 
+def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection rest on a map that may be wrong."""
+    if not pairs.is_file():
+        return []
+    outcomes: dict[str, set[str]] = {}
+    for row in csv.DictReader(StringIO(pairs.read_text(encoding="utf-8", errors="replace"))):
+        for end in ("source", "target"):
+            outcomes.setdefault(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
+    doubtful = {name: found for name in names if (found := outcomes.get(name)) and not found & TRUSTED}
+    return [f"{name} may be matched wrongly: {', '.join(sorted(found))}" for name, found in doubtful.items()]
+
+
 def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
     """Read the group of each shape; a first line ``name,group`` is a heading."""
     labels: dict[str, str] = {}
@@ -157,16 +179,19 @@ def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
 
 
 def _tested(
-    into: StatisticsFolder,
     model: shape_statistics.ShapeModel,
     labels: dict[str, str],
     method: Literal["permutation", "parametric"],
     seed: int,
-) -> dict[str, Any]:
+) -> shape_statistics.GroupTest:
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    test = shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed)
-    into.groups(model.mesh(), test)
+    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed)
+
+
+def _summary(
+    test: shape_statistics.GroupTest, model: shape_statistics.ShapeModel, method: str
+) -> dict[str, Any]:
     return {
         "names": list(test.groups),
         "counts": list(test.counts),
@@ -177,7 +202,7 @@ def _tested(
     }
 
 
-def _say(model: shape_statistics.ShapeModel, record: dict[str, Any], notes: list[str]) -> None:
+def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
     say(f"{model!r}, scale {record['scale']}")
     total = 0.0
     rows = []
@@ -189,10 +214,9 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any], notes: list
     say_table(rows)
     for name, error in record["scored"].items():
         say(f"{name}: error {error:.4g}")
-    if "groups" in record:
-        found = record["groups"]
+    if found := record["groups"]:
         one, two = (f"{name} ({count})" for name, count in zip(found["names"], found["counts"]))
         share = found["significant_share_of_area"]
         say(f"{one} and {two} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
-    for note in notes:
+    for note in record["notes"]:
         say(f"note: {note}")

@@ -38,14 +38,19 @@ class StatisticsFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
-        """Claim the folder; files of an earlier result, which has to be forced, are removed."""
+        """Create and claim the folder, see `isomatch._files.claimed`; an earlier result has to be forced."""
         self.folder.mkdir(parents=True, exist_ok=True)
         record = self.folder / RECORD
         with claimed(record, [] if force else [record]):
-            for name in _files_of(record):
-                (self.folder / name).unlink(missing_ok=True)
-            record.unlink(missing_ok=True)
             yield
+
+    def clear(self) -> None:
+        """Remove the files of an earlier result."""
+        record = self.folder / RECORD
+        listed = _files_of(record)
+        record.unlink(missing_ok=True)
+        for name in listed:
+            (self.folder / name).unlink(missing_ok=True)
 
     def path(self, name: str) -> Path:
         """Return the path of a file that is about to be written."""

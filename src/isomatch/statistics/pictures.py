@@ -208,7 +208,8 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    bar = figure.colorbar(ScalarMappable(Normalize(low, high), name), ax=axes, shrink=0.6, extend="max")
+    scale = ScalarMappable(Normalize(low, high), name)
+    bar = figure.colorbar(scale, ax=axes, shrink=0.6, extend="both" if low else "max")
     bar.set_label(label, size=7)
     bar.ax.tick_params(labelsize=7)
 
