@@ -104,6 +104,7 @@ def test_a_symmetric_shape_is_its_own_mirror_image():
     both = ShapeModel.fit(shapes.mirrored(exact_left_right(icosphere(2).vertices)))
     assert both.n_modes == 1
     np.testing.assert_allclose(both.scores[2:], both.scores[:2], atol=1e-9)
+    np.testing.assert_allclose(both.aligned[:2], shapes.vertices, atol=1e-9)
 
 
 def test_bad_left_right_maps():

@@ -209,7 +209,8 @@ def _add_bar(figure: Figure, axes: list[Axes], name: str, low: float, high: floa
     from matplotlib.colors import Normalize
 
     scale = ScalarMappable(Normalize(low, high), name)
-    bar = figure.colorbar(scale, ax=axes, shrink=0.6, extend="both" if low else "max")
+    shrink = min(0.6, 2.5 / figure.get_figheight())
+    bar = figure.colorbar(scale, ax=axes, shrink=shrink, extend="both" if low else "max")
     bar.set_label(label, size=7)
     bar.ax.tick_params(labelsize=7)
 

@@ -12,6 +12,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
 from isomatch.errors import FormatError, MeshError, MissingFileError, some
+from isomatch.statistics.procrustes import aligned_to
 from isomatch.surfaces import FORMATS, Mesh, read_mesh
 
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
@@ -143,7 +144,7 @@ class CorrespondedShapes:
         return CorrespondedShapes(self.names, vertices, self.faces, self.left_out)
 
     def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
-        """Return the shapes followed by their mirror images, whose vertices correspond by a left–right map.
+        """Return the shapes followed by their mirror images, moved onto them; a left–right map says what corresponds.
 
         Parameters
         ----------
@@ -164,7 +165,8 @@ class CorrespondedShapes:
             raise MeshError(
                 f"left_right has entries outside 0…{self.n_vertices - 1}; give a vertex for each vertex"
             )
-        images = self.vertices[:, other] * [-1.0, 1.0, 1.0]
+        uniform = np.full(self.n_vertices, 1 / self.n_vertices)
+        images = [aligned_to(one, one[other] * [-1.0, 1.0, 1.0], uniform) for one in self.vertices]
         names = (*self.names, *(f"{name}_mirrored" for name in self.names))
         return CorrespondedShapes(names, np.concatenate([self.vertices, images]), self.faces, self.left_out)
 
