@@ -82,6 +82,8 @@ def test_a_mirror_image_stays_one():
     shape = random_shapes(1, spread=0.5).vertices[0]
     found = generalised_procrustes(np.array([shape, shape * [-1, 1, 1]]))
     assert np.abs(found.aligned[0] - found.aligned[1]).max() > 0.1
+    between = np.sqrt(((found.aligned[0] - found.aligned[1]) ** 2).sum(axis=1).mean())
+    assert procrustes_distances(np.array([shape, shape * [-1, 1, 1]]))[0, 1] == pytest.approx(between)
 
 
 def test_the_shapes_stay_about_where_they_were():

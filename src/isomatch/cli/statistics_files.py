@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 import isomatch.statistics as shape_statistics
+from isomatch import view
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed, write_csv, write_text
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.surfaces import Attribute, Contents, Mesh, write_contents, write_mesh
-from isomatch.view import colour_scale
 
 RECORD = "statistics.json"
 DEVIATIONS = 2
@@ -68,7 +68,7 @@ class StatisticsFolder:
         self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours."""
-        rgb = colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
+        rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
         attributes = [Attribute(each, "point", "scalar", numbers) for each, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_contents(self.path(name), Contents.of_mesh(mesh, [*attributes, colours]), binary=True)
