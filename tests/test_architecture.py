@@ -37,8 +37,9 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
+    "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | TRANSFER | {"view", "paper", "cli", "__init__"},
+    "cli": EVALUATION | TRANSFER | {"view", "statistics", "paper", "cli", "__init__"},
     "__init__": TRANSFER,
     "__main__": {"_files", "cli"},
 }
