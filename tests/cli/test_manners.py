@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,9 +71,8 @@ def test_quiet_prints_nothing_and_no_report_writes_none(matching, tmp_path, caps
     assert matching("--quiet --no-report") == 0
     said = capsys.readouterr()
     assert said.out == said.err == ""
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "map.npz", "map.png", "map.txt", "result.json"
-    ]  # fmt: skip
+    written = {path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("alternative")}
+    assert written == {"map.npz", "map.png", "map.txt", "result.json"}
 
 
 def test_verbose_writes_the_log(matching, capsys):
@@ -89,8 +87,7 @@ def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, m
     """A ball has every symmetry."""
     monkeypatch.chdir(tmp_path)
     isomatch.write_mesh("a.off", icosphere(3))
-    Path("quick.toml").write_text(QUICK)
-    assert main(f"match a.off a.off --config quick.toml --quiet -o out --fail-on {word}".split()) == code
+    assert main(f"match a.off a.off --quiet -o out --fail-on {word}".split()) == code
     said = capsys.readouterr().err
     assert ("the files are in out" in said) == bool(code)
     assert (tmp_path / "out" / "result.json").exists()
@@ -141,7 +138,8 @@ def test_a_folder_is_checked_in_a_table(tmp_path, capsys):
     (tmp_path / "bad.off").write_text("nothing")
     assert main(["check", str(tmp_path / "good.off"), str(tmp_path / "bad.off"), "--json"]) == 1
     good, bad = json.loads(capsys.readouterr().out)
-    assert good["ok"] and not bad["ok"]
+    assert good["ok"]
+    assert not bad["ok"]
     assert "bad.off" in bad["unreadable"]
     (tmp_path / "empty").mkdir()
     assert main(["check", str(tmp_path / "empty")]) == 1
@@ -215,4 +213,5 @@ def test_a_terminal_shows_stage_share_and_time(shapes, tmp_path):
                 break
     os.close(terminal)
     assert b"refinement" in said or b"search" in said or b"prepare" in said
-    assert b"%" in said and b"0:00:0" in said
+    assert b"%" in said
+    assert b"0:00:0" in said
