@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,7 @@ class ResultFolder:
         facts = {"isomatch": isomatch.__version__, **facts}
         with staged(self.folder, last=RESULT) as folder:
             files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
-            result.map.save(files["map"])
+            replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
             for path, other in others.items():
                 other.map.save(folder / path.name)

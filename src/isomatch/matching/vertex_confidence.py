@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._compiled import compiled
 from isomatch._threads import row_product
 from isomatch.correspondence import PrecisePoints
@@ -47,13 +47,15 @@ def expected_errors(
     estimate sees only what does not fit and, if it was found, the rival.
     """
     source, settings = pair.source, pair.config.outcome
-    pulled_back = points.interpolated(pair.target.functions).astype(np.float32)
-    coefficients = pair.spectra.source.fit(
-        pulled_back[pair.refinement_vertices].astype(np.float64), source.functions.shape[1]
+    k = pair.n_functions
+    functions, pulled_back = (
+        source.functions[:, :k],
+        single(points.interpolated(pair.target.functions[:, :k])),
     )
-    fit = row_product(source.functions, coefficients)
+    coefficients = pair.spectra.source.fit(pulled_back[pair.refinement_vertices].astype(np.float64), k)
+    fit = row_product(functions, coefficients)
     lengths = np.maximum(source.body.edge_lengths, TINY)
-    fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, source.functions))
+    fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, functions))
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
     local = settings.error_scale * np.sqrt(left_over * np.abs(strain))
@@ -108,4 +110,4 @@ def _diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArr
     smooth: FloatArray = laplace.vectors @ (
         np.exp(-time * laplace.values) * laplace.coefficients(values[:, None])[:, 0]
     )
-    return np.maximum(smooth, 0.5 * values.min())
+    return np.asarray(np.maximum(smooth, 0.5 * values.min()))

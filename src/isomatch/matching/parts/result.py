@@ -78,12 +78,12 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         errors = _expected_errors(found, onto_whole)[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
-    image = source.correspondence(target, points, matched)
+    in_full = source.correspondence(target, points, matched)
     return MatchResult(
-        map=image,
+        map=in_full,
         outcome=_outcome(found, quality),
         quality=quality,
-        expected_error=np.where(image.matched, source.lift_smooth(errors), np.nan),
+        expected_error=np.where(in_full.matched, source.lift_smooth(errors), np.nan),
         alternatives=(),
         timings=timer.stop(),
         notes=(
