@@ -722,7 +722,7 @@ class OutcomeSettings(Settings):
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     error_scale: float = setting(
-        0.43, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0
+        0.32, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0
     )
     error_radius: float = setting(0.08, "0.05 to 0.14 tried: benchmarks/vertex_confidence.py", least=0)
     rival_exponent: float = setting(16.0, "one in ten at the bound of a tie", least=0)
