@@ -20,6 +20,7 @@ BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
 CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
 MATCHING = CORRESPONDENCE | {"matching"}
+TRANSFER = MATCHING | {"assets", "transfer"}
 EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 
 MAY_IMPORT = {
@@ -32,12 +33,13 @@ MAY_IMPORT = {
     "descriptors": DESCRIPTORS,
     "correspondence": CORRESPONDENCE,
     "matching": MATCHING,
+    "transfer": TRANSFER,
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"assets", "view", "paper", "cli", "__init__"},
-    "__init__": MATCHING | {"assets"},
+    "cli": EVALUATION | TRANSFER | {"view", "paper", "cli", "__init__"},
+    "__init__": TRANSFER,
     "__main__": {"_files", "cli"},
 }
 

@@ -7,7 +7,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, Wrapped, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -55,6 +55,7 @@ from isomatch.surfaces import (
     repair,
     write_mesh,
 )
+from isomatch.transfer import carry_attributes
 
 __version__: str
 
@@ -88,7 +89,9 @@ __all__ = [
     "Quality",
     "SettingError",
     "UnwritableFileError",
+    "Wrapped",
     "canonical_form",
+    "carry_attributes",
     "check",
     "distance_basis",
     "distance_engine",
@@ -108,6 +111,7 @@ __all__ = [
     "repair",
     "show_progress",
     "wave_kernel_signature",
+    "wrap",
     "write_asset",
     "write_mesh",
 ]

@@ -21,6 +21,7 @@ from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
 from isomatch.cli.terminal import complain, print_anything
+from isomatch.cli.transfer import transfer
 from isomatch.errors import IsomatchError
 
 __all__ = ["main"]
@@ -36,7 +37,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, choose, basis, distance, check, repair, evaluate, demo, bench, paper, info):
+for each in (match, choose, transfer, basis, distance, check, repair, evaluate, demo, bench, paper, info):
     app.command(each)
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."

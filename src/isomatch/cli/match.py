@@ -12,7 +12,15 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
-from isomatch.cli.outputs import ResultFolder, refuse_outcomes, say_files, say_result
+from isomatch.cli.outputs import (
+    ResultFolder,
+    claimed_files,
+    refuse_outcomes,
+    say_files,
+    say_result,
+    say_wrapped,
+    write_wrapped,
+)
 from isomatch.cli.terminal import TALK, Talk, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
@@ -37,6 +45,7 @@ def match(
     both: bool = False,
     fail_on: str | None = None,
     report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
+    as_mesh: Path | None = None,
     seed: int = 0,
     force: bool = False,
     talk: Talk = TALK,
@@ -82,6 +91,8 @@ def match(
         hints-contradicted, partial, converged; several with commas. With --both, that of either direction counts.
     report : bool
         Whether to write report.html.
+    as_mesh : Path
+        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target.
     seed : int
         Seed of the sampling and of the eigensolver.
     force : bool
@@ -108,7 +119,7 @@ def match(
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
-        with folder.claimed(force):
+        with folder.claimed(force), claimed_files(as_mesh, force=force):
             given = {
                 "source": source,
                 "target": target,
@@ -139,7 +150,13 @@ def match(
                 raise folder.write_picker(*shapes, error, **shown) from error
             tell("writing", 0.85)
             titles = f"source: {source.name}", f"target: {target.name}"
-            more = {"source": str(source), "target": str(target), "match_again": shown["command"]}
+            more: dict[str, Any] = {
+                "source": str(source),
+                "target": str(target),
+                "match_again": shown["command"],
+            }
+            if as_mesh is not None:
+                more["as_mesh"] = write_wrapped(as_mesh, source, isomatch.wrap(result.map, *shapes))
             record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
         tell("done", 1.0)
 
@@ -149,6 +166,8 @@ def match(
             say("")
             say("back, from target to source", "bold")
             say_result(back)
+        if as_mesh is not None:
+            say_wrapped(record["as_mesh"])
         say_files(record["files"])
 
     talk.result(record, summary)

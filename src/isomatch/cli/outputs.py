@@ -171,6 +171,26 @@ def say_result(result: isomatch.MatchResult) -> None:
         say(f"note: {note}")
 
 
+def write_wrapped(path: Path, source: Path, wrapped: isomatch.Wrapped) -> dict[str, Any]:
+    """Write the source in the shape of the target, with all that its file carries but normals; say what was mended."""
+    asset = isomatch.read_asset(source)
+    moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
+    normals = [attribute.name for attribute in moved.of_kind("normal")]
+    isomatch.write_asset(path, moved.without_attributes(*normals))
+    counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
+    return {"file": str(path), **counts, "extended": wrapped.extended}
+
+
+def say_wrapped(record: dict[str, Any]) -> None:
+    """Print where the target is in the source's topology, and how many faces were mended."""
+    say(
+        f"wrote {record['file']}: the target with the faces of the source; {record['inverted_before']} faces were "
+        f"inverted, {record['inverted']} are"
+    )
+    if record["extended"]:
+        say(f"{record['extended']} vertices have no image and continue those around them")
+
+
 def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:
     """Raise an error about a result that ended as the user does not accept."""
     if result.outcome in refused:

@@ -3,14 +3,13 @@
 from isomatch.surfaces.io._by_suffix import (
     FORMATS,
     MeshFormat,
-    read_attributes,
     read_contents,
     read_mesh,
     read_point_cloud,
-    write_attribute,
     write_contents,
     write_mesh,
 )
+from isomatch.surfaces.io.values import read_attributes, write_attribute
 
 __all__ = [
     "FORMATS",
