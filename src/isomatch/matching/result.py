@@ -19,11 +19,7 @@ from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
 from isomatch.bases import LaplaceBasis
-<<<<<<< HEAD
-from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap
-=======
-from isomatch.correspondence import Correspondence, FunctionalMap, wrap
->>>>>>> main
+from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
 from isomatch.surfaces import Mesh, SurfaceLike
@@ -250,12 +246,11 @@ class MatchResult:
     seed: int
     symmetries: tuple[str, str] = ("", "")
 
-<<<<<<< HEAD
     @property
     def confidence(self) -> FloatArray:
         """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""
         return 1 / (1 + self.expected_error / HALF_TRUSTED)
-=======
+
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
 
@@ -270,7 +265,6 @@ class MatchResult:
             If they are others.
         """
         return wrap(self.map, source, target).mesh
->>>>>>> main
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, the maps of the alternatives too; `Correspondence.load` reads its map.
