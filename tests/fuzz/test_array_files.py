@@ -31,7 +31,8 @@ BASIS = DistanceBasis(
 )
 MAP = Correspondence([0, 3, -1, 2], 4, np.array([[0, 1, 2]] * 4), np.full((4, 3), 1 / 3))
 RESULT = MatchResult(
-    MAP, Outcome.CONVERGED, Quality(*[0.5] * 12), (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
+    MAP, Outcome.CONVERGED, Quality(*[0.5] * 12), np.array([0.1, 0.2, np.nan, 0.1]),
+    (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
     ("a note",), "fast_marching", "extremities", "the best", Config(), 0,
 )  # fmt: skip
 MODEL = ShapeModel.fit(
