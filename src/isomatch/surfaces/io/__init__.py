@@ -11,6 +11,7 @@ from isomatch.surfaces.io._by_suffix import (
     write_contents,
     write_mesh,
 )
+from isomatch.surfaces.io.gltf_scene import with_materials_of, with_skin_of, with_texture
 
 __all__ = [
     "FORMATS",
@@ -19,6 +20,9 @@ __all__ = [
     "read_contents",
     "read_mesh",
     "read_point_cloud",
+    "with_materials_of",
+    "with_skin_of",
+    "with_texture",
     "write_attribute",
     "write_contents",
     "write_mesh",

@@ -109,7 +109,7 @@ def write_gltf(contents: Contents) -> bytes:
 def _written(contents: Contents) -> GltfData:
     document = contents.document
     if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
-        document = _new_document(len(contents.polygons.corner_of_triangle))
+        document = new_document(len(contents.polygons.corner_of_triangle))
         contents = Contents(contents.placed_points, contents.polygons, contents.attributes)
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
     new = [a for a in contents.attributes if not any(a is given for given in document.attributes)]
@@ -151,7 +151,7 @@ def _written(contents: Contents) -> GltfData:
     return gltf
 
 
-def _new_document(n_triangles: int) -> GltfDocument:
+def new_document(n_triangles: int) -> GltfDocument:
     """Make a scene of one mesh without any points."""
     document = {
         "asset": {"version": "2.0", "generator": "isomatch"},
@@ -194,22 +194,28 @@ def _triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntA
 
 def _transforms(document: dict[str, Any]) -> dict[int, tuple[Matrix | None, int | None]]:
     """Find matrix and skin of the first node of each mesh; the points of a skin are put by joints, not by the node."""
-    nodes = document.get("nodes", [])
-    below = {child for node in nodes for child in node.get("children", [])}
     found: dict[int, tuple[Matrix | None, int | None]] = {}
-    waiting = [(i, np.eye(4)) for i in range(len(nodes)) if i not in below][::-1]
-    seen: set[int] = set()
-    while waiting:
-        i, above = waiting.pop()
-        if i in seen:
-            continue
-        seen.add(i)
-        node = nodes[i]
-        matrix = above @ _local(node)
+    for i, matrix in node_matrices(document).items():
+        node = document["nodes"][i]
         if "mesh" in node and node["mesh"] not in found:
             placed = "skin" not in node and not np.array_equal(matrix, np.eye(4))
             found[node["mesh"]] = (_as_tuples(matrix) if placed else None, node.get("skin"))
-        waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+    return found
+
+
+def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
+    """(4, 4) where the scene puts each node, parents before their children."""
+    nodes = document.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    found: dict[int, FloatArray] = {}
+    waiting: list[tuple[int, FloatArray]] = [(i, np.eye(4)) for i in range(len(nodes)) if i not in below][
+        ::-1
+    ]
+    while waiting:
+        i, above = waiting.pop()
+        if i not in found:
+            found[i] = above @ _local(nodes[i])
+            waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
     return found
 
 
@@ -278,7 +284,7 @@ def _read_weights(gltf: GltfData, keys: dict[str, int], skin: int | None) -> dic
     weights = np.hstack(
         [c if c.dtype.kind == "f" else (c / np.iinfo(c.dtype).max).astype(np.float32) for c in columns]
     )
-    names = _joint_names(gltf.json)
+    names = joint_names(gltf.json)
     if skin is not None:
         order = list(names)
         in_all = np.array([order.index(node) for node in gltf.json["skins"][skin]["joints"]])
@@ -290,7 +296,7 @@ def _read_weights(gltf: GltfData, keys: dict[str, int], skin: int | None) -> dic
     }
 
 
-def _joint_names(document: dict[str, Any]) -> dict[int, str]:
+def joint_names(document: dict[str, Any]) -> dict[int, str]:
     """Names of the joints of all skins, by their nodes, in the order of the skins."""
     nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
     return {node: str(document["nodes"][node].get("name", f"joint_{i}")) for i, node in enumerate(nodes)}
@@ -415,7 +421,7 @@ def _skin_joints(document: dict[str, Any], attribute: Attribute, mesh: int) -> I
     users = [node for node in nodes if node.get("mesh") == mesh]
     for node in users:
         if "skin" in node:
-            of_skin = [_joint_names(document)[joint] for joint in document["skins"][node["skin"]]["joints"]]
+            of_skin = [joint_names(document)[joint] for joint in document["skins"][node["skin"]]["joints"]]
             if set(names) <= set(of_skin):
                 return np.array([of_skin.index(name) for name in names])
     placed = _transforms(document).get(mesh, (None, None))[0]
