@@ -12,6 +12,7 @@ from isomatch.surfaces.graph import Graph
 from isomatch.surfaces.io import (
     FORMATS,
     MeshFormat,
+    base_colours,
     read_attributes,
     read_contents,
     read_mesh,
@@ -61,6 +62,7 @@ __all__ = [
     "SurfaceLike",
     "Transfer",
     "VertexGroups",
+    "base_colours",
     "capped",
     "check",
     "contents_of",

@@ -11,11 +11,12 @@ from isomatch.surfaces.io._by_suffix import (
     write_contents,
     write_mesh,
 )
-from isomatch.surfaces.io.gltf_scene import with_materials_of, with_skin_of, with_texture
+from isomatch.surfaces.io.gltf_scene import base_colours, with_materials_of, with_skin_of, with_texture
 
 __all__ = [
     "FORMATS",
     "MeshFormat",
+    "base_colours",
     "read_attributes",
     "read_contents",
     "read_mesh",

@@ -87,6 +87,13 @@ def _keys(document: dict[str, Any], place: tuple[int, int]) -> dict[str, int]:
     return dict(document["meshes"][mesh]["primitives"][i]["attributes"])
 
 
+def _upside_down(uv: AnyArray) -> AnyArray:
+    """Turn texture coordinates over: those of glTF start at the top of the picture, ours at the bottom."""
+    turned = np.array(uv)
+    turned[:, 1] = 1 - turned[:, 1]
+    return turned
+
+
 def keeps(attribute: Attribute) -> bool:
     """Whether glTF has a place for an attribute; values of corners go to points, which are split at seams."""
     if attribute.domain == "face":
@@ -208,9 +215,8 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
     nodes = document.get("nodes", [])
     below = {child for node in nodes for child in node.get("children", [])}
     found: dict[int, FloatArray] = {}
-    waiting: list[tuple[int, FloatArray]] = [(i, np.eye(4)) for i in range(len(nodes)) if i not in below][
-        ::-1
-    ]
+    top: FloatArray = np.eye(4)
+    waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
     while waiting:
         i, above = waiting.pop()
         if i not in found:
@@ -259,6 +265,8 @@ def _read_attributes(gltf: GltfData, keys: dict[str, int]) -> dict[str, Attribut
         values = gltf.array(index)
         if kind in ("uv", "normal", "vector") and values.dtype.kind in "iu":
             values = np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+        if kind == "uv":
+            values = _upside_down(values)
         said = accessor.get("extras")
         said = said if isinstance(said, dict) else {}
         kind = said.get("kind") or kind or guessed_kind(name, values)
@@ -382,10 +390,9 @@ def _write_attribute(gltf: GltfData, keys: dict[str, int], attribute: Attribute,
             ),
         }
     else:
-        values = (
-            np.nan_to_num(values.astype(np.float32)) if attribute.kind == "uv" else values.astype(np.float32)
-        )
-        values = values[:, :2] if attribute.kind == "uv" else values
+        if attribute.kind == "uv":
+            values = np.nan_to_num(_upside_down(values[:, :2]))
+        values = values.astype(np.float32)
     keys[key] = gltf.add_array(values, **properties)
 
 

@@ -127,6 +127,28 @@ def material_of_triangles(document: GltfDocument) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *found])
 
 
+def base_colours(document: object) -> tuple[IntArray, list[tuple[bytes, list[float]]]] | None:
+    """Find the material of each triangle, and of each material its picture (empty if none) and its tint.
+
+    None if it is no glTF file with materials.
+    """
+    if not isinstance(document, GltfDocument) or not document.json.get("materials"):
+        return None
+    looks = []
+    for material in document.json["materials"]:
+        base = material.get("pbrMetallicRoughness", {})
+        picture = b""
+        if "baseColorTexture" in base:
+            texture = document.json["textures"][base["baseColorTexture"]["index"]]
+            image = document.json["images"][texture["source"]] if "source" in texture else {}
+            if "bufferView" in image:
+                view = document.json["bufferViews"][image["bufferView"]]
+                start = view.get("byteOffset", 0)
+                picture = document.blob[start : start + view["byteLength"]]
+        looks.append((picture, base.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])))
+    return material_of_triangles(document), looks
+
+
 def _opened(receiver: Contents) -> tuple[GltfDocument, GltfData]:
     document = receiver.document
     if not isinstance(document, GltfDocument):
