@@ -39,7 +39,7 @@ def two_groups(shape):
 
 
 def transfer_groups(giver, receiver):
-    """Data Transfer, Topology: vertex i takes the weights of vertex i."""
+    """Give vertex i the weights of vertex i: Data Transfer, Topology."""
     for group in giver.vertex_groups:
         receiver.vertex_groups.new(name=group.name)
     modifier = receiver.modifiers.new("weights", "DATA_TRANSFER")

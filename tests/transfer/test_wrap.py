@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, Mesh, wrap
+from data import real_file
+from isomatch import Correspondence, Mesh, match, wrap
 from isomatch.correspondence import nearest_points
 from isomatch.errors import MapError
 from shapes import flat_grid, icosphere
@@ -84,3 +85,17 @@ def test_what_has_no_image_continues_what_has():
 def test_a_map_of_other_surfaces_is_refused():
     with pytest.raises(MapError, match="not a map of this target"):
         wrap(Correspondence(np.zeros(42, int), 5), icosphere(1), icosphere(1))
+
+
+@pytest.mark.long
+def test_scanned_people_have_no_inverted_faces():
+    shapes = []
+    for name in ("tr_reg_000", "tr_reg_010"):
+        with np.load(real_file(f"faust_r/{name}.npz"), allow_pickle=False) as arrays:
+            shapes.append(Mesh(arrays["vertices"], arrays["faces"]))
+    result = match(*shapes)
+    wrapped = wrap(result.map, *shapes)
+    assert wrapped.inverted_before > 200
+    assert wrapped.inverted == 0
+    np.testing.assert_array_equal(wrapped.mesh.faces, shapes[0].faces)
+    np.testing.assert_array_equal(result.as_mesh(*shapes).vertices, wrapped.mesh.vertices)

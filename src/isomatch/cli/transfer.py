@@ -66,6 +66,7 @@ def transfer(
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
         found = isomatch.Correspondence.load(map_file, n_target)
         tell("carrying", 0.3)
+        names: tuple[str, ...]
         counts: dict[str, int]
         with naming_files(source=source, target=target):
             if bake:
