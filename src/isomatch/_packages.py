@@ -6,8 +6,8 @@ from typing import Any
 from isomatch.errors import MissingDependencyError
 
 
-def package(module: str, extra: str, what: str) -> Any:
-    """Import a module of an optional package.
+def package(module: str, extra: str | None, what: str) -> Any:
+    """Import a module of an optional package, which an extra of isomatch installs, or none.
 
     Raises
     ------
@@ -18,6 +18,5 @@ def package(module: str, extra: str, what: str) -> Any:
         return import_module(module)
     except ImportError:
         name = module.partition(".")[0]
-        raise MissingDependencyError(
-            f"{what} needs the package {name}; pip install 'isomatch[{extra}]'"
-        ) from None
+        install = f"'isomatch[{extra}]'" if extra else name
+        raise MissingDependencyError(f"{what} needs the package {name}; pip install {install}") from None

@@ -42,7 +42,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
     --------
     >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> half = Correspondence([0, 0, 1, 1], 4)
-    >>> coverage(square, half), coverage(square, half, reach=1.0)
+    >>> round(coverage(square, half), 3), round(coverage(square, half, reach=1.0), 3)
     (0.5, 1.0)
     """
     if correspondence.n_target != target.n_vertices:

@@ -83,7 +83,7 @@ def to_meshio(contents: Contents) -> Any:
 
 def to_open3d(contents: Contents) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
-    open3d = package("open3d", "open3d", "a mesh of Open3D")
+    open3d = package("open3d", None, "a mesh of Open3D")
     vector, index = open3d.utility.Vector3dVector, open3d.utility.Vector3iVector
     mesh = open3d.geometry.TriangleMesh(vector(contents.placed_points), index(contents.polygons.triangles))
     for attribute in contents.attributes:

@@ -11,7 +11,8 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io._gltf_data import GltfData
-from isomatch.surfaces.io.gltf import GltfDocument, joint_names, new_document, node_matrices
+from isomatch.surfaces.io._gltf_scene import joint_names, node_matrices
+from isomatch.surfaces.io.gltf import GltfDocument, new_document
 
 _LISTS = ("images", "samplers", "textures", "materials")
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
