@@ -38,8 +38,9 @@ MAY_IMPORT = {
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
     "collections": MATCHING | {"assets", "view", "collections"},
+    "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | TRANSFER | {"collections", "view", "paper", "cli", "__init__"},
+    "cli": EVALUATION | TRANSFER | {"collections", "statistics", "view", "paper", "cli", "__init__"},
     "__init__": TRANSFER | {"collections"},
     "__main__": {"_files", "cli"},
 }

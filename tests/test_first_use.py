@@ -26,7 +26,16 @@ def loaded_by(source):
 
 
 @pytest.mark.parametrize(
-    "words", ["--help", "--version", "match --help", "distance --help", "basis --help", "bench --help"]
+    "words",
+    [
+        "--help",
+        "--version",
+        "match --help",
+        "distance --help",
+        "basis --help",
+        "bench --help",
+        "statistics --help",
+    ],
 )
 def test_help_loads_nothing_slow(words):
     run = f"from isomatch.cli import main\nassert main({words.split()}) == 0"

@@ -17,6 +17,7 @@ from isomatch.errors import FormatError, IsomatchError
 from isomatch.evaluation import read_published_curves
 from isomatch.geodesics import Sampling
 from isomatch.matching import Alternative
+from isomatch.statistics import CorrespondedShapes, ShapeModel
 from zoo import grid
 
 BASIS = DistanceBasis(
@@ -30,9 +31,13 @@ BASIS = DistanceBasis(
 )
 MAP = Correspondence([0, 3, -1, 2], 4, np.array([[0, 1, 2]] * 4), np.full((4, 3), 1 / 3))
 RESULT = MatchResult(
-    MAP, Outcome.CONVERGED, Quality(*[0.5] * 12), (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
+    MAP, Outcome.CONVERGED, Quality(*[0.5] * 12), np.array([0.1, 0.2, np.nan, 0.1]),
+    (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
     ("a note",), "fast_marching", "extremities", "the best", Config(), 0,
 )  # fmt: skip
+MODEL = ShapeModel.fit(
+    CorrespondedShapes(("a", "b"), [grid(3, 3).vertices, grid(3, 3).vertices ** 2], grid(3, 3).faces)
+)
 SHAPES = {
     "faces": grid(3, 3).faces,
     "cat0": grid(3, 3).vertices,
@@ -73,8 +78,15 @@ def use_result(found):
         use_map(each.map)
 
 
+def use_model(model):
+    with np.errstate(all="ignore"):
+        _ = model.variance_ratios, model.vertex_variances, model.aligned
+        model.mesh()
+
+
 LOADERS = {
     "result": (MatchResult.load, use_result),
+    "model": (ShapeModel.load, use_model),
     "basis": (DistanceBasis.load, use_basis),
     "map": (Correspondence.load, use_map),
     "shapes": (load_shapes, lambda loaded: None),
@@ -87,7 +99,7 @@ def seeds(tmp_path_factory):
     """The arrays of a sound file of each kind."""
     path = tmp_path_factory.mktemp("sound") / "file.npz"
     found = {"shapes": SHAPES, "curves": CURVES}
-    for kind, value in (("basis", BASIS), ("map", MAP), ("result", RESULT)):
+    for kind, value in (("basis", BASIS), ("map", MAP), ("result", RESULT), ("model", MODEL)):
         value.save(path)
         with np.load(path) as stored:
             found[kind] = dict(stored)

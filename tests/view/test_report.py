@@ -95,6 +95,7 @@ def result(pair):
         map=Correspondence(unmatched, target.n_vertices),
         outcome=Outcome.LOW_CONFIDENCE,
         quality=quality,
+        expected_error=np.where(unmatched < 0, np.nan, 0.01),
         alternatives=(Alternative(lambda: other, 0.125, -0.5, "a <bold> guess"),),
         timings={"prepare": 1.25, "total": 2.5},
         notes=("source: left out <7> vertices",),
@@ -268,7 +269,10 @@ def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, res
     write_report(tmp_path / "report.html", source, target, result, layers={"<b>": values})
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     first, other = json.loads(page.by_id("scene")["text"])["maps"]
-    assert [list(each["layers"]) for each in (first, other)] == [["stretch", "<b>"], ["stretch"]]
+    assert [list(each["layers"]) for each in (first, other)] == [
+        ["stretch", "expected error", "<b>"],
+        ["stretch"],
+    ]
     layer = first["layers"]["<b>"]
     levels = unpacked(layer["levels"], "u1")
     assert list(levels[:5]) == [255, 255, 255, 0, 254]

@@ -40,6 +40,7 @@ def flipped(shape):
         map=Correspondence(half_turn, shape.n_vertices),
         outcome=Outcome.SYMMETRY_AMBIGUOUS,
         quality=Quality(0.3, 1.0, 1.0, 0.1, 1.0, 0.9, 0.01, 0.02, 1.0, 1.0, np.nan, np.nan),
+        expected_error=0.1 * shape.vertices[:, 0] ** 2,
         alternatives=(Alternative(lambda: identity, 0.1, 1.0, "flip"),),
         timings={"total": 1.0},
         notes=(),
@@ -137,9 +138,14 @@ def test_a_flipped_map_is_seen_as_in_the_files_and_hidden_when_turned_by_the_map
 
 def test_layers_checker_and_wireframe_change_what_is_drawn(report, visit):
     page = visit(report)
-    assert page.locator("#layer option").all_text_contents() == ["position", "stretch", "confidence"]
+    assert page.locator("#layer option").all_text_contents() == [
+        "position",
+        "stretch",
+        "expected error",
+        "confidence",
+    ]
     drawn = {"position": panes(page)[0]}
-    for name in ("stretch", "confidence"):
+    for name in ("stretch", "expected error", "confidence"):
         page.select_option("#layer", name)
         drawn[name] = panes(page)[0]
         assert page.locator("#legend").is_visible()

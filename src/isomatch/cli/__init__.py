@@ -20,6 +20,7 @@ from isomatch.cli.info import info
 from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
+from isomatch.cli.statistics import statistics
 from isomatch.cli.terminal import complain, print_anything
 from isomatch.cli.transfer import transfer
 from isomatch.errors import IsomatchError
@@ -37,7 +38,21 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, choose, transfer, basis, distance, check, repair, evaluate, demo, bench, paper, info):
+for each in (
+    match,
+    choose,
+    transfer,
+    basis,
+    distance,
+    check,
+    repair,
+    evaluate,
+    statistics,
+    demo,
+    bench,
+    paper,
+    info,
+):
     app.command(each)
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."

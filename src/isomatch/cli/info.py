@@ -14,7 +14,7 @@ from isomatch._threads import n_threads
 from isomatch.cli.terminal import say_json, say_table
 
 NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib", "rich", "cyclopts")
-OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT")
+OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
 
 SETTINGS = {
     "threads": "ISOMATCH_NUM_THREADS",

@@ -156,7 +156,9 @@ def match(
                 "match_again": shown["command"],
             }
             if as_mesh is not None:
-                more["as_mesh"] = write_wrapped(as_mesh, source, isomatch.wrap(result.map, *shapes))
+                more["as_mesh"] = write_wrapped(
+                    as_mesh, source, isomatch.wrap(result.map, *shapes), result.expected_error
+                )
             record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
         tell("done", 1.0)
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import isomatch
 from isomatch import view
+from isomatch._arrays import FloatArray
 from isomatch._files import claimed, made_folder, staged, write_text
 from isomatch.cli.terminal import json_text, say, say_table
+from isomatch.surfaces import Attribute
 
 RESULT = "result.json"
 
@@ -102,7 +104,7 @@ class ResultFolder:
         facts = {"isomatch": isomatch.__version__, **facts}
         with staged(self.folder, last=RESULT) as folder:
             files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
-            result.map.save(files["map"])
+            replace(result, alternatives=()).save(files["map"])
             result.map.save(files["text"])
             for path, other in others.items():
                 other.map.save(folder / path.name)
@@ -171,12 +173,18 @@ def say_result(result: isomatch.MatchResult) -> None:
         say(f"note: {note}")
 
 
-def write_wrapped(path: Path, source: Path, wrapped: isomatch.Wrapped) -> dict[str, Any]:
-    """Write the source in the shape of the target, with all that its file carries but normals; say what was mended."""
+def write_wrapped(
+    path: Path, source: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
+) -> dict[str, Any]:
+    """Write the source in the shape of the target, with all that its file carries but normals; say what was mended.
+
+    Where the format takes scalars, the expected error (n_source,) of each vertex is added.
+    """
     asset = isomatch.read_asset(source)
     moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
     normals = [attribute.name for attribute in moved.of_kind("normal")]
-    isomatch.write_asset(path, moved.without_attributes(*normals))
+    errors = Attribute("expected_error", "point", "scalar", expected_error)
+    isomatch.write_asset(path, moved.without_attributes(*normals).with_attributes(errors))
     counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
     return {"file": str(path), **counts, "extended": wrapped.extended}
 

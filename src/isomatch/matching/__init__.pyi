@@ -31,6 +31,7 @@ from isomatch.matching.quality import (
 )
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import Progress, StageTimer, show_progress, two_arguments
+from isomatch.matching.vertex_confidence import expected_errors
 
 __all__ = [
     "COVERAGE_RADIUS",
@@ -62,6 +63,7 @@ __all__ = [
     "body_of",
     "contradicted_landmarks",
     "covered_share",
+    "expected_errors",
     "first_map",
     "match",
     "match_both",

@@ -34,6 +34,7 @@ from isomatch.matching.search import (
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import describe_symmetries
+from isomatch.matching.vertex_confidence import doubt_of, expected_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +107,17 @@ def complete_result(
     points = pair.target.index.points(found.embedding.target, found.embedding.source)
     timer.start("quality")
     quality = measure_quality(pair, points, hints, selection)
-    elastic = None
+    elastic, doubt = None, None
+    if selection.against:
+        images = selection.winner.target_vertex, selection.against.target_vertex
+        doubt = doubt_of(pair, *images, selection.rival)
     if may_stretch and far_from_isometric(pair, hints, quality):
         timer.start("elastic match")
         elastic = _elastic(found)
     if elastic:
         points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
-        quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
+        quality, doubt = replace(measure_quality(pair, points, hints), rival=elastic.rival), None
+    errors = expected_errors(pair, points, doubt)
     against = contradicted_landmarks(pair, points, hints)
     level: SmoothPair = pair
     if pair.has_finer and not elastic and pair.config.refinement in ("joint", "smooth"):
@@ -127,6 +132,7 @@ def complete_result(
         map=level.source.correspondence(level.target, points),
         outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
         quality=quality,
+        expected_error=pair.source.lift_smooth(errors),
         alternatives=alternatives,
         timings=timer.stop(),
         notes=(

@@ -696,6 +696,10 @@ class OutcomeSettings(Settings):
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks, or the median of an initial map, which may be wrong in places.
+    error_scale, error_radius : float
+        Factor of the expected error at a vertex, and radius over which it is spread, in √area.
+    rival_exponent : float
+        A rival whose score is r times that of the map is right with chance 1 / (1 + r^exponent).
     out_of_pose : float
         Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
     large_component : float
@@ -717,6 +721,11 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
+    error_scale: float = setting(
+        0.32, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0
+    )
+    error_radius: float = setting(0.08, "0.05 to 0.14 tried: benchmarks/vertex_confidence.py", least=0)
+    rival_exponent: float = setting(16.0, "one in ten at the bound of a tie", least=0)
     out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
 

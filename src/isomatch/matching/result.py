@@ -15,10 +15,11 @@ from typing import Any, cast
 import numpy as np
 
 from isomatch._array_file import ArrayFormat, Stored, save_arrays
+from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
 from isomatch.bases import LaplaceBasis
-from isomatch.correspondence import Correspondence, FunctionalMap, wrap
+from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
 from isomatch.surfaces import Mesh, SurfaceLike
@@ -28,6 +29,7 @@ MAP_ARRAYS = {
     "faces": Stored("integer", ("n", 3)),
     "barycentric": Stored("float", ("n", 3)),
 }
+HALF_TRUSTED = 0.05  # expected error, in √area, of a confidence of one half
 FORMAT = ArrayFormat(
     what="a match result",
     writer="MatchResult.save",
@@ -38,6 +40,7 @@ FORMAT = ArrayFormat(
         "source_hash": Stored("text"),
         "target_hash": Stored("text"),
         **{f"alternative_{name}": Stored(a.kind, ("a", *a.shape)) for name, a in MAP_ARRAYS.items()},
+        "expected_error": Stored("float", ("n",)),
         "about": Stored("text"),
     },
 )
@@ -205,6 +208,9 @@ class MatchResult:
         How it ended.
     quality : Quality
         Measures without ground truth.
+    expected_error : (n_source,) array of float
+        Estimate of the geodesic error of each vertex's image, in √area of the target; nan where unmatched. Calibrated for
+        maps that are right as a whole; where a rival map was found, the chance that it is right counts too.
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
@@ -229,6 +235,7 @@ class MatchResult:
     map: Correspondence
     outcome: Outcome
     quality: Quality
+    expected_error: FloatArray
     alternatives: tuple[Alternative, ...]
     timings: dict[str, float]
     notes: tuple[str, ...]
@@ -238,6 +245,11 @@ class MatchResult:
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
+
+    @property
+    def confidence(self) -> FloatArray:
+        """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""
+        return 1 / (1 + self.expected_error / HALF_TRUSTED)
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
@@ -275,7 +287,12 @@ class MatchResult:
             "settings": type(self.config).__name__,
             "config": self.config.to_dict(),
         }
-        arrays = {**vars(self.map), **stacked, "about": json.dumps(about)}
+        arrays = {
+            **vars(self.map),
+            **stacked,
+            "expected_error": np.nan_to_num(self.expected_error, nan=UNMATCHED),
+            "about": json.dumps(about),
+        }
         stored = {name: np.array(arrays[name]) for name in FORMAT.arrays}
         save_arrays(path, FORMAT.version, stored, compressed=True)
 
@@ -293,12 +310,14 @@ class MatchResult:
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
+            errors = arrays.pop("expected_error")
             found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
             return cls(
                 map=found,
                 outcome=Outcome[about["outcome"]],
                 quality=Quality(**about["quality"]),
+                expected_error=np.where(errors == UNMATCHED, np.nan, errors),
                 alternatives=tuple(
                     Alternative(partial(_itself, map), *evidence)
                     for map, evidence in zip(maps, about["alternatives"], strict=True)
@@ -332,6 +351,17 @@ class MatchResult:
         table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
         return f"<table>{table}</table>{self.map._repr_html_()}"
 
+    def _errors_described(self) -> dict[str, float | None]:
+        """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""
+        known = self.expected_error[np.isfinite(self.expected_error)]
+        if not len(known):
+            return {"mean": None, "p95": None, "below_half": None}
+        return {
+            "mean": float(known.mean()),
+            "p95": float(np.quantile(known, 0.95)),
+            "below_half": float((known > HALF_TRUSTED).mean()),
+        }
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""
         quality = {
@@ -344,6 +374,7 @@ class MatchResult:
             "outcome": self.outcome.name,
             "advice": self.outcome.advice,
             "quality": quality,
+            "expected_error": self._errors_described(),
             "alternatives": [
                 {"energy": a.energy, "orientation": a.orientation, "origin": a.origin}
                 for a in self.alternatives

@@ -199,6 +199,8 @@ class Selection(Generic[R]):
         1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
     reason : str
         One sentence.
+    against : refined candidate, optional
+        That rival.
     """
 
     winner: R
@@ -206,6 +208,7 @@ class Selection(Generic[R]):
     rival: float
     mirrored: float
     reason: str
+    against: R | None = None
 
 
 def select(
@@ -263,11 +266,13 @@ def select(
         better = settings.clearly_better * scores[i] < scores[winner] and apart[i, winner] > settings.same_map
         return (differs and agrees) or better
 
-    rival = ratio([i for i in others if speaks_against(i)])
+    rivals = [i for i in others if speaks_against(i)]
+    rival = ratio(rivals)
     mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])
     reason = f"least misfit × energy^{settings.energy_exponent:g}; {n_tried} candidates, {len(fits)} refined to the end"
     if winner != best:
         reason += "; of those that tie, it agrees best with the hints"
     if rival < np.inf:
         reason += f"; the best rival scores {rival:.2f} times as much"
-    return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason)
+    against = fits[rivals[0]] if rivals else None
+    return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason, against)

@@ -7,9 +7,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from isomatch import DistanceBasis, distance_basis, laplace_basis
-from isomatch.paper import surface_panels
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
-from isomatch.view import camera_of, surface_image
+from isomatch.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
+from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
 
 N_VECTORS = 10
 N_SMOOTH = 50  # Laplace–Beltrami functions whose span counts as smooth
@@ -52,10 +51,10 @@ def make(setting: Setting) -> Reproduction:
         ),
     ]
     values = basis.vectors * np.sqrt(area)
-    camera = camera_of(mesh, surface_panels.UP_AXIS)
-    paint = surface_panels.colours(COLOUR_MAP, -RANGE, RANGE)
+    camera = camera_of(mesh, UP_AXIS)
+    paint = colour_scale(COLOUR_MAP, -RANGE, RANGE)
     images = [surface_image(mesh, column, paint, camera, 220) for column in values.T]
-    figure, grid = surface_panels.arranged(images, _titles(basis), per_row=5)
+    figure, grid = arranged_panels(images, _titles(basis), per_row=5)
     scale = ScalarMappable(Normalize(-RANGE, RANGE), COLOUR_MAP)
     figure.colorbar(scale, ax=grid, shrink=0.6, extend="both", label="q · √area").ax.tick_params(labelsize=7)
     facts = {"shape": name, "vertices": mesh.n_vertices, "weights": "area", "columns": 2 * N_VECTORS}

@@ -11,10 +11,9 @@ from scipy.stats import spearmanr
 
 from isomatch._arrays import FloatArray
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.paper import surface_panels
 from isomatch.paper.descriptor_distance import CLEARLY, embeddings
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
-from isomatch.view import camera_of, surface_image
+from isomatch.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
+from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
 
 BANDS = 20
 COLOUR_MAP = "viridis"
@@ -60,12 +59,12 @@ def make(setting: Setting) -> Reproduction:
         "gdd": f"descriptors (GDD), rank correlation {ranks['gdd'][shown]:.3f}",
         "lbo": f"Laplace–Beltrami, rank correlation {ranks['lbo'][shown]:.3f}",
     }
-    camera = camera_of(mesh, surface_panels.UP_AXIS)
+    camera = camera_of(mesh, UP_AXIS)
     images = [
         surface_image(mesh, np.column_stack([field, geodesic]), _with_dot, camera, 420)
         for field in share.values()
     ]
-    figure, grid = surface_panels.arranged(images, [titles[kind] for kind in share], per_row=3)
+    figure, grid = arranged_panels(images, [titles[kind] for kind in share], per_row=3)
     scale = ScalarMappable(Normalize(0, 1), COLOUR_MAP)
     bar = figure.colorbar(scale, ax=grid, label="distance / the largest")
     bar.ax.tick_params(labelsize=7)
@@ -75,7 +74,7 @@ def make(setting: Setting) -> Reproduction:
 
 def _with_dot(values: FloatArray) -> FloatArray:
     """Colour the first column in bands; draw a dot where the second is small."""
-    banded = surface_panels.colours(COLOUR_MAP, 0.0, 1.0, BANDS)(values[:, :1])
+    banded = colour_scale(COLOUR_MAP, 0.0, 1.0, BANDS)(values[:, :1])
     return np.where(values[:, 1:] < DOT, DOT_COLOUR, banded)
 
 

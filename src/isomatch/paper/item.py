@@ -13,6 +13,7 @@ from isomatch import Mesh, SettingError
 from isomatch._settings import Settings, setting
 from isomatch.datasets import example_pair, tosca
 
+UP_AXIS = 2  # vertical axis of TOSCA and of the creatures
 RIVALS = {  # other methods that are given landmarks: label, colour
     "sgf_5pt": ("Spectral-GF", "#CC79A7"),
     "sgmds_5pt": ("SGMDS", "#009E73"),

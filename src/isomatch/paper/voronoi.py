@@ -11,10 +11,9 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch.datasets import BenchmarkPair, BenchmarkSet, benchmark_set, tosca
 from isomatch.evaluation import counted, geodesic_errors
 from isomatch.geodesics import distance_engine, farthest_point_sampling, peripheral_vertex
-from isomatch.paper import surface_panels
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
+from isomatch.paper.item import UP_AXIS, Item, Reproduction, Setting, Verdict
 from isomatch.paper.region_colours import region_colours
-from isomatch.view import camera_of, surface_image, turn_to_target
+from isomatch.view import arranged_panels, camera_of, surface_image, turn_to_target
 
 CLASS = "cat"
 N_REGIONS, N_POSES = 20, 4
@@ -34,7 +33,7 @@ def make(setting: Setting) -> Reproduction:
     distances = centres.columns.T / np.sqrt(reference.area)  # (n, regions)
     palette = region_colours(distances, reference.faces)
     prepared = prepare(reference, seed=setting.seed)
-    camera = camera_of(reference, surface_panels.UP_AXIS)
+    camera = camera_of(reference, UP_AXIS)
 
     def paint(seen: FloatArray) -> FloatArray:
         return painted(seen, palette)
@@ -51,7 +50,7 @@ def make(setting: Setting) -> Reproduction:
         turned = camera @ turn_to_target(pair.target, reference, found.map)
         images.append(surface_image(pair.target, transferred, paint, turned, RESOLUTION))
         titles.append(f"{names[1]}: {best['right_share']:.1%} of the area right")
-    figure, _ = surface_panels.arranged(images, titles, per_row=3 if len(images) > 2 else 2)
+    figure, _ = arranged_panels(images, titles, per_row=3 if len(images) > 2 else 2)
     shares, errors = ([row[key] for row in rows] for key in ("right_share", "mean_error"))
     verdict = Verdict(
         "the regions lie on corresponding parts of all poses, up to an intrinsic symmetry",

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError
+from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
+LARGE_ERROR = 0.05  # √area; the confidence there is ½
 OUTLIERS = 0.02  # share of the values that may lie beyond the ends of the ramp
 
 
@@ -73,6 +75,15 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
         low = 0.0 if 0.0 <= low < 0.5 * high else float(low)
         layers[name] = Layer(rows, low, float(high) if high > low else low + 1.0)
     return layers
+
+
+def expected_error(result: MatchResult) -> dict[str, Layer]:
+    """Show the expected error of each image, from 0 to at least 0.05 √area; nothing where none is known."""
+    errors = result.expected_error
+    if not np.isfinite(errors).any():
+        return {}
+    high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
+    return {"expected error": Layer(errors, 0.0, high, "distance of an image from the right one, in √area")}
 
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:

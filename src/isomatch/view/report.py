@@ -24,7 +24,7 @@ from isomatch.errors import LandmarkError
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import lighting
-from isomatch.view.layers import user_layers
+from isomatch.view.layers import expected_error, user_layers
 from isomatch.view.measures import quality_measures
 from isomatch.view.scene import scene_of
 from isomatch.view.stills import WIDTH, draw_map
@@ -74,7 +74,7 @@ def write_report(
         Additional rows for the table about the run.
     layers : mapping of str to (n_source,) array_like of float, optional
         Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
-        grey. Positions and the stretch of the edges are always there.
+        grey. Positions, the stretch of the edges and, where it is known, the expected error are always there.
     landmarks : (q, 2) array_like of int, optional
         Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
         do not have are left out.
@@ -102,7 +102,11 @@ def write_report(
     maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
     pairs = _pairs(landmarks, source, target)
     scene = scene_of(
-        source, target, maps, layers=user_layers(layers or {}, source.n_vertices), landmarks=pairs
+        source,
+        target,
+        maps,
+        layers=expected_error(result) | user_layers(layers or {}, source.n_vertices),
+        landmarks=pairs,
     )
     titles = _title("source", names[0]), _title("target", names[1])
     still = (

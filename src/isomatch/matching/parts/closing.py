@@ -52,6 +52,7 @@ class ClosedMatch:
         closed = complete_result(self.found, timer, seed, may_stretch=False)
         points, matched = self._opened(closed.map)
         found = self.pair.source.correspondence(self.pair.target, points, matched)
+        errors = closed.expected_error[: self.pair.source.body.n_vertices]
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
         alternatives = tuple(
@@ -60,6 +61,7 @@ class ClosedMatch:
         return replace(
             closed,
             map=found,
+            expected_error=np.where(found.matched, self.pair.source.lift_smooth(errors), np.nan),
             alternatives=alternatives,
             quality=replace(closed.quality, matched=float(found.matched.mean()), coverage=coverage),
             notes=(

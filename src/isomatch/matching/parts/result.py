@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
@@ -20,6 +20,7 @@ from isomatch.matching.result import MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.starts import nearest_in_pose
 from isomatch.matching.symmetries import describe_symmetries
+from isomatch.matching.vertex_confidence import expected_errors
 
 
 def part_result(pair: ShapePair, hints: Hints, part: Parts, timer: StageTimer, seed: int) -> MatchResult:
@@ -68,16 +69,21 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         points = target.index.points(of_whole, of_part)
         covered, area = _covered(found, points.corners[:, 0])
         matched = np.ones(len(of_part), dtype=bool)
+        errors = _expected_errors(found, points)
     else:
         points = target.index.points(of_part, of_whole)
         covered, area = _covered(found, source.index.vertices(of_whole, of_part))
         matched = covered
+        onto_whole = source.index.points(of_whole, of_part)
+        errors = _expected_errors(found, onto_whole)[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
+    in_full = source.correspondence(target, points, matched)
     return MatchResult(
-        map=source.correspondence(target, points, matched),
+        map=in_full,
         outcome=_outcome(found, quality),
         quality=quality,
+        expected_error=np.where(in_full.matched, source.lift_smooth(errors), np.nan),
         alternatives=(),
         timings=timer.stop(),
         notes=(
@@ -114,6 +120,12 @@ def _closed_result(result: MatchResult, note: str) -> MatchResult:
     """Take the map with the holes closed; it is no surer than a part's."""
     outcome = Outcome.PARTIAL if result.outcome is Outcome.CONVERGED else result.outcome
     return replace(result, outcome=outcome, notes=(*result.notes, note))
+
+
+def _expected_errors(found: PartMatch, points: PrecisePoints) -> FloatArray:
+    """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
+    pair, unit = SmoothPair(found.pair.part, found.pair.whole, found.pair.config), found.pair.unit
+    return unit * expected_errors(pair, points, unit=unit)
 
 
 def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:

@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 
 from isomatch._arrays import FloatArray
 
-UP_AXIS = 2  # vertical axis of TOSCA and of the creatures
 Paint = Callable[[FloatArray], FloatArray]
 
 
-def colours(name: str, low: float, high: float, bands: int = 0) -> Paint:
+def colour_scale(name: str, low: float, high: float, bands: int = 0) -> Paint:
     """Make a function from values to screen colours of a colour map; with bands, their borders are level lines."""
     colour_map = colormaps[name]
 
@@ -28,7 +27,7 @@ def colours(name: str, low: float, high: float, bands: int = 0) -> Paint:
     return paint
 
 
-def arranged(
+def arranged_panels(
     images: Sequence[FloatArray],
     titles: Sequence[str],
     per_row: int,

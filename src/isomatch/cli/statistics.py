@@ -1,0 +1,223 @@
+"""``isomatch statistics``: mean, modes, groups and distances of shapes in one topology."""
+
+from __future__ import annotations
+
+import csv
+from io import StringIO
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+import isomatch
+import isomatch.statistics as shape_statistics
+from isomatch._files import text_lines
+from isomatch.cli.inputs import read_initial_map
+from isomatch.cli.statistics_files import StatisticsFolder
+from isomatch.cli.terminal import TALK, Talk, say, say_table
+from isomatch.errors import FormatError, IsomatchError
+
+TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
+
+
+def statistics(
+    folder: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    scale: Literal["keep", "remove"] = "keep",
+    weights: Literal["area", "uniform"] = "area",
+    modes: int = 3,
+    groups: Path | None = None,
+    test: Literal["permutation", "parametric"] = "permutation",
+    score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
+    mirror: str | None = None,
+    seed: int = 0,
+    force: bool = False,
+    talk: Talk = TALK,
+) -> None:
+    """Compute the mean, the modes of variation and the distances of shapes in one topology.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of meshes with the same faces, or folder written by isomatch collect. Meshes with other faces or with
+        unmatched vertices are left out.
+    output : Path
+        Folder for mean, modes, model.npz, scores, variances, distances, pictures, and files for other tools.
+    scale : str
+        keep: size is part of the shape. remove: all shapes are brought to one size.
+    weights : str
+        area: a vertex counts by its share of the area. uniform: all vertices count alike.
+    modes : int
+        Number of modes that are drawn and written as meshes. The model has all.
+    groups : Path
+        Table with a line name,group for each shape of two groups: test at every vertex where they differ.
+    test : str
+        permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
+    score : Path
+        Further meshes in the same topology, to be described by the modes.
+    mirror : str
+        Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as a map.
+    seed : int
+        Seed of all draws.
+    force : bool
+        Replace an earlier result.
+    talk : Talk
+        What is told.
+    """
+    if modes < 0:
+        raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
+    into = StatisticsFolder(output)
+    with talk.progress() as tell, into.claimed(force):
+        tell("reading", 0.0)
+        shapes = shape_statistics.read_shapes(folder)
+        labels = _read_groups(groups, shapes.names) if groups else {}
+        notes = [f"left out: {reason}" for reason in shapes.left_out] + _doubts(
+            folder / "pairs.csv", shapes.names
+        )
+        extra = {str(path): isomatch.read_mesh(path) for path in score}
+        tell("model", 0.1)
+        if mirror is not None:
+            shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
+        model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
+        scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
+        tested = _tested(model, labels, test, seed) if groups else None
+        unlabelled = [name for name in model.names if groups and name not in labels]
+        if unlabelled:
+            notes.append(f"without a group: {', '.join(unlabelled)}")
+        geodesic = shape_statistics.geodesic_distortions(
+            shapes, progress=lambda name: tell(f"distances of {name}", 0.3)
+        )
+        share = shapes.area_weights if weights == "area" else None
+        procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
+        tell("writing", 0.6)
+        into.clear()
+        into.model(model, modes)
+        into.quality(model, seed)
+        if scored:
+            into.scored(scored)
+        if tested:
+            into.groups(model.mesh(), tested)
+        into.distances(shapes, geodesic, procrustes, labels)
+        notes += into.exports(shapes, model)
+        record = {
+            "isomatch": isomatch.__version__,
+            "folder": str(folder),
+            "shapes": list(model.names),
+            "left_out": list(shapes.left_out),
+            "scale": scale,
+            "weights": weights,
+            "mirror": mirror,
+            "seed": seed,
+            "n_modes": model.n_modes,
+            "total_variance": float(model.variances.sum()),
+            "shares": model.variance_ratios.tolist(),
+            "scored": {name: each.error for name, each in scored.items()},
+            "groups": _summary(tested, model, test) if tested else None,
+            "notes": notes,
+        }
+        into.finish(record)
+
+    def summary() -> None:
+        _say(model, record)
+        say(f"wrote {output}: {len(into.written)} files")
+
+    talk.result({**record, "output": str(output), "files": into.written}, summary)
+
+
+def _left_right(
+    mirror: str,
+    shapes: shape_statistics.CorrespondedShapes,
+    scale: Literal["keep", "remove"],
+    weights: Literal["area", "uniform"],
+    seed: int,
+) -> Any:
+    if mirror == "auto":
+        mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
+        return shape_statistics.left_right_map(mean, seed=seed)
+    return read_initial_map(Path(mirror), shapes.n_vertices)
+
+
+def _scored(
+    model: shape_statistics.ShapeModel, name: str, mesh: isomatch.Mesh
+) -> shape_statistics.ScoredShape:
+    try:
+        return model.score(mesh)
+    except IsomatchError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection rest on a map that may be wrong."""
+    if not pairs.is_file():
+        return []
+    outcomes: dict[str, set[str]] = {}
+    for row in csv.DictReader(StringIO(pairs.read_text(encoding="utf-8", errors="replace"))):
+        for end in ("source", "target"):
+            outcomes.setdefault(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
+    doubtful = {name: found for name in names if (found := outcomes.get(name)) and not found & TRUSTED}
+    return [f"{name} may be matched wrongly: {', '.join(sorted(found))}" for name, found in doubtful.items()]
+
+
+def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
+    """Read the group of each shape; a first line ``name,group`` is a heading."""
+    labels: dict[str, str] = {}
+    for number, line in text_lines(path):
+        row = [cell.strip() for cell in next(csv.reader([line]))]
+        if not labels and row == ["name", "group"]:
+            continue
+        if len(row) != 2 or not all(row):
+            raise FormatError(
+                f"{path}:{number}: {line[:80]!r} is not a shape and its group; write name,group"
+            )
+        if row[0] not in names:
+            raise FormatError(
+                f"{path}:{number}: no shape is named {row[0]!r}; shapes are named like their files"
+            )
+        labels[row[0]] = row[1]
+    return labels
+
+
+def _tested(
+    model: shape_statistics.ShapeModel,
+    labels: dict[str, str],
+    method: Literal["permutation", "parametric"],
+    seed: int,
+) -> shape_statistics.GroupTest:
+    rows = [i for i, name in enumerate(model.names) if name in labels]
+    listed = [labels[model.names[i]] for i in rows]
+    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed)
+
+
+def _summary(
+    test: shape_statistics.GroupTest, model: shape_statistics.ShapeModel, method: str
+) -> dict[str, Any]:
+    return {
+        "names": list(test.groups),
+        "counts": list(test.counts),
+        "test": method,
+        "significant_share_of_area": float(model.weights[test.significant()].sum()),
+        "least_p_value": float(test.p_values.min()),
+        "least_q_value": float(test.q_values.min()),
+    }
+
+
+def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
+    say(f"{model!r}, scale {record['scale']}")
+    total = 0.0
+    rows = []
+    for i, (share, deviation) in enumerate(zip(record["shares"][:10], model.deviations.tolist())):
+        total += share
+        rows.append(
+            (f"mode {i + 1}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
+        )
+    say_table(rows)
+    for name, error in record["scored"].items():
+        say(f"{name}: error {error:.4g}")
+    if found := record["groups"]:
+        one, two = (f"{name} ({count})" for name, count in zip(found["names"], found["counts"]))
+        share = found["significant_share_of_area"]
+        say(f"{one} and {two} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
+    for note in record["notes"]:
+        say(f"note: {note}")

@@ -1,0 +1,190 @@
+"""Write the files of ``isomatch statistics``: meshes, tables, pictures and files of other tools."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import isomatch.statistics as shape_statistics
+from isomatch import view
+from isomatch._arrays import FloatArray
+from isomatch._files import claimed, write_csv, write_text
+from isomatch.cli.terminal import json_text
+from isomatch.errors import MissingDependencyError
+from isomatch.surfaces import Attribute, Contents, Mesh, write_contents, write_mesh
+
+RECORD = "statistics.json"
+DEVIATIONS = 2
+GEODESIC = "difference of geodesic distances, in √area"
+
+
+@dataclass(frozen=True)
+class StatisticsFolder:
+    """The folder for the statistics of shapes; ``written`` collects the names of its files.
+
+    Parameters
+    ----------
+    folder : Path
+        Its path; it is created if it does not exist.
+    """
+
+    folder: Path
+    written: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def claimed(self, force: bool) -> Iterator[None]:
+        """Create and claim the folder, see `isomatch._files.claimed`; an earlier result has to be forced."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        record = self.folder / RECORD
+        with claimed(record, [] if force else [record]):
+            yield
+
+    def clear(self) -> None:
+        """Remove the files of an earlier result."""
+        record = self.folder / RECORD
+        listed = _files_of(record)
+        record.unlink(missing_ok=True)
+        for name in listed:
+            (self.folder / name).unlink(missing_ok=True)
+
+    def path(self, name: str) -> Path:
+        """Return the path of a file that is about to be written."""
+        self.written.append(name)
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        return path
+
+    def table(self, name: str, rows: Iterable[Mapping[str, object]]) -> None:
+        """Write rows with the same columns as CSV."""
+        listed = list(rows)
+        write_csv(self.path(name), listed, list(listed[0]))
+
+    def mesh(
+        self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
+    ) -> None:
+        """Write a mesh with values at its vertices, one of which gives the colours."""
+        rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
+        attributes = [Attribute(each, "point", "scalar", numbers) for each, numbers in values.items()]
+        colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
+        write_contents(self.path(name), Contents.of_mesh(mesh, [*attributes, colours]), binary=True)
+
+    def model(self, model: shape_statistics.ShapeModel, n_modes: int) -> None:
+        """Write the model: meshes, scores, variances and the picture of the modes."""
+        model.save(self.path("model.npz"))
+        write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
+        for mode in range(min(n_modes, model.n_modes)):
+            for sign, word in ((-1, "minus"), (1, "plus")):
+                moved = model.mode_mesh(mode, sign * DEVIATIONS)
+                write_mesh(self.path(f"mode_{mode + 1}_{word}{DEVIATIONS}sd.ply"), moved, binary=True)
+        shape_statistics.draw_modes(self.path("modes.png"), model, n_modes, DEVIATIONS)
+        self.table("scores.csv", (_score_row(*row) for row in zip(model.names, model.scores)))
+        ratios = shape_statistics.compactness(model)
+        if model.n_modes:
+            self.table(
+                "variance.csv",
+                (
+                    {"mode": i + 1, "variance": variance, "share": share, "share_so_far": sum_}
+                    for i, (variance, share, sum_) in enumerate(
+                        zip(model.variances.tolist(), model.variance_ratios.tolist(), ratios[1:].tolist())
+                    )
+                ),
+            )
+        deviations = np.sqrt(model.vertex_variances)
+        values = {"variance": model.vertex_variances, "standard_deviation": deviations}
+        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.quantile(deviations, 0.995)))
+        label = "standard deviation, in units of the shapes"
+        shape_statistics.draw_values(self.path("variance.png"), model.mesh(), deviations, label)
+
+    def quality(self, model: shape_statistics.ShapeModel, seed: int) -> None:
+        """Write compactness, generalisation and specificity."""
+        compact = shape_statistics.compactness(model)
+        general = shape_statistics.generalisation(model, seed=seed)
+        specific = shape_statistics.specificity(model, seed=seed)
+        columns = {
+            "compactness": compact,
+            "generalisation": general.mean,
+            "generalisation_standard_error": general.standard_error,
+            "specificity": specific.mean,
+            "specificity_standard_error": specific.standard_error,
+        }
+        self.table(
+            "quality.csv",
+            (
+                {"modes": j, **{name: float(of[j]) if j < len(of) else "" for name, of in columns.items()}}
+                for j in range(len(compact))
+            ),
+        )
+        shape_statistics.draw_quality(self.path("quality.png"), compact, general, specific)
+
+    def distances(self, shapes: shape_statistics.CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray,
+                  groups: Mapping[str, str]) -> None:  # fmt: skip
+        """Write the distances between shapes, their tree and their places."""
+        for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
+            rows = zip(shapes.names, distances.tolist())
+            self.table(name, ({"name": shape, **dict(zip(shapes.names, row))} for shape, row in rows))
+        points = shape_statistics.classical_scaling(geodesic)
+        self.table(
+            "embedding.csv", ({"name": n, "x": x, "y": y} for n, (x, y) in zip(shapes.names, points.tolist()))
+        )
+        labels = [groups.get(name, "") for name in shapes.names] if groups else None
+        shape_statistics.draw_embedding(self.path("embedding.png"), points, shapes.names, GEODESIC, labels)
+        if len(shapes) > 1:
+            shape_statistics.draw_tree(self.path("dendrogram.png"), geodesic, shapes.names, GEODESIC)
+
+    def groups(self, mean: Mesh, test: shape_statistics.GroupTest) -> None:
+        """Write the test of two groups."""
+        length = np.linalg.norm(test.difference, axis=1)
+        values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
+        shown = np.where(test.significant(), length, 0.0)
+        self.mesh("groups.ply", mean, values, shown, float(shown.max()))
+        label = "distance of the group means where it is significant"
+        shape_statistics.draw_values(self.path("groups.png"), mean, shown, label)
+        columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).tolist()
+        names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
+        self.table("groups.csv", ({"vertex": i, **dict(zip(names, row))} for i, row in enumerate(columns)))
+
+    def scored(self, scored: Mapping[str, shape_statistics.ScoredShape]) -> None:
+        """Write the scores and errors of shapes that are no part of the model."""
+        self.table("scored.csv", ({**_score_row(n, s.scores), "error": s.error} for n, s in scored.items()))
+
+    def exports(
+        self, shapes: shape_statistics.CorrespondedShapes, model: shape_statistics.ShapeModel
+    ) -> list[str]:
+        """Write aligned meshes and the files of ShapeWorks and Scalismo; return what could not be written, and why."""
+        aligned = model.aligned
+        for name, vertices in zip(model.names, aligned):
+            write_mesh(self.path(f"aligned/{name}.ply"), model.mesh().moved(vertices), binary=True)
+        inner = self.path("shapeworks/project.swproj").parent
+        shape_statistics.write_shapeworks(inner, shapes, aligned)
+        endings = (".ply", "_local.particles", "_world.particles")
+        self.written.extend(f"shapeworks/{name}{ending}" for name in shapes.names for ending in endings)
+        if not model.n_modes:
+            return ["model.h5 is not written: the shapes do not differ"]
+        try:
+            shape_statistics.write_statismo(self.folder / "model.h5", model)
+        except MissingDependencyError as error:
+            return [f"model.h5 for Scalismo is not written: {error}"]
+        self.written.append("model.h5")
+        return []
+
+    def finish(self, record: Mapping[str, object]) -> None:
+        """Write ``statistics.json`` last: where it exists, the other files are complete."""
+        write_text(self.folder / RECORD, json_text({**record, "files": self.written}))
+
+
+def _score_row(name: str, scores: FloatArray) -> dict[str, object]:
+    return {"name": name, **{f"mode_{i + 1}": score for i, score in enumerate(scores.tolist())}}
+
+
+def _files_of(record: Path) -> list[str]:
+    """Names that an earlier record lists, as far as they are in its folder."""
+    try:
+        listed = json.loads(record.read_text(encoding="utf-8"))["files"]
+        return [each for each in listed if not Path(each).is_absolute() and ".." not in Path(each).parts]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []

@@ -1,0 +1,40 @@
+from isomatch.statistics.exports import write_shapeworks, write_statismo
+from isomatch.statistics.group_test import GroupTest, group_test
+from isomatch.statistics.left_right import left_right_map
+from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
+from isomatch.statistics.pictures import draw_embedding, draw_modes, draw_quality, draw_tree, draw_values
+from isomatch.statistics.procrustes import (
+    ProcrustesAlignment,
+    generalised_procrustes,
+    procrustes_distances,
+)
+from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
+from isomatch.statistics.shape_model import ScoredShape, ShapeModel
+from isomatch.statistics.shapes import CorrespondedShapes, read_shapes
+
+__all__ = [
+    "CorrespondedShapes",
+    "GroupTest",
+    "ModelCurve",
+    "ProcrustesAlignment",
+    "ScoredShape",
+    "ShapeModel",
+    "classical_scaling",
+    "compactness",
+    "draw_embedding",
+    "draw_modes",
+    "draw_quality",
+    "draw_tree",
+    "draw_values",
+    "generalisation",
+    "generalised_procrustes",
+    "geodesic_distortions",
+    "group_test",
+    "left_right_map",
+    "procrustes_distances",
+    "read_shapes",
+    "shape_tree",
+    "specificity",
+    "write_shapeworks",
+    "write_statismo",
+]

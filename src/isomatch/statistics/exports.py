@@ -1,0 +1,112 @@
+"""Models and shapes as files of other tools for statistical shape models."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch._files import replaced, write_text
+from isomatch.errors import InputError, MissingDependencyError
+from isomatch.statistics.shape_model import ShapeModel
+from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.surfaces import write_mesh
+
+
+def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:
+    """Write a project of ShapeWorks, whose particles are the vertices.
+
+    Parameters
+    ----------
+    folder : path_like
+        Existing folder for ``project.swproj``, which ShapeWorks Studio opens, and for a mesh and two ``.particles`` files
+        of each shape: text with x y z on each line.
+    shapes : CorrespondedShapes
+        The m shapes; their positions are the local particles.
+    aligned : (m, n, 3) array of float
+        The same after alignment: the world particles.
+
+    Raises
+    ------
+    UnwritableFileError
+        If a file cannot be written.
+    """
+    folder = Path(folder)
+    subjects = []
+    for i, name in enumerate(shapes.names):
+        files = {
+            "shape_1": f"{name}.ply",
+            "groomed_1": f"{name}.ply",
+            "local_particles_1": f"{name}_local.particles",
+            "world_particles_1": f"{name}_world.particles",
+        }
+        write_mesh(folder / files["shape_1"], shapes.mesh(i))
+        write_text(folder / files["local_particles_1"], _lines(shapes.vertices[i]))
+        write_text(folder / files["world_particles_1"], _lines(aligned[i]))
+        subjects.append({"name": name, **files})
+    write_text(folder / "project.swproj", json.dumps({"data": subjects}, indent=4) + "\n")
+
+
+def _lines(points: FloatArray) -> str:
+    return "".join(f"{x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in points.tolist())
+
+
+def write_statismo(path: str | Path, model: ShapeModel) -> None:
+    """Write a model as the HDF5 file that Scalismo and Statismo read; needs the extra ``statistics``.
+
+    Parameters
+    ----------
+    path : path_like
+        File with suffix ``.h5``; an existing one is replaced.
+    model : ShapeModel
+        A model with at least one mode.
+
+    Raises
+    ------
+    InputError
+        If the model has no mode.
+    MissingDependencyError
+        If the package h5py is not installed.
+    UnwritableFileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Version 0.9 of the format, in single precision. Its modes are orthonormal without weights, so they are others than
+    those of a model with area weights; the distribution of shapes is the same.
+    """
+    if not model.n_modes:
+        raise InputError(
+            "the model has no mode of variation, which the format needs; give shapes that differ"
+        )
+    try:
+        import h5py
+    except ImportError:
+        raise MissingDependencyError(
+            "HDF5 files need the package h5py; pip install 'isomatch[statistics]'"
+        ) from None
+    spread = (model.modes * model.deviations[:, None, None]).reshape(model.n_modes, -1)
+    _, values, modes = np.linalg.svd(spread, full_matrices=False)
+    points = model.mean.astype(np.float32)
+    with replaced(Path(path)) as stream, h5py.File(stream, "w") as file:
+        for name, values_of in {
+            "model/mean": points.ravel(),
+            "model/pcaBasis": modes.T.astype(np.float32),
+            "model/pcaVariance": (values**2).astype(np.float32),
+            "model/noiseVariance": np.zeros(1, np.float32),
+            "representer/points": points.T,
+            "representer/cells": model.faces.T.astype(np.int32),
+            "version/majorVersion": np.array(0, np.int32),
+            "version/minorVersion": np.array(9, np.int32),
+        }.items():
+            file[name] = values_of
+        file.create_group("modelinfo")
+        for name, text in {
+            "name": "itkStandardMeshRepresenter",
+            "datasetType": "POLYGON_MESH",
+            "version/majorVersion": "0",
+            "version/minorVersion": "9",
+        }.items():
+            file["representer"].attrs[name] = text

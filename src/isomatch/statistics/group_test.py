@@ -1,0 +1,167 @@
+"""Where two groups of shapes differ: a test at every vertex, with control of the false discovery rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.stats import f, false_discovery_control
+
+from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch._settings import generator
+from isomatch._threads import serial_blas
+from isomatch.errors import InputError, SettingError
+
+TestMethod = Literal["permutation", "parametric"]
+
+N_PERMUTATIONS = 4999
+BLOCK = 2**22  # numbers in memory at a time
+
+
+@dataclass(frozen=True, eq=False)
+class GroupTest:
+    """Difference of the means of two groups at each of n vertices.
+
+    Parameters
+    ----------
+    groups : (str, str)
+        Names of the groups, in alphabetical order.
+    counts : (int, int)
+        Numbers of shapes.
+    difference : (n, 3) array of float
+        Mean of the second group minus that of the first, in the units of the shapes.
+    t_squared : (n,) array of float
+        Hotelling's T²; `inf` if the groups are separated completely.
+    p_values : (n,) array of float
+        Probability of a T² at least as large if both groups have the same distribution.
+    q_values : (n,) array of float
+        The least false discovery rate at which the vertex counts as different (Benjamini & Hochberg 1995).
+    """
+
+    groups: tuple[str, str]
+    counts: tuple[int, int]
+    difference: FloatArray
+    t_squared: FloatArray
+    p_values: FloatArray
+    q_values: FloatArray
+
+    def significant(self, false_discovery_rate: float = 0.05) -> BoolArray:
+        """(n,) which vertices differ, at an expected share of false ones among them."""
+        return np.asarray(self.q_values <= false_discovery_rate)
+
+
+def group_test(
+    aligned: FloatArray,
+    groups: Sequence[str],
+    *,
+    method: TestMethod = "permutation",
+    n_permutations: int = N_PERMUTATIONS,
+    seed: int = 0,
+) -> GroupTest:
+    """Test at every vertex whether two groups have the same mean.
+
+    Parameters
+    ----------
+    aligned : (m, n, 3) array of float
+        Shapes moved onto their mean, such as ``generalised_procrustes(...).aligned``.
+    groups : sequence of str
+        The group of each of the m shapes; two different names.
+    method : {"permutation", "parametric"}
+        Whether p-values come from random exchanges of the group labels, which assumes nothing about the distribution, or
+        from Hotelling's F distribution, which assumes a normal one and the same covariance in both groups.
+    n_permutations : int
+        Number of random exchanges; no p-value is below 1 / (n_permutations + 1).
+    seed : int
+        Draws them.
+
+    Returns
+    -------
+    GroupTest
+
+    Raises
+    ------
+    InputError
+        If there are not two groups of two shapes or more, or too few shapes for the parametric test.
+    SettingError
+        If a setting makes no sense.
+
+    Notes
+    -----
+    With the total scatter S of all shapes about their mean and the difference d of the group means,
+    T² = (m − 2) q / (1 − q) where q = (m₁ m₂ / m) dᵀ S⁻¹ d. S is the same for all labels, so a permutation needs one
+    product with the whitened positions: O(n_permutations m n) time. Where a vertex varies in fewer than three
+    directions, only these are tested.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> shapes = rng.normal(size=(20, 5, 3))
+    >>> shapes[10:, 3] += 3
+    >>> np.flatnonzero(group_test(shapes, ["a"] * 10 + ["b"] * 10).significant())
+    array([3])
+    """
+    second, names, counts = _labels(groups, len(aligned))
+    if method not in get_args(TestMethod):
+        raise SettingError(f"method = {method!r} is not one of {', '.join(map(repr, get_args(TestMethod)))}")
+    if n_permutations < 1:
+        raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
+    m = len(aligned)
+    white, rank = _whitened(aligned)
+    contrast = np.where(second, 1 / counts[1], -1 / counts[0])
+    share = counts[0] * counts[1] / m
+    q = np.minimum(share * (np.tensordot(contrast, white, 1) ** 2).sum(axis=1), 1.0)
+    permuted = method == "permutation"
+    p = _permuted(white, q, contrast, share, n_permutations, seed) if permuted else _parametric(q, rank, m)
+    with np.errstate(divide="ignore"):
+        t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
+    difference: FloatArray = np.tensordot(contrast, aligned, 1)
+    return GroupTest(names, counts, difference, t_squared, p, np.asarray(false_discovery_control(p)))
+
+
+def _labels(groups: Sequence[str], m: int) -> tuple[BoolArray, tuple[str, str], tuple[int, int]]:
+    """Which shapes are in the second group; the names and sizes of both."""
+    if len(groups) != m:
+        raise InputError(f"{len(groups)} groups for {m} shapes; give one for each")
+    labels, index, counts = np.unique(np.asarray(groups, dtype=str), return_inverse=True, return_counts=True)
+    if len(labels) != 2 or counts.min() < 2:
+        found = ", ".join(f"{str(label)!r} of {count}" for label, count in zip(labels, counts))
+        raise InputError(f"groups {found}; give two groups with at least two shapes each")
+    return index == 1, (str(labels[0]), str(labels[1])), (int(counts[0]), int(counts[1]))
+
+
+def _whitened(aligned: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Positions about their mean with a total scatter of the identity, (m, n, 3), and its rank at each vertex, (n,)."""
+    centred = aligned - aligned.mean(axis=0)
+    values, axes = np.linalg.eigh(np.einsum("sij,sik->ijk", centred, centred))
+    noise = np.maximum(1e-10 * values[:, 2], 1e-24 * np.ptp(aligned, axis=(0, 1)).max() ** 2)
+    kept = values > noise[:, None]
+    factors = np.where(kept, 1 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
+    white: FloatArray = np.einsum("sij,ijk,ik->sik", centred, axes, factors)
+    return white, kept.sum(axis=1)
+
+
+def _permuted(
+    white: FloatArray, q: FloatArray, contrast: FloatArray, share: float, n_permutations: int, seed: int
+) -> FloatArray:
+    m, n, _ = white.shape
+    labels = generator(seed).permuted(np.tile(contrast, (n_permutations, 1)), axis=1)
+    reached = np.ones(n)  # the labels as they are
+    width = max(BLOCK // (3 * n_permutations), 1)
+    with serial_blas():
+        for first in range(0, n, width):
+            block = slice(first, first + width)
+            differences = (labels @ white[:, block].reshape(m, -1)).reshape(n_permutations, -1, 3)
+            drawn = share * np.einsum("pij,pij->pi", differences, differences)
+            reached[block] += (drawn >= q[block] * (1 - 1e-9)).sum(axis=0)
+    return reached / (n_permutations + 1)
+
+
+def _parametric(q: FloatArray, rank: IntArray, m: int) -> FloatArray:
+    if m - 1 - rank.max() < 1:
+        raise InputError(f"{m} shapes are too few for the parametric test; use method='permutation'")
+    free = m - 1 - rank
+    with np.errstate(divide="ignore"):
+        ratio = q / (1 - q) * free / np.maximum(rank, 1)
+    return np.where(rank > 0, f.sf(ratio, np.maximum(rank, 1), free), 1.0)

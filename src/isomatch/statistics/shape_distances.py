@@ -1,0 +1,151 @@
+"""Which shapes are alike: distances between shapes, their tree, and a map of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.cluster.hierarchy import linkage
+from scipy.spatial.distance import squareform
+
+from isomatch._arrays import FloatArray, numbers_of
+from isomatch.errors import InputError, SettingError
+from isomatch.geodesics import distance_engine, euclidean_farthest_points
+from isomatch.statistics.procrustes import generalised_procrustes
+from isomatch.statistics.shapes import CorrespondedShapes
+
+N_SAMPLES = 100
+
+
+def geodesic_distortions(
+    shapes: CorrespondedShapes,
+    *,
+    n_samples: int = N_SAMPLES,
+    engine: str | None = None,
+    progress: Callable[[str], None] = lambda name: None,
+) -> FloatArray:
+    """Compute how much geodesic distances differ between each pair of shapes; a change of pose counts little.
+
+    Parameters
+    ----------
+    shapes : CorrespondedShapes
+        The m shapes.
+    n_samples : int
+        Number of evenly spread vertices between which distances are measured.
+    engine : str, optional
+        How distances are computed, see `distance_engine`.
+    progress : callable
+        Is given the name of each shape before its distances are computed.
+
+    Returns
+    -------
+    (m, m) array of float
+        Root mean square difference of the distances, each divided by √(area of its shape); symmetric.
+
+    Raises
+    ------
+    SettingError
+        If there is no such engine or no sample.
+    MeshError
+        If a shape has no area.
+
+    Notes
+    -----
+    Samples are farthest points of the mean, beginning with the vertex farthest from its centroid. O(m n_samples n log n)
+    time.
+
+    Examples
+    --------
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes(("a", "b"), [triangle, 2 * triangle], [[0, 1, 2]])
+    >>> geodesic_distortions(shapes).round(6)
+    array([[0., 0.],
+           [0., 0.]])
+    """
+    if n_samples < 1:
+        raise SettingError(f"n_samples = {n_samples} is not at least 1")
+    shares = shapes.area_weights
+    used = np.flatnonzero(shares > 0)
+    points = generalised_procrustes(shapes.vertices, shares, "remove").mean[used]
+    start = int(np.linalg.norm(points - shares[used] @ points, axis=1).argmax())
+    samples = used[euclidean_farthest_points(points, min(n_samples, len(used)), start)]
+    columns = []
+    for i, name in enumerate(shapes.names):
+        progress(name)
+        mesh = shapes.mesh(i)
+        between = distance_engine(mesh, engine).distances_from(samples)[:, samples]
+        columns.append((between + between.T).ravel() / (2 * np.sqrt(mesh.area)))
+    distances = np.array(columns)
+    distances = distances[:, np.isfinite(distances).all(axis=0)]
+    return np.array([np.sqrt(((distances - each) ** 2).mean(axis=1)) for each in distances])
+
+
+def shape_tree(distances: FloatArray) -> FloatArray:
+    """Merge the nearest groups of shapes again and again, by the average distance between them.
+
+    Parameters
+    ----------
+    distances : (m, m) array_like of float
+        Symmetric distances between at least two shapes.
+
+    Returns
+    -------
+    (m − 1, 4) array of float
+        The tree as a linkage matrix of `scipy.cluster.hierarchy`.
+
+    Raises
+    ------
+    InputError
+        If these are not distances between two shapes or more.
+    """
+    checked = _checked(distances)
+    if len(checked) < 2:
+        raise InputError("a tree needs at least two shapes")
+    return np.asarray(linkage(squareform(checked, checks=False), "average"))
+
+
+def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
+    """Place shapes as points whose distances approximate the given ones.
+
+    Parameters
+    ----------
+    distances : (m, m) array_like of float
+        Symmetric distances.
+    dim : int
+        Number of coordinates.
+
+    Returns
+    -------
+    (m, dim) array of float
+        Coordinates by classical multidimensional scaling, centred, in decreasing order of spread; 0 along axes that the
+        distances do not need.
+
+    Raises
+    ------
+    InputError
+        If these are not distances.
+
+    Examples
+    --------
+    >>> classical_scaling([[0, 1, 3], [1, 0, 2], [3, 2, 0]], dim=1).round(6).ravel()
+    array([-1.333333, -0.333333,  1.666667])
+    """
+    squares = _checked(distances) ** 2
+    m = len(squares)
+    centred = squares - squares.mean(axis=0) - squares.mean(axis=1, keepdims=True) + squares.mean()
+    values, vectors = np.linalg.eigh(-centred / 2)
+    points = np.zeros((m, max(dim, m)))
+    points[:, :m] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
+    farthest = np.take_along_axis(points, np.abs(points).argmax(axis=0)[None], axis=0)
+    placed: FloatArray = (points * np.where(farthest < 0, -1.0, 1.0))[:, :dim]
+    return placed
+
+
+def _checked(distances: FloatArray) -> FloatArray:
+    checked = numbers_of(distances, "distances", InputError)
+    shape = checked.shape
+    if len(shape) != 2 or shape[0] != shape[1] or not (np.isfinite(checked).all() and (checked >= 0).all()):
+        raise InputError(f"distances of shape {shape}; give a square matrix of finite numbers of at least 0")
+    if not np.allclose(checked, checked.T) or checked.diagonal().any():
+        raise InputError("distances are not symmetric, or not 0 from a shape to itself")
+    return checked

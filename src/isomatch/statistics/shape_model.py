@@ -1,0 +1,293 @@
+"""The statistical shape model: a mean shape and its principal modes of variation."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._array_file import ArrayFormat, Stored, save_arrays
+from isomatch._arrays import FloatArray, IntArray, numbers_of
+from isomatch._cached import cached_property
+from isomatch._threads import serial_blas
+from isomatch.errors import FormatError, MeshError, SettingError
+from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
+from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.surfaces import Mesh
+
+Weighting = Literal["area", "uniform"]
+
+LEAST_DEVIATION = 1e-10  # of a mode, over the size of the mean; below is rounding
+FORMAT = ArrayFormat(
+    what="a shape model",
+    writer="ShapeModel.save",
+    version=1,
+    arrays={
+        "names": Stored("text"),
+        "mean": Stored("float", ("n", 3)),
+        "faces": Stored("integer", ("f", 3), index_of="n"),
+        "weights": Stored("float", ("n",)),
+        "modes": Stored("float", ("k", "n", 3)),
+        "variances": Stored("float", ("k",), positive=True),
+        "scores": Stored("float", ("m", "k")),
+        "size": Stored("float", positive=True, group="size"),
+    },
+    filled=("n", "f", "m"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredShape:
+    """A shape described by the modes of a model.
+
+    Parameters
+    ----------
+    scores : (k,) array of float
+        Its coordinates along the modes, in the units of the shapes.
+    deviations : (k,) array of float
+        The same in standard deviations of the modes.
+    aligned : (n, 3) array of float
+        The shape moved onto the mean.
+    reconstructed : (n, 3) array of float
+        The shape of the model with these scores.
+    error : float
+        Root mean square distance of the two: what the modes do not describe, in the units of the shapes.
+    """
+
+    scores: FloatArray
+    deviations: FloatArray
+    aligned: FloatArray
+    reconstructed: FloatArray
+    error: float
+
+    @property
+    def vertex_errors(self) -> FloatArray:
+        """(n,) distance of each aligned vertex from the reconstructed one."""
+        return np.asarray(np.linalg.norm(self.aligned - self.reconstructed, axis=1))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ShapeModel:
+    """Mean and principal modes of m corresponding shapes: x = mean + Σ score · mode.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The shapes.
+    mean : (n, 3) array of float
+        The mean shape.
+    faces : (f, 3) array of int
+        Its triangles.
+    weights : (n,) array of float
+        Weight of each vertex in all distances; the sum is 1.
+    modes : (k, n, 3) array of float
+        Displacements of the vertices, orthonormal in the weighted scalar product, in decreasing order of variance. There
+        are as many as needed to describe all shapes, at most m − 1.
+    variances : (k,) array of float
+        Variance of the scores of each mode, in squared units of the shapes, with m − 1 degrees of freedom.
+    scores : (m, k) array of float
+        Coordinates of the shapes along the modes.
+    size : float, optional
+        Root mean square distance from the centroid that every shape was given, if sizes were removed.
+
+    Examples
+    --------
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> shapes = CorrespondedShapes.of_meshes({str(s): triangle.moved(s * triangle.vertices) for s in (1, 2, 3)})
+    >>> model = ShapeModel.fit(shapes)
+    >>> model
+    ShapeModel(1 mode of 3 shapes, 3 vertices)
+    >>> (model.scores / model.scores[2]).round(6).ravel() + 0.0
+    array([-1.,  0.,  1.])
+    """
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    faces: IntArray
+    weights: FloatArray
+    modes: FloatArray
+    variances: FloatArray
+    scores: FloatArray
+    size: float | None = None
+
+    def __repr__(self) -> str:
+        modes = f"{self.n_modes} mode{'s' * (self.n_modes != 1)}"
+        return f"ShapeModel({modes} of {len(self.names)} shapes, {len(self.mean)} vertices)"
+
+    @classmethod
+    def fit(
+        cls, shapes: CorrespondedShapes, scale: Scale = "keep", weights: Weighting = "area"
+    ) -> ShapeModel:
+        """Align shapes and find their modes.
+
+        Parameters
+        ----------
+        shapes : CorrespondedShapes
+            The m shapes.
+        scale : {"keep", "remove"}
+            Whether size is part of the shape, see `generalised_procrustes`.
+        weights : {"area", "uniform"}
+            Whether a vertex counts by its share of the area, so that the model does not depend on how densely the surface
+            is sampled, or all count alike.
+
+        Raises
+        ------
+        MeshError
+            If a shape has no area, or no size that could be removed.
+        SettingError
+            If a setting is unknown.
+        NotConvergedError, MemoryBudgetError
+            As for `generalised_procrustes`.
+
+        Notes
+        -----
+        Cootes et al., *Active shape models*, CVIU 1995. One singular value decomposition of the weighted m × 3n matrix:
+        O(m n min(m, n)) time. The sign of a mode is such that it moves the outer parts of the mean outward.
+        """
+        if weights not in ("area", "uniform"):
+            raise SettingError(f"weights = {weights!r} is not one of 'area', 'uniform'")
+        n = shapes.n_vertices
+        share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
+        found = generalised_procrustes(shapes.vertices, share, scale)
+        mean = found.mean
+        about_mean = found.aligned - mean
+        with serial_blas():
+            u, values, _ = np.linalg.svd(
+                (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
+            )
+            extent = np.sqrt(share @ (mean - share @ mean) ** 2).max()
+            kept = values[: len(shapes) - 1] > LEAST_DEVIATION * extent * np.sqrt(len(shapes))
+            u, values = u[:, : len(kept)][:, kept], values[: len(kept)][kept]
+            modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
+        outward = (mean - share @ mean) * share[:, None]
+        outward *= np.einsum("ij,ij->i", mean - share @ mean, mean - share @ mean)[:, None]
+        signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
+        return cls(
+            shapes.names,
+            mean,
+            shapes.faces,
+            share,
+            modes * signs[:, None, None],
+            values**2 / max(len(shapes) - 1, 1),
+            u * values * signs,
+            found.size,
+        )
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modes k."""
+        return len(self.modes)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """(k,) standard deviation along each mode, in the units of the shapes."""
+        return np.asarray(np.sqrt(self.variances))
+
+    @property
+    def variance_ratios(self) -> FloatArray:
+        """(k,) share of each mode in the total variance."""
+        return np.asarray(self.variances / self.variances.sum())
+
+    @cached_property
+    def vertex_variances(self) -> FloatArray:
+        """(n,) variance of each vertex, the sum over its three coordinates; their weighted mean is the total variance."""
+        return np.asarray(np.einsum("k,kij,kij->i", self.variances, self.modes, self.modes))
+
+    @property
+    def aligned(self) -> FloatArray:
+        """(m, n, 3) the shapes of the model, moved onto their mean."""
+        return np.asarray(self.mean + np.tensordot(self.scores, self.modes, 1))
+
+    def vertices(self, scores: ArrayLike) -> FloatArray:
+        """Return the shape (n, 3) with given scores along the first modes; further ones are 0.
+
+        Raises
+        ------
+        SettingError
+            If there are more scores than modes.
+        """
+        given = numbers_of(scores, "scores", SettingError)
+        if given.ndim != 1 or len(given) > self.n_modes:
+            raise SettingError(
+                f"scores have shape {given.shape}; give at most {self.n_modes}, one for each mode"
+            )
+        shape: FloatArray = self.mean + np.tensordot(given, self.modes[: len(given)], 1)
+        return shape
+
+    def mesh(self, scores: ArrayLike = ()) -> Mesh:
+        """Return the shape with given scores as a mesh; by default the mean."""
+        return self._topology.moved(self.vertices(scores))
+
+    def mode_mesh(self, mode: int, deviations: float) -> Mesh:
+        """Return the mean moved along one mode, counted from 0, by a number of standard deviations."""
+        if not 0 <= mode < self.n_modes:
+            raise SettingError(f"mode = {mode} is not one of the {self.n_modes} modes, counted from 0")
+        return self._topology.moved(self.mean + deviations * self.deviations[mode] * self.modes[mode])
+
+    @cached_property
+    def _topology(self) -> Mesh:
+        return Mesh(self.mean, self.faces)
+
+    def score(self, mesh: Mesh) -> ScoredShape:
+        """Describe another shape in the same topology; the model stays as it is.
+
+        Raises
+        ------
+        MeshError
+            If its faces are not those of the model, or a vertex has no finite position.
+
+        Notes
+        -----
+        The shape is moved onto the mean, and its difference from it projected on the modes. The shapes of the model
+        have the scores that are stored.
+        """
+        if not np.array_equal(mesh.faces, self.faces) or mesh.n_vertices != len(self.mean):
+            raise MeshError(
+                f"{mesh!r} has other faces than the model ({len(self.mean)} vertices); match it to the template"
+            )
+        if not np.isfinite(mesh.vertices).all():
+            raise MeshError(
+                "some vertices have no position; only a shape that is matched completely can be scored"
+            )
+        aligned = aligned_to(self.mean, mesh.vertices, self.weights, self.size)
+        scores = np.einsum("kij,i,ij->k", self.modes, self.weights, aligned - self.mean)
+        reconstructed = self.vertices(scores)
+        error = float(np.sqrt(self.weights @ ((aligned - reconstructed) ** 2).sum(axis=1)))
+        return ScoredShape(scores, scores / self.deviations, aligned, reconstructed, error)
+
+    def save(self, path: str | Path) -> None:
+        """Write the model to an ``.npz`` file, which `load` reads.
+
+        Raises
+        ------
+        UnwritableFileError
+            If it cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in FORMAT.arrays if name not in ("names", "size")}
+        size = {} if self.size is None else {"size": np.array(self.size)}
+        save_arrays(path, FORMAT.version, {"names": np.array(json.dumps(self.names)), **arrays, **size})
+
+    @classmethod
+    def load(cls, path: str | Path) -> ShapeModel:
+        """Read a model.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing, damaged or too new.
+        """
+        stored = FORMAT.read(path)
+        try:
+            names = json.loads(stored.pop("names"))
+        except (ValueError, RecursionError):
+            names = None
+        if not isinstance(names, list) or len(names) != len(stored["scores"]):
+            raise FormatError(
+                f"{path}: not a shape model (its names); expected a file written by ShapeModel.save"
+            )
+        size = float(stored.pop("size")) if "size" in stored else None
+        return cls(names=tuple(map(str, names)), size=size, **stored)

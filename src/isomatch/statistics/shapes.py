@@ -1,0 +1,210 @@
+"""Shapes in correspondence: one list of faces, and the positions of the same vertices in every shape."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray, numbers_of
+from isomatch._cached import cached_property
+from isomatch.errors import FormatError, MeshError, MissingFileError, some
+from isomatch.statistics.procrustes import aligned_to
+from isomatch.surfaces import FORMATS, Mesh, read_mesh
+
+CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CorrespondedShapes:
+    """Shapes in one topology: vertex i of one corresponds to vertex i of every other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        A name for each of the m shapes.
+    vertices : (m, n, 3) array_like of float
+        Positions of their vertices, in one unit.
+    faces : (f, 3) array_like of int
+        0-based vertex indices of the triangles that they share.
+    left_out : tuple of str
+        Which shapes were left out, each with the reason.
+
+    Raises
+    ------
+    MeshError
+        If there is no shape, two have the same name, a position is not finite, or the arrays do not fit.
+
+    Examples
+    --------
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> CorrespondedShapes.of_meshes({"small": triangle, "large": triangle.moved(2 * triangle.vertices)})
+    CorrespondedShapes(2 shapes of 3 vertices)
+    """
+
+    names: tuple[str, ...]
+    vertices: FloatArray
+    faces: IntArray
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        vertices = numbers_of(self.vertices, "vertices", MeshError)
+        if vertices.ndim != 3 or vertices.shape[2:] != (3,) or len(vertices) != len(self.names):
+            raise MeshError(
+                f"vertices have shape {vertices.shape}, expected ({len(self.names)}, n, 3): "
+                "a row x, y, z for each vertex of each named shape"
+            )
+        if not len(vertices):
+            raise MeshError("no shapes; give at least one")
+        twice = [name for name, count in Counter(self.names).items() if count > 1]
+        if twice:
+            raise MeshError(f"several shapes are named {', '.join(twice)}; give each its own name")
+        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=(1, 2)))
+        if len(bad):
+            raise MeshError(
+                f"shape {self.names[bad[0]]} has vertices without a position ({len(bad)} such shapes); leave it out, "
+                "as CorrespondedShapes.of_meshes does"
+            )
+        mesh = Mesh(vertices[0], self.faces)
+        if not mesh.n_faces:
+            raise MeshError("the shapes have no faces; give meshes")
+        vertices.flags.writeable = False
+        for name, value in (
+            ("names", tuple(self.names)),
+            ("vertices", vertices),
+            ("faces", mesh.sound_faces),
+            ("left_out", tuple(self.left_out)),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"CorrespondedShapes({len(self)} shapes of {self.n_vertices} vertices)"
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def of_meshes(cls, meshes: Mapping[str, Mesh]) -> CorrespondedShapes:
+        """Collect meshes, by name in alphabetical order; those that are not in correspondence are left out.
+
+        A mesh is left out if its faces are not those of most meshes, or if it has a vertex without a finite position,
+        which is how unmatched vertices are written. ``left_out`` says which and why.
+
+        Raises
+        ------
+        MeshError
+            If no mesh is left.
+        """
+        ordered = dict(sorted(meshes.items()))
+        topologies = {name: (mesh.n_vertices, mesh.faces.tobytes()) for name, mesh in ordered.items()}
+        common = max(topologies.values(), key=Counter(topologies.values()).__getitem__, default=None)
+        kept, left_out = {}, []
+        for name, mesh in ordered.items():
+            unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+            if topologies[name] != common:
+                left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
+            elif len(unplaced):
+                left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
+            else:
+                kept[name] = mesh
+        if not kept:
+            raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
+        positions = np.array([mesh.vertices for mesh in kept.values()])
+        return cls(tuple(kept), positions, next(iter(kept.values())).faces, tuple(left_out))
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices of each shape."""
+        return int(self.vertices.shape[1])
+
+    @cached_property
+    def area_weights(self) -> FloatArray:
+        """(n,) share of each vertex in the area, averaged over the shapes; the sum is 1."""
+        shares = np.zeros(self.n_vertices)
+        for i, name in enumerate(self.names):
+            mesh = self.mesh(i)
+            if not 0 < mesh.area < np.inf:
+                raise MeshError(f"shape {name} has area {mesh.area}; leave it out, or use weights='uniform'")
+            shares += mesh.vertex_areas / mesh.area
+        return np.asarray(shares / shares.sum())
+
+    def mesh(self, i: int) -> Mesh:
+        """Return one of the shapes."""
+        return self._topology.moved(self.vertices[i])
+
+    @cached_property
+    def _topology(self) -> Mesh:
+        return Mesh(self.vertices[0], self.faces)
+
+    def moved(self, vertices: FloatArray) -> CorrespondedShapes:
+        """Return the same shapes at other positions, (m, n, 3)."""
+        return CorrespondedShapes(self.names, vertices, self.faces, self.left_out)
+
+    def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
+        """Return the shapes followed by their mirror images, moved onto them; a left–right map says what corresponds.
+
+        Parameters
+        ----------
+        left_right : (n,) array of int
+            The vertex on the other side that corresponds to each vertex, such as `left_right_map` finds.
+
+        Raises
+        ------
+        MeshError
+            If it does not name a vertex for each vertex.
+        """
+        other = np.asarray(left_right)
+        if other.shape != (self.n_vertices,) or other.dtype.kind not in "iu":
+            raise MeshError(
+                f"left_right has shape {other.shape} and type {other.dtype}, expected ({self.n_vertices},)"
+            )
+        if other.min() < 0 or other.max() >= self.n_vertices:
+            raise MeshError(
+                f"left_right has entries outside 0…{self.n_vertices - 1}; give a vertex for each vertex"
+            )
+        uniform = np.full(self.n_vertices, 1 / self.n_vertices)
+        images = [aligned_to(one, one[other] * [-1.0, 1.0, 1.0], uniform) for one in self.vertices]
+        names = (*self.names, *(f"{name}_mirrored" for name in self.names))
+        return CorrespondedShapes(names, np.concatenate([self.vertices, images]), self.faces, self.left_out)
+
+
+def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:
+    """Read meshes in one topology.
+
+    Parameters
+    ----------
+    source : path_like, or iterable of path_like
+        Folder of meshes, folder that ``isomatch collect`` wrote, or the files themselves. A shape has the name of its
+        file without the suffix.
+
+    Returns
+    -------
+    CorrespondedShapes
+        ``left_out`` names files that are not in correspondence with the others.
+
+    Raises
+    ------
+    FormatError
+        If a file is missing or damaged, or two have the same name.
+    MeshError
+        If no shape is left.
+    """
+    files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(each) for each in source]
+    twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
+    if twice:
+        raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
+    return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files})
+
+
+def _files_of(folder: Path) -> list[Path]:
+    inner = folder / CORRESPONDED
+    folder = inner if inner.is_dir() else folder
+    if not folder.is_dir():
+        raise MissingFileError(f"{folder}: no such folder; give a folder of meshes in one topology")
+    found = sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+    if not found:
+        raise FormatError(f"{folder}: no meshes; give a folder of {', '.join(FORMATS)} files in one topology")
+    return found

@@ -1,0 +1,129 @@
+"""``isomatch statistics``: exit codes, output and files."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import isomatch
+from corresponded import ellipsoids, moved, random_shapes
+from isomatch.cli import main
+from isomatch.statistics import ShapeModel
+from shapes import icosphere
+
+
+def write(folder, shapes):
+    folder.mkdir()
+    for i, name in enumerate(shapes.names):
+        isomatch.write_mesh(folder / f"{name}.ply", shapes.mesh(i))
+    return folder
+
+
+def rows(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def complaint(capsys):
+    said = capsys.readouterr().err
+    assert said.startswith("isomatch: ")
+    assert said.count("\n") == 1
+    return said
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write(tmp_path / "shapes", moved(random_shapes(8)))
+
+
+def test_everything(folder, tmp_path, capsys):
+    isomatch.write_mesh(folder / "odd.ply", icosphere(2))
+    new = tmp_path / "new.ply"
+    isomatch.write_mesh(new, random_shapes(9).mesh(8))
+    groups = tmp_path / "groups.csv"
+    groups.write_text("name,group\n" + "".join(f"s00{i},{'ab'[i % 2]}\n" for i in range(7)))
+    out = tmp_path / "out"
+    argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--score", str(new)]
+    assert main([*argv, "--modes", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "ShapeModel(7 modes of 8 shapes, 42 vertices), scale keep" in said
+    assert "note: left out: odd: other faces than most shapes" in said
+    assert "note: without a group: s007" in said
+    assert "a (4) and b (3) differ on" in said
+    record = json.loads((out / "statistics.json").read_text())
+    here = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert set(record["files"]) == here - {"statistics.json"}
+    assert {
+        "mean.ply",
+        "mode_2_plus2sd.ply",
+        "modes.png",
+        "dendrogram.png",
+        "groups.ply",
+        "aligned/s000.ply",
+    } <= here
+    assert "mode_3_plus2sd.ply" not in here
+
+    model = ShapeModel.load(out / "model.npz")
+    scores = [[float(row[f"mode_{i}"]) for i in range(1, 8)] for row in rows(out / "scores.csv")]
+    np.testing.assert_allclose(scores, model.scores)
+    assert float(rows(out / "variance.csv")[-1]["share_so_far"]) == pytest.approx(1)
+    (scored,) = rows(out / "scored.csv")
+    assert float(scored["error"]) == pytest.approx(model.score(isomatch.read_mesh(new)).error)
+    assert [row["modes"] for row in rows(out / "quality.csv")] == [str(i) for i in range(8)]
+    assert float(rows(out / "distances.csv")[2]["s003"]) > 0
+    seen = isomatch.read_asset(out / "variance.ply")
+    np.testing.assert_allclose(seen.attribute("variance").values, model.vertex_variances, rtol=1e-6)
+
+    assert main(argv) == 1
+    assert "already exists" in complaint(capsys)
+    assert main(["statistics", str(folder), "-o", str(out), "--modes", "1", "--force", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["shares"] == model.variance_ratios.tolist()
+    here = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
+    assert set(printed["files"]) == here - {"statistics.json"}, "files of the earlier result are gone"
+
+
+@pytest.mark.parametrize("lengths", [[1.0], [1.0, 1.2], [1.0, 1.0, 1.0]])
+def test_few_shapes_and_equal_ones(lengths, tmp_path, capsys):
+    folder = write(tmp_path / "shapes", ellipsoids(lengths))
+    assert main(["statistics", str(folder), "-o", str(tmp_path / "out"), "--scale", "remove", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["n_modes"] == (1 if len(set(lengths)) > 1 else 0)
+
+
+def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
+    out = tmp_path / "collection"
+    out.mkdir()
+    write(out / "corresponded", ellipsoids([1.0, 1.2]))
+    (out / "pairs.csv").write_text("source,target,outcome\ne00,t,CONVERGED\ne01,t,LOW_CONFIDENCE\n")
+    points = icosphere(2).vertices
+    other = np.abs(points[:, None] * [-1, 1, 1] - points).sum(axis=2).argmin(axis=1)
+    (tmp_path / "sides.txt").write_text("".join(f"{i}\n" for i in other))
+    argv = ["statistics", str(out), "-o", str(tmp_path / "out"), "--mirror", str(tmp_path / "sides.txt")]
+    assert main(argv) == 0
+    said = capsys.readouterr().out
+    assert "1 mode of 4 shapes" in said
+    assert "note: e01 may be matched wrongly: LOW_CONFIDENCE" in said
+    assert "e00 may" not in said
+
+
+def test_bad_input(folder, tmp_path, capsys):
+    out = ["-o", str(tmp_path / "out")]
+    assert main(["statistics", str(tmp_path / "none"), *out]) == 1
+    assert "no such folder" in complaint(capsys)
+    assert main(["statistics", str(folder), *out, "--modes", "-1"]) == 1
+    assert "--modes -1" in complaint(capsys)
+    isomatch.write_mesh(tmp_path / "odd.ply", icosphere(2))
+    assert main(["statistics", str(folder), *out, "--score", str(tmp_path / "odd.ply")]) == 1
+    assert "odd.ply: Mesh(162 vertices, 320 faces) has other faces than the model" in complaint(capsys)
+    groups = tmp_path / "groups.csv"
+    for text, message in (
+        ("s000,a,b", "groups.csv:1: 's000,a,b' is not a shape and its group"),
+        ("name,group\nx,a", "groups.csv:2: no shape is named 'x'"),
+        ("s000,a\ns001,b", "groups 'a' of 1, 'b' of 1; give two groups"),
+    ):
+        groups.write_text(text)
+        assert main(["statistics", str(folder), *out, "--groups", str(groups)]) == 1
+        assert message in complaint(capsys)
+    assert not (tmp_path / "out" / "statistics.json").exists()
+    assert main(["statistics", str(folder), *out, "--scale", "double"]) == 2

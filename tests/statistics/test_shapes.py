@@ -1,0 +1,123 @@
+"""Collections of shapes: what is left out, what is refused, mirror images."""
+
+import numpy as np
+import pytest
+
+from corresponded import ellipsoids, random_shapes
+from isomatch import Mesh, write_mesh
+from isomatch.datasets import creature
+from isomatch.errors import FormatError, MapError, MeshError, MissingFileError
+from isomatch.statistics import CorrespondedShapes, ShapeModel, left_right_map, read_shapes
+from shapes import icosphere
+
+
+def meshes(count=3):
+    shapes = random_shapes(count)
+    return {name: shapes.mesh(i) for i, name in enumerate(shapes.names)}
+
+
+def test_shapes_that_do_not_correspond_are_left_out_by_name():
+    unplaced = random_shapes(1).vertices[0].copy()
+    unplaced[5] = np.nan
+    faces = icosphere(1).faces
+    odd = {
+        "aa": icosphere(2),
+        "turned": Mesh(icosphere(1).vertices, faces[::-1]),
+        "unmatched": Mesh(unplaced, faces),
+    }
+    found = CorrespondedShapes.of_meshes(meshes() | odd)
+    assert found.names == ("s000", "s001", "s002")
+    assert [reason.split(":")[0] for reason in found.left_out] == ["aa", "turned", "unmatched"]
+    assert "other faces" in found.left_out[0]
+    assert found.left_out[2] == "unmatched: vertices without a position, 5"
+
+
+def test_files_are_read_by_name(tmp_path):
+    (tmp_path / "corresponded").mkdir()
+    for name, mesh in meshes().items():
+        write_mesh(tmp_path / "corresponded" / f"{name}.ply", mesh)
+    write_mesh(tmp_path / "another.ply", icosphere(1))
+    (tmp_path / "corresponded" / "readme.txt").write_text("no mesh")
+    found = read_shapes(tmp_path)
+    assert found.names == ("s000", "s001", "s002")
+    np.testing.assert_array_equal(found.vertices, random_shapes(3).vertices)
+    assert read_shapes([tmp_path / "another.ply"]).names == ("another",)
+    write_mesh(tmp_path / "corresponded" / "s001.off", icosphere(1))
+    with pytest.raises(FormatError, match="several files are named s001"):
+        read_shapes(tmp_path)
+
+
+def test_bad_input(tmp_path):
+    with pytest.raises(MissingFileError, match="no such folder"):
+        read_shapes(tmp_path / "none")
+    with pytest.raises(FormatError, match="no meshes"):
+        read_shapes(tmp_path)
+    with pytest.raises(MeshError, match="no shapes; give at least one"):
+        CorrespondedShapes.of_meshes({})
+    unplaced = Mesh(np.full((42, 3), np.nan), icosphere(1).faces)
+    with pytest.raises(
+        MeshError, match=r"no shapes; x: vertices without a position, 0, 1, 2, 3, 4, … \(42 in all\)"
+    ):
+        CorrespondedShapes.of_meshes({"x": unplaced})
+    points, faces = random_shapes(2).vertices, icosphere(1).faces
+    with pytest.raises(MeshError, match="several shapes are named a"):
+        CorrespondedShapes(("a", "a"), points, faces)
+    with pytest.raises(MeshError, match=r"expected \(1, n, 3\)"):
+        CorrespondedShapes(("a",), points, faces)
+    with pytest.raises(MeshError, match="shape b has vertices without a position"):
+        CorrespondedShapes(("a", "b"), points * [[[1]], [[np.inf]]], faces)
+    with pytest.raises(MeshError, match="refer to vertices outside"):
+        CorrespondedShapes(("a", "b"), points, faces + 1)
+    with pytest.raises(MeshError, match="have no faces"):
+        CorrespondedShapes(("a", "b"), points, [])
+
+
+def test_weights_are_shares_of_the_area():
+    shapes = ellipsoids([1.0, 1.5])
+    assert shapes.area_weights.sum() == pytest.approx(1)
+    each = [shapes.mesh(i).vertex_areas / shapes.mesh(i).area for i in range(2)]
+    np.testing.assert_allclose(shapes.area_weights, np.mean(each, axis=0))
+    larger = shapes.moved(shapes.vertices * np.array([1, 7])[:, None, None])
+    np.testing.assert_allclose(larger.area_weights, shapes.area_weights)
+
+
+def exact_left_right(points):
+    """The vertex at the mirrored place of each."""
+    return np.abs(points[:, None] * [-1, 1, 1] - points).sum(axis=2).argmin(axis=1)
+
+
+def test_with_their_mirror_images_the_mean_is_symmetric():
+    shapes = random_shapes(4, spread=0.2)
+    other = exact_left_right(icosphere(1).vertices)
+    both = shapes.mirrored(other)
+    assert both.names[4:] == ("s000_mirrored", "s001_mirrored", "s002_mirrored", "s003_mirrored")
+    mean = ShapeModel.fit(both).mesh().vertices
+    apart = np.linalg.norm(mean[:, None] - mean, axis=2)
+    np.testing.assert_allclose(apart[np.ix_(other, other)], apart, atol=1e-7)
+    alone = ShapeModel.fit(shapes).mesh().vertices
+    alone = np.linalg.norm(alone[:, None] - alone, axis=2)
+    assert np.abs(alone[np.ix_(other, other)] - alone).max() > 0.01
+
+
+def test_a_symmetric_shape_is_its_own_mirror_image():
+    shapes = ellipsoids([1.0, 1.4])
+    both = ShapeModel.fit(shapes.mirrored(exact_left_right(icosphere(2).vertices)))
+    assert both.n_modes == 1
+    np.testing.assert_allclose(both.scores[2:], both.scores[:2], atol=1e-9)
+    np.testing.assert_allclose(both.aligned[:2], shapes.vertices, atol=1e-9)
+
+
+def test_bad_left_right_maps():
+    shapes = ellipsoids([1.0])
+    with pytest.raises(MeshError, match=r"expected \(162,\)"):
+        shapes.mirrored(np.arange(5))
+    with pytest.raises(MeshError, match="outside 0…161"):
+        shapes.mirrored(np.full(162, -1))
+
+
+def test_the_left_right_map_is_found():
+    body = creature(1500, symmetric=True).mesh
+    apart = body.vertices[left_right_map(body)] * [-1, 1, 1] - body.vertices
+    assert np.linalg.norm(apart, axis=1).mean() < 0.02 * np.sqrt(body.area)
+    with pytest.raises(MapError, match="the left–right map is not certain"):
+        left_right_map(icosphere(2))
