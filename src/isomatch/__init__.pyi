@@ -7,6 +7,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
+from isomatch.collections import Collection
 from isomatch.correspondence import Correspondence
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
@@ -62,6 +63,7 @@ __all__ = [
     "Asset",
     "BothDirections",
     "CanonicalForm",
+    "Collection",
     "Config",
     "Correspondence",
     "DescriptorError",

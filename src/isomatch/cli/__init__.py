@@ -13,6 +13,7 @@ from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
 from isomatch.cli.choose import choose
+from isomatch.cli.collect import collect
 from isomatch.cli.demo import demo
 from isomatch.cli.distance import distance
 from isomatch.cli.evaluate import evaluate
@@ -36,7 +37,7 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, choose, basis, distance, check, repair, evaluate, demo, bench, paper, info):
+for each in (match, choose, collect, basis, distance, check, repair, evaluate, demo, bench, paper, info):
     app.command(each)
 app.register_install_completion_command(
     help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."

@@ -6,15 +6,16 @@ import os
 import platform
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from isomatch._packages import package
 from isomatch._threads import n_threads
 from isomatch._workers import begin_worker, worker_processes
-from isomatch.errors import InputError, MissingDependencyError
+from isomatch.errors import InputError
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
 
@@ -26,9 +27,10 @@ class Task:
     Parameters
     ----------
     items : tuple
-        What it is done for; the rows have their order.
+        What it is done for.
     function : callable
-        Makes the rows of some items; it and they travel to the worker.
+        Makes the rows of some items, in their order; fewer if it was too late for the last ones. It and the items
+        travel to the worker.
     lost : int
         How often a worker died of it, or beside it.
     """
@@ -50,14 +52,14 @@ class Workers:
     ----------
     open : callable
         Opens an executor, for a block; again where one has broken.
-    count : int
-        How many workers it has.
+    count : callable
+        Tells how many workers there are now.
     threads : int
         How many threads each of them uses, if it is a process of its own.
     """
 
     open: Callable[[], AbstractContextManager[Executor]]
-    count: int
+    count: Callable[[], int]
     threads: int = 1
 
     def completed(
@@ -67,10 +69,19 @@ class Workers:
 
         A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
         nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
+
+        Raises
+        ------
+        InputError
+            If no worker stays alive, whatever it does, or the cluster gives the tasks up.
         """
         waiting, suspects = deque(tasks), deque[Task]()
+        first = True
         while (waiting or suspects) and not late():
             with self.open() as executor:
+                if not first:
+                    _require_alive(executor)
+                first = False
                 for task, outcome in self._until_broken(executor, waiting, suspects, late):
                     if not isinstance(outcome, Exception):
                         yield from zip(task.items, outcome)
@@ -88,21 +99,28 @@ class Workers:
         running = dict[Future[Any], Task]()
         broken = False
         while True:
-            while waiting and len(running) < QUEUED * self.count and not late() and not broken:
-                task = waiting.popleft()
-                running[self._sent(executor, task)] = task
-            if suspects and not running and not late() and not broken:
-                task = suspects.popleft()
-                running[self._sent(executor, task)] = task
+            room = QUEUED * self.count()
+            while not broken and not late():
+                queue = waiting if waiting and len(running) < room else suspects if not running else None
+                if not queue:
+                    break
+                try:
+                    running[executor.submit(_rows, queue[0], self.threads, _here())] = queue[0]
+                except BrokenExecutor:  # a worker died between two tasks, of neither
+                    broken = True
+                else:
+                    queue.popleft()
             if not running:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                error = future.exception()  # jobs return what fails in them: this is the end of a worker
+                try:
+                    error = future.exception()  # jobs return what fails in them: this is the end of a worker
+                except CancelledError:
+                    raise InputError(
+                        "the executor gave its tasks up, as when the scheduler of a cluster ends; run again to continue"
+                    ) from None
                 broken = broken or isinstance(error, BrokenExecutor)
                 yield running.pop(future), error or future.result()
-
-    def _sent(self, executor: Executor, task: Task) -> Future[list[Any]]:
-        return executor.submit(_rows, task, self.threads, _here())
 
 
 def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
@@ -115,8 +133,19 @@ def _here() -> tuple[str, int]:
     return platform.node(), os.getpid()
 
 
-def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Workers:
-    """Find the workers that are asked for.
+def _require_alive(executor: Executor) -> None:
+    try:
+        executor.submit(_here).result()
+    except BrokenExecutor as error:
+        raise InputError(
+            f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of an "
+            "executor that has broken, give a new one"
+        ) from None
+
+
+@contextmanager
+def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Iterator[Workers]:
+    """Find the workers that are asked for, for a block.
 
     Parameters
     ----------
@@ -133,32 +162,30 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> W
     MissingDependencyError
         If Dask is not installed.
     """
+    count = jobs or n_threads()
     if not isinstance(executor, str):
-        return Workers(lambda: nullcontext(executor), jobs or n_threads())
+        yield Workers(lambda: nullcontext(executor), lambda: count)
+        return
     kind, _, address = executor.partition(":")
     if kind == "local" and not address:
-        count = jobs or n_threads()
-        return Workers(partial(worker_processes, count), count, max(1, n_threads() // count))
-    if kind == "dask" and address:
-        return _dask_workers(address, jobs)
-    raise InputError(
-        f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
-    )
+        yield Workers(partial(worker_processes, count), lambda: count, max(1, n_threads() // count))
+    elif kind == "dask" and address:
+        with _dask_client(address) as client:
+            yield Workers(
+                partial(_dask_executor, client), lambda: jobs or sum(client.nthreads().values()) or 1
+            )
+    else:
+        raise InputError(
+            f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
+        )
 
 
-def _dask_workers(address: str, jobs: int | None) -> Workers:
+def _dask_client(address: str) -> Any:
+    distributed = package("distributed", "cluster", "a Dask cluster")
     try:
-        from distributed import Client
-    except ImportError as error:
-        raise MissingDependencyError(
-            "a Dask cluster needs the package distributed; install it with: pip install 'isomatch[cluster]'"
-        ) from error
-    try:
-        client = Client(address, timeout=30)
+        return distributed.Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
-    count = jobs or sum(client.nthreads().values()) or 1
-    return Workers(partial(_dask_executor, client), count)
 
 
 @contextmanager
