@@ -19,7 +19,7 @@ from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
 from isomatch.errors import FormatError
-from isomatch.matching import Config, Outcome, PreparedShape, match_both, prepare
+from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
 from isomatch.surfaces import surface_from
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
@@ -119,8 +119,8 @@ class Job:
             "key": plan.key,
             "source_hash": plan.hashes[0],
             "target_hash": plan.hashes[1],
-            "there": found.there.to_dict(),
-            "back": found.back.to_dict(),
+            "there": _summary(found.there),
+            "back": _summary(found.back),
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
@@ -129,6 +129,11 @@ class Job:
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record
+
+
+def _summary(result: MatchResult) -> Record:
+    """Describe a result, without the settings, which are those of the collection."""
+    return {name: value for name, value in result.to_dict().items() if name != "config"}
 
 
 def _unsureness(record: Record) -> tuple[int, float]:

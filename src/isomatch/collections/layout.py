@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import time
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
+from isomatch._files import UNFINISHED, remove_unfinished
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import BETWEEN
 from isomatch.matching import Config
@@ -76,14 +75,9 @@ class Layout:
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
-        found = list(
-            self.folder.glob("**/.isomatch-*.unfinished")
-        )  # first: what is found has a ledger by now
-        newest = time.time() - (0 if self.ledgers() == [self.ledger(shard)] else OLD)
-        for path in found:
-            with suppress(FileNotFoundError):
-                if path.stat().st_mtime <= newest:
-                    path.unlink()
+        # these first: whoever writes what is found has a ledger by now
+        found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        remove_unfinished(found, 0.0 if self.ledgers() == [self.ledger(shard)] else OLD)
 
 
 def key_of(config: Config, seed: int, *hashes: str) -> str:

@@ -7,7 +7,7 @@ import platform
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -44,9 +44,8 @@ class Task:
         return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
 
 
-@dataclass(frozen=True)
 class Workers:
-    """Workers that tasks are sent to.
+    """Workers that tasks are sent to, for a block.
 
     Parameters
     ----------
@@ -58,9 +57,18 @@ class Workers:
         How many threads each of them uses, if it is a process of its own.
     """
 
-    open: Callable[[], AbstractContextManager[Executor]]
-    count: Callable[[], int]
-    threads: int = 1
+    def __init__(
+        self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
+    ) -> None:
+        self._open, self.count, self._threads = open, count, threads
+        self._opened = ExitStack()
+        self._executor: Executor | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._opened.__exit__(*error)
 
     def completed(
         self, tasks: Iterable[Task], late: Callable[[], bool] = lambda: False
@@ -76,26 +84,35 @@ class Workers:
             If no worker stays alive, whatever it does, or the cluster gives the tasks up.
         """
         waiting, suspects = deque(tasks), deque[Task]()
-        first = True
         while (waiting or suspects) and not late():
-            with self.open() as executor:
-                if not first:
-                    _require_alive(executor)
-                first = False
-                for task, outcome in self._until_broken(executor, waiting, suspects, late):
-                    if not isinstance(outcome, Exception):
-                        yield from zip(task.items, outcome)
-                        continue
-                    for one in task.alone():
-                        if one.lost > 2:
-                            yield one.items[0], outcome
-                        else:
-                            (suspects if one.lost == 2 else waiting).append(one)
+            if self._executor is None:
+                self._executor = self._opened.enter_context(self._open())
+            for task, outcome in self._until_broken(self._executor, waiting, suspects, late):
+                if not isinstance(outcome, Exception):
+                    yield from zip(task.items, outcome)
+                    continue
+                for one in task.alone():
+                    if one.lost > 2:
+                        yield one.items[0], outcome
+                    else:
+                        (suspects if one.lost == 2 else waiting).append(one)
+
+    def _renew(self) -> None:
+        """Replace an executor that has broken."""
+        self._opened.close()
+        self._executor = self._opened.enter_context(self._open())
+        try:
+            self._executor.submit(_here).result()
+        except BrokenExecutor as error:
+            raise InputError(
+                f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of "
+                "an executor that has broken, give a new one"
+            ) from None
 
     def _until_broken(
         self, executor: Executor, waiting: deque[Task], suspects: deque[Task], late: Callable[[], bool]
     ) -> Iterator[tuple[Task, Any]]:
-        """Yield tasks with their rows or the error of their worker, until all are done or the executor is broken."""
+        """Yield tasks with their rows or the error of their worker, until all are done or the executor was replaced."""
         running = dict[Future[Any], Task]()
         broken = False
         while True:
@@ -105,12 +122,14 @@ class Workers:
                 if not queue:
                     break
                 try:
-                    running[executor.submit(_rows, queue[0], self.threads, _here())] = queue[0]
+                    running[executor.submit(_rows, queue[0], self._threads, _here())] = queue[0]
                 except BrokenExecutor:  # a worker died between two tasks, of neither
                     broken = True
                 else:
                     queue.popleft()
             if not running:
+                if broken:
+                    self._renew()
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 try:
@@ -133,16 +152,6 @@ def _here() -> tuple[str, int]:
     return platform.node(), os.getpid()
 
 
-def _require_alive(executor: Executor) -> None:
-    try:
-        executor.submit(_here).result()
-    except BrokenExecutor as error:
-        raise InputError(
-            f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of an "
-            "executor that has broken, give a new one"
-        ) from None
-
-
 @contextmanager
 def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Iterator[Workers]:
     """Find the workers that are asked for, for a block.
@@ -163,17 +172,22 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
         If Dask is not installed.
     """
     count = jobs or n_threads()
+    kind, _, address = executor.partition(":") if isinstance(executor, str) else ("", "", "")
     if not isinstance(executor, str):
-        yield Workers(lambda: nullcontext(executor), lambda: count)
-        return
-    kind, _, address = executor.partition(":")
-    if kind == "local" and not address:
-        yield Workers(partial(worker_processes, count), lambda: count, max(1, n_threads() // count))
+        yield Workers(partial(nullcontext, executor), lambda: count)
+    elif kind == "local" and not address:
+        with Workers(
+            partial(worker_processes, count), lambda: count, max(1, n_threads() // count)
+        ) as workers:
+            yield workers
     elif kind == "dask" and address:
-        with _dask_client(address) as client:
-            yield Workers(
+        with (
+            _dask_client(address) as client,
+            Workers(
                 partial(_dask_executor, client), lambda: jobs or sum(client.nthreads().values()) or 1
-            )
+            ) as workers,
+        ):
+            yield workers
     else:
         raise InputError(
             f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
