@@ -57,9 +57,13 @@ def test_a_worker_that_dies_is_replaced(tmp_path):
 
 
 def test_an_interruption_leaves_no_worker():
-    with pytest.raises(KeyboardInterrupt), workers_of("local", 2) as workers:
-        for _ in workers.completed([Task((i,), doubled) for i in range(9)]):
+    def interrupted():
+        with workers_of("local", 2) as workers:
+            next(workers.completed([Task((i,), doubled) for i in range(9)]))
             raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     for worker in active_children():
         worker.join(5)
     assert not active_children()
