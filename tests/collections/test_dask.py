@@ -10,6 +10,7 @@ from small_collections import arrays_of
 
 from isomatch import InputError
 from isomatch.collections import Collection
+from isomatch.collections.workers import _n_threads_of
 
 distributed = pytest.importorskip("distributed")
 
@@ -43,3 +44,12 @@ def test_a_scheduler_that_cannot_be_reached(address, small, tmp_path):
     collection = Collection.create(tmp_path, small.shapes, config=small.config)
     with pytest.raises(InputError, match=r"no Dask scheduler answers .* check the address"):
         next(collection.run(f"dask:{address}"))
+
+
+def test_a_scheduler_that_is_lost_ends_the_run_in_one_line():
+    class Client:
+        def nthreads(self):
+            raise OSError("Timed out")
+
+    with pytest.raises(InputError, match="run again to continue"):
+        _n_threads_of(Client())

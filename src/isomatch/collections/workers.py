@@ -18,6 +18,7 @@ from isomatch._workers import begin_worker, worker_processes
 from isomatch.errors import InputError
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
+LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
 
 
 @dataclass(frozen=True)
@@ -135,9 +136,7 @@ class Workers:
                 try:
                     error = future.exception()  # jobs return what fails in them: this is the end of a worker
                 except CancelledError:
-                    raise InputError(
-                        "the executor gave its tasks up, as when the scheduler of a cluster ends; run again to continue"
-                    ) from None
+                    raise InputError(LOST) from None
                 broken = broken or isinstance(error, BrokenExecutor)
                 yield running.pop(future), error or future.result()
 
@@ -183,9 +182,7 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
     elif kind == "dask" and address:
         with (
             _dask_client(address) as client,
-            Workers(
-                partial(_dask_executor, client), lambda: jobs or sum(client.nthreads().values()) or 1
-            ) as workers,
+            Workers(partial(_dask_executor, client), lambda: jobs or _n_threads_of(client)) as workers,
         ):
             yield workers
     else:
@@ -200,6 +197,13 @@ def _dask_client(address: str) -> Any:
         return distributed.Client(address, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
+
+
+def _n_threads_of(client: Any) -> int:
+    try:
+        return sum(client.nthreads().values()) or 1  # none have come yet
+    except OSError:
+        raise InputError(LOST) from None
 
 
 @contextmanager
