@@ -11,7 +11,7 @@ from small_collections import N, arrays_of, run
 import isomatch
 from isomatch import SettingError
 from isomatch.cli import main
-from isomatch.collections import Collection, jobs, write_table
+from isomatch.collections import Collection, collection, jobs, write_table
 from isomatch.collections.ledger import writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.surfaces import decimate
@@ -92,6 +92,17 @@ def test_a_shape_that_is_added(small, copied, work, tmp_path):
     collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
     assert len(run(collection)) == 1 + len(N)
     assert work == ["prepare", *[0] * len(N)]
+
+
+def test_the_template_of_a_star_stays_when_shapes_are_added(small, tmp_path, monkeypatch):
+    files = sorted(small.shapes.iterdir())
+    few = Collection.create(tmp_path, files[:3], config=small.config)
+    run(few)
+    first = few.chosen_template(few.rows())
+    monkeypatch.setattr(collection, "medoid", lambda features: len(features) - 1)
+    more = Collection.create(tmp_path, files, config=small.config)
+    assert [event.name for event in run(more)] == ["s3", (first, "s3")]
+    assert more.chosen_template(more.rows()) == first
 
 
 def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_path, monkeypatch):

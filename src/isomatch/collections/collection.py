@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections import Counter
 from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -177,11 +178,17 @@ class Collection:
         return PairMaps.load(path)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, or the medoid; None as long as not all shapes are prepared."""
+        """Return the template asked for, or the medoid; None as long as not all shapes are prepared.
+
+        The medoid stays the template of a star that has been begun, also where shapes are added.
+        """
         if self.template is not None:
             return self.template
         known = [name for name in self.names if name in rows.shapes]
         usable = [name for name in known if rows.shapes[name]["state"] == "done"]
+        centres = Counter(source for source, _ in rows.pairs if source in usable)
+        if self.pairs == "star" and centres:
+            return centres.most_common(1)[0][0]
         if not usable or len(known) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
@@ -241,8 +248,9 @@ class Collection:
                 yield Event("shape", entry.name, known.shapes[entry.name], count, len(todo))
             if job.is_late():
                 return
-            wanted = set(self.wanted_pairs(known))
-            plans = [self._planned(pair, known) for pair in self._in_shard(shard, known) if pair in wanted]
+            usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
+            pairs = [pair for pair in self._in_shard(shard, known) if usable.issuperset(pair)]
+            plans = [self._planned(pair, known) for pair in pairs]
             files = {path.name for path in (layout.folder / "maps").iterdir()}
             missing = {
                 plan.pair: plan
@@ -292,11 +300,13 @@ class Collection:
 
     def _needed(self, shard: tuple[int, int], rows: Rows) -> list[Entry]:
         """List the shapes of a shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
-        if self.pairs == "star" and self.chosen_template(rows) is None:
+        if self.pairs == "star" and self.template is None:
             first = len(self.shapes) * shard[0] // shard[1]
             return [*self.shapes[first:], *self.shapes[:first]]
+        if shard[1] == 1:
+            return list(self.shapes)
         needed = {name for pair in self._in_shard(shard, rows) for name in pair}
-        return [entry for entry in self.shapes if entry.name in needed or shard[1] == 1]
+        return [entry for entry in self.shapes if entry.name in needed]
 
     def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
         record = rows.shapes.get(entry.name)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from isomatch._arrays import FloatArray
 from isomatch.matching import PreparedShape
 
 N_EIGENVALUES = 30  # after the first: the coarse form
 N_QUANTILES = 20
-N_OTHERS = 2000
+N_OTHERS = 1000
 
 
 def features_of(shape: PreparedShape) -> list[float]:
@@ -38,5 +39,5 @@ def medoid(features: FloatArray) -> int:
     spread = rows.std(axis=0)
     rows = rows / np.where(spread > 0, spread, 1.0)
     others = rows[:: len(rows) // N_OTHERS + 1]
-    mean = [np.linalg.norm(others - row, axis=1).mean() for row in rows]
-    return int(np.argmin(mean))
+    blocks = (rows[i : i + N_OTHERS] for i in range(0, len(rows), N_OTHERS))
+    return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
