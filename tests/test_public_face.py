@@ -31,6 +31,7 @@ ROOMS = (
     "baselines",
     "evaluation",
     "view",
+    "collections",
 )
 OPERATORS = {"__matmul__", "__rmatmul__", "__call__", "__len__", "__getitem__", "__iter__", "__contains__"}
 

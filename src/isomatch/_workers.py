@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from multiprocessing import active_children, get_context, parent_process
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from typing import Any
 
 from threadpoolctl import ThreadpoolController
@@ -36,7 +36,8 @@ def begin_worker(threads: int) -> None:
     """Make this process a worker, once: so many threads in our loops, one in linear algebra."""
     if parent_process() is not None:
         Thread(target=_end_with_parent, daemon=True).start()
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches it too; its parent decides
+        if current_thread() is main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches it too; its parent decides
     os.environ["ISOMATCH_NUM_THREADS"] = str(threads)
     ThreadpoolController().limit(limits=1)
 

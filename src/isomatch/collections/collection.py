@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +14,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from isomatch._files import write_text
+from isomatch._files import write_text, writing
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps, Record
-from isomatch.collections.pairs import PATTERNS, Pair, in_shard, pairs_of, tiles_of
+from isomatch.collections.pairs import PATTERNS, SIDE, Pair, pairs_of, tiles_of
 from isomatch.collections.shapes import Entry, entries_of
 from isomatch.collections.template import medoid
 from isomatch.collections.workers import Task, workers_of
@@ -103,12 +105,13 @@ class Collection:
         entries, layout = entries_of(shapes), Layout(Path(folder))
         names = [entry.name for entry in entries]
         if template is not None and template not in names:
-            by_file = {str(entry.path): entry.name for entry in entries}
-            if str(Path(template)) not in by_file:
+            by_file = {entry.path.resolve(): entry.name for entry in entries}
+            found = by_file.get(Path(template).resolve())
+            if found is None:
                 raise InputError(
                     f"template {template!r} is no shape of this collection; give its name or file"
                 )
-            template = by_file[str(Path(template))]
+            template = found
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
@@ -179,11 +182,17 @@ class Collection:
         return PairMaps.load(path)
 
     def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, or the medoid; None as long as not all shapes are prepared."""
+        """Return the template asked for, or the medoid; None as long as not all shapes are prepared.
+
+        The medoid stays the template of a star that has been begun, also where shapes are added.
+        """
         if self.template is not None:
             return self.template
         known = [name for name in self.names if name in rows.shapes]
         usable = [name for name in known if rows.shapes[name]["state"] == "done"]
+        centres = Counter(source for source, _ in rows.pairs if source in usable)
+        if self.pairs == "star" and centres:
+            return centres.most_common(1)[0][0]
         if not usable or len(known) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
@@ -219,32 +228,47 @@ class Collection:
 
         Raises
         ------
+        InputError
+            If the executor is not usable, see `workers_of`.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """
-        end = None if time_limit is None else time.monotonic() + time_limit
-        late = (lambda: time.monotonic() > end) if end is not None else (lambda: False)
-        layout, job = self.layout, Job(self.layout, self.config, self.seed)
+        end = math.inf if time_limit is None else time.time() + time_limit
+        layout, job = self.layout, Job(self.layout, self.config, self.seed, end)
         for folder in ("prepared", "maps"):
-            (layout.folder / folder).mkdir(parents=True, exist_ok=True)
-        workers = workers_of(executor, jobs)
-        with writing_ledger(layout.ledger(shard), one_host=shard[1] == 1) as ledger:
-            todo = [entry for entry in self._ordered(shard) if not self._is_prepared(entry, ledger.rows)]
+            with writing(layout.folder / folder):
+                (layout.folder / folder).mkdir(parents=True, exist_ok=True)
+        with (
+            workers_of(executor, jobs) as workers,
+            writing_ledger(layout.ledger(shard), one_host=shard[1] == 1) as ledger,
+        ):
+            layout.remove_unfinished(shard)
+            known = self.rows()
+            todo = [entry for entry in self._needed(shard, known) if not self._is_prepared(entry, known)]
             tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
-            for count, (entry, record) in enumerate(workers.completed(tasks, late), 1):
-                ledger.put_shape(entry.name, _row_of(record))
-                yield Event("shape", entry.name, ledger.rows.shapes[entry.name], count, len(todo))
-            if set(ledger.rows.shapes) < set(self.names):
+            for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
+                known.shapes[entry.name] = _row_of(record)
+                ledger.put_shape(entry.name, known.shapes[entry.name])
+                yield Event("shape", entry.name, known.shapes[entry.name], count, len(todo))
+            if job.is_late():
                 return
-            wanted = [pair for pair in self.wanted_pairs(ledger.rows) if in_shard(pair, *shard)]
-            plans = {pair: self._planned(pair, ledger.rows) for pair in wanted}
-            missing = [pair for pair, plan in plans.items() if not self._is_matched(plan, ledger.rows)]
-            most = max(1, len(missing) // (TILES_PER_WORKER * workers.count))
-            tiles = tiles_of(missing, self.names, LOADED // 2, most)
-            tasks = [Task(tuple(plans[pair] for pair in tile), job.match_pairs) for tile in tiles]
-            for count, (plan, record) in enumerate(workers.completed(tasks, late), 1):
-                ledger.put_pair(plan.pair, {**_row_of(record), "key": plan.key, "attempt": plan.attempt})
-                yield Event("pair", plan.pair, ledger.rows.pairs[plan.pair], count, len(missing))
+            usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
+            pairs = [pair for pair in self._in_shard(shard, known) if usable.issuperset(pair)]
+            plans = [self._planned(pair, known) for pair in pairs]
+            files = {path.name for path in (layout.folder / "maps").iterdir()}
+            missing = {
+                plan.pair: plan
+                for plan in plans
+                if not self._is_matched(plan, known.pairs.get(plan.pair), files)
+            }
+            largest = max((known.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
+            most = max(1, len(missing) // (TILES_PER_WORKER * workers.count()))
+            tiles = tiles_of(list(missing), self.names, max(1, LOADED // (2 * largest)), most)
+            tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
+            for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
+                row = {**_row_of(record), "key": plan.key, "attempt": plan.attempt}
+                ledger.put_pair(plan.pair, row)
+                yield Event("pair", plan.pair, row, count, len(missing))
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
         """Let the next run match pairs again: those that failed, or those that ended with low confidence.
@@ -269,10 +293,24 @@ class Collection:
                         again.append(pair)
         return again
 
-    def _ordered(self, shard: tuple[int, int]) -> Sequence[Entry]:
-        """Order the shapes, for each shard beginning at another one."""
-        first = len(self.shapes) * shard[0] // shard[1]
-        return (*self.shapes[first:], *self.shapes[:first])
+    def _in_shard(self, shard: tuple[int, int], rows: Rows) -> list[Pair]:
+        """List the pairs of a shard: as many as of any other, and of few different shapes."""
+        pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
+        index, count = shard
+        if count == 1:
+            return pairs
+        in_order = [pair for tile in tiles_of(pairs, self.names, SIDE, len(pairs)) for pair in tile]
+        return in_order[len(pairs) * index // count : len(pairs) * (index + 1) // count]
+
+    def _needed(self, shard: tuple[int, int], rows: Rows) -> list[Entry]:
+        """List the shapes of a shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
+        if self.pairs == "star" and self.template is None:
+            first = len(self.shapes) * shard[0] // shard[1]
+            return [*self.shapes[first:], *self.shapes[:first]]
+        if shard[1] == 1:
+            return list(self.shapes)
+        needed = {name for pair in self._in_shard(shard, rows) for name in pair}
+        return [entry for entry in self.shapes if entry.name in needed]
 
     def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
         record = rows.shapes.get(entry.name)
@@ -293,11 +331,10 @@ class Collection:
         key = key_of(self.config, self.seed + attempt, *hashes)
         return PlannedPair(pair, key, (shapes[0]["key"], shapes[1]["key"]), hashes, attempt)
 
-    def _is_matched(self, plan: PlannedPair, rows: Rows) -> bool:
-        record = rows.pairs.get(plan.pair, {"state": "todo"})
-        if record["state"] == "todo" or record["key"] != plan.key:
+    def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
+        if row is None or row["state"] == "todo" or row["key"] != plan.key:
             return False
-        return record["state"] == "failed" or self.layout.maps(plan.pair).exists()
+        return row["state"] == "failed" or self.layout.maps(plan.pair).name in files
 
     def _require_same(self, old: Collection) -> None:
         """Raise `SettingError` unless another collection has the same settings."""
@@ -324,5 +361,5 @@ def _row_of(record: Record | Exception) -> Record:
     """Row of a job, or of its end: a worker that died of it."""
     if not isinstance(record, Exception):
         return record
-    reason = f"the worker died three times, killed or out of memory ({type(record).__name__}: {record})"
+    reason = f"three workers died of it, killed or out of memory ({type(record).__name__}: {record})"
     return {"state": "failed", "time": time.time(), "error": reason}

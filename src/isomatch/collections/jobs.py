@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
+from threading import Lock
 from typing import NamedTuple
 
 from isomatch._limits import peak_memory
@@ -15,11 +18,11 @@ from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
-from isomatch.errors import FormatError, IsomatchError
-from isomatch.matching import Config, Outcome, PreparedShape, match_both, prepare
+from isomatch.errors import FormatError
+from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
 from isomatch.surfaces import surface_from
 
-LOADED = 16  # prepared shapes that a worker keeps; twice the side of a tile
+LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 
 
 class PlannedPair(NamedTuple):
@@ -58,19 +61,26 @@ class Job:
         Settings of the matches.
     seed : int
         Their seed.
+    end : float
+        Time, in seconds since the epoch, after which nothing new is begun.
     """
 
     layout: Layout
     config: Config
     seed: int
+    end: float = math.inf
+
+    def is_late(self) -> bool:
+        """Whether nothing new is to be begun."""
+        return time.time() > self.end
 
     def prepare_shapes(self, entries: Sequence[Entry]) -> list[Record]:
         """Read and prepare shapes, unless that was done; return their rows."""
         return [self._row_of_shape(entry) for entry in entries]
 
     def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
-        """Match pairs, unless that was done; return their rows."""
-        return [_row(partial(self._matched, plan)) for plan in plans]
+        """Match pairs, unless that was done; return their rows, as far as there was time."""
+        return [_row(partial(self._matched, plan)) for plan in plans if not self.is_late()]
 
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
@@ -90,6 +100,7 @@ class Job:
         return {
             "key": key,
             "hash": surface.content_hash,
+            "bytes": file.stat().st_size,
             "n_vertices": surface.n_vertices,
             "area": float(surface.vertex_areas.sum()),
             "features": features_of(shape),
@@ -101,14 +112,16 @@ class Job:
         earlier = _maps_if_whole(file)
         if earlier and earlier.record["key"] == plan.key:
             return earlier.record
-        source, target = (_loaded(str(self.layout.prepared(key)), self.config) for key in plan.shapes)
+        start = time.perf_counter()
+        source, target = (_loaded(self.layout.prepared(key), self.config) for key in plan.shapes)
         found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
             "source_hash": plan.hashes[0],
             "target_hash": plan.hashes[1],
-            "there": found.there.to_dict(),
-            "back": found.back.to_dict(),
+            "there": _summary(found.there),
+            "back": _summary(found.back),
+            "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
         maps = PairMaps(found.there.map, found.back.map, record)
@@ -116,6 +129,11 @@ class Job:
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record
+
+
+def _summary(result: MatchResult) -> Record:
+    """Describe a result, without the settings, which are those of the collection."""
+    return {name: value for name, value in result.to_dict().items() if name != "config"}
 
 
 def _unsureness(record: Record) -> tuple[int, float]:
@@ -131,7 +149,7 @@ def _row(work: Callable[[], Record]) -> Record:
     try:
         record = work()
         return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
-    except (IsomatchError, OSError, MemoryError, ArithmeticError, ValueError, LookupError) as error:
+    except Exception as error:  # whatever it is becomes a row with its reason; nothing ends a run
         reason = f"{type(error).__name__}: {error}"
         return {
             "state": "failed",
@@ -155,6 +173,15 @@ def _loaded_if_whole(file: Path, config: Config) -> PreparedShape | None:
         return None
 
 
-@lru_cache(LOADED)
-def _loaded(file: str, config: Config) -> PreparedShape:
-    return PreparedShape.load(file, config)
+_shapes = OrderedDict[tuple[Path, Config], tuple[PreparedShape, int]]()  # of this process, last used last
+_taking = Lock()  # a worker of a cluster may have several threads
+
+
+def _loaded(file: Path, config: Config) -> PreparedShape:
+    """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
+    with _taking:
+        found = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
+        _shapes[file, config] = found
+        while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
+            _shapes.popitem(last=False)
+    return found[0]

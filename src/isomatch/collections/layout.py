@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
+from isomatch._files import UNFINISHED, remove_unfinished
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import BETWEEN
 from isomatch.matching import Config
+
+OLD = 3600.0  # seconds; files are written in a few
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,23 @@ class Layout:
         index, count = shard
         return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
 
-    def ledgers(self) -> Iterator[Path]:
+    def ledgers(self) -> list[Path]:
         """Find the ledgers of all shards."""
-        return iter(sorted(self.folder.glob("ledger*.sqlite")))
+        return sorted(self.folder.glob("ledger*.sqlite"))
+
+    def remove_unfinished(self, shard: tuple[int, int]) -> None:
+        """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
+        # these first: whoever writes what is found has a ledger by now
+        found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        remove_unfinished(found, 0.0 if self.ledgers() == [self.ledger(shard)] else OLD)
 
 
 def key_of(config: Config, seed: int, *hashes: str) -> str:
     """Identify what is computed from surfaces with these hashes, by these settings and this version."""
-    text = json.dumps([version("isomatch"), config.to_dict(), seed, *hashes], sort_keys=True)
+    text = json.dumps([_settings(config), seed, *hashes])
     return blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+@lru_cache
+def _settings(config: Config) -> str:
+    return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from isomatch._files import claimed, writing
+from isomatch._files import claimed
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, UnwritableFileError
 
+PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
 _TABLES = """
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS pairs (source TEXT, target TEXT, record TEXT NOT NULL, PRIMARY KEY (source, target));
@@ -68,13 +69,19 @@ class Ledger:
         """Remove the rows of shapes that could not be prepared."""
         for name in [name for name, record in self.rows.shapes.items() if record["state"] == "failed"]:
             del self.rows.shapes[name]
-            with writing(self._path), self._connection:
-                self._connection.execute("DELETE FROM shapes WHERE name = ?", (name,))
+            self._execute("DELETE FROM shapes WHERE name = ?", name)
 
     def _put(self, command: str, *values: str | Record) -> None:
         *names, record = values
-        with writing(self._path), self._connection:
-            self._connection.execute(command, (*names, json.dumps(record)))
+        self._execute(command, *names, json.dumps(record))
+
+    def _execute(self, command: str, *values: Any) -> None:
+        try:
+            self._connection.execute(command, values)
+        except sqlite3.Error as error:
+            raise UnwritableFileError(
+                f"{self._path}: cannot be written ({error}); make room, and run again to continue"
+            ) from None
 
 
 @contextmanager
@@ -96,18 +103,32 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
     FormatError
         If the file is something else.
     """
-    with claimed(path), writing(path), closing(sqlite3.connect(path, isolation_level=None)) as connection:
-        try:
-            connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
-            connection.executescript(_TABLES)
-        except sqlite3.DatabaseError as error:
-            raise FormatError(f"{path}: not a ledger ({error}); move it away, and run again") from None
+    with claimed(path), closing(_connected(path, one_host)) as connection:
         yield Ledger(connection, path)
-        if one_host:
-            connection.execute("PRAGMA journal_mode = DELETE")  # leaves a single file, which can be copied
+        with suppress(sqlite3.OperationalError):  # somebody reads it
+            connection.execute("PRAGMA busy_timeout = 0")
+            connection.execute(
+                "PRAGMA journal_mode = DELETE"
+            )  # leaves a file that needs no others, also to be read
 
 
-def read_ledgers(paths: Iterator[Path]) -> Rows:
+def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
+    try:
+        connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+    except sqlite3.Error as error:
+        raise UnwritableFileError(f"{path}: cannot be written ({error}); give a writable folder") from None
+    try:
+        connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
+        if one_host:  # a power failure may take the last rows; the files of maps, which have them too, stay
+            connection.execute("PRAGMA synchronous = NORMAL")
+        connection.executescript(_TABLES)
+    except sqlite3.Error as error:
+        connection.close()
+        raise FormatError(f"{path}: not a ledger ({error}); move it away, and run again") from None
+    return connection
+
+
+def read_ledgers(paths: Iterable[Path]) -> Rows:
     """Read the rows of several ledgers, also while they are written.
 
     Raises
@@ -117,10 +138,12 @@ def read_ledgers(paths: Iterator[Path]) -> Rows:
     """
     rows = Rows()
     for path in paths:
+        # what a killed process left half written is undone by the next that reads: mode=ro could not
+        address = f"{path.resolve().as_uri()}?mode=rw"
         try:
-            with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+            with closing(sqlite3.connect(address, timeout=PATIENCE, uri=True)) as connection:
                 rows.merge(_rows(connection, path))
-        except sqlite3.DatabaseError as error:
+        except sqlite3.Error as error:
             raise FormatError(f"{path}: cannot be read as a ledger ({error})") from None
     return rows
 

@@ -7,7 +7,6 @@ from collections.abc import Collection, Sequence
 from io import StringIO
 from itertools import combinations, pairwise
 from pathlib import Path
-from zlib import crc32
 
 from isomatch._files import opened
 from isomatch.errors import InputError
@@ -16,6 +15,7 @@ Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""
 
 PATTERNS = ("star", "all", "chain")
+SIDE = 8  # shapes at either side of the tiles that shards are cut from
 
 
 def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[Pair]:
@@ -81,8 +81,3 @@ def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) 
     for a, b in pairs:
         groups.setdefault((block[a], block[b]), []).append((a, b))
     return [group[i : i + most] for group in groups.values() for i in range(0, len(group), most)]
-
-
-def in_shard(pair: Pair, index: int, count: int) -> bool:
-    """Whether a pair belongs to a shard, 0 ≤ index < count; the same on every machine."""
-    return crc32("\0".join(pair).encode()) % count == index

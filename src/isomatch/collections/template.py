@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from isomatch._arrays import FloatArray
 from isomatch.matching import PreparedShape
 
 N_EIGENVALUES = 30  # after the first: the coarse form
 N_QUANTILES = 20
+N_OTHERS = 1000
 
 
 def features_of(shape: PreparedShape) -> list[float]:
@@ -29,12 +31,13 @@ def features_of(shape: PreparedShape) -> list[float]:
 
 
 def medoid(features: FloatArray) -> int:
-    """Row (m, q) of the shape with the least mean distance to all others.
+    """Row (m, q) of the shape with the least mean distance to all others, or to every so many-th of very many.
 
     Each feature is divided by its standard deviation over the collection.
     """
     rows = np.nan_to_num(features)
     spread = rows.std(axis=0)
     rows = rows / np.where(spread > 0, spread, 1.0)
-    apart = np.linalg.norm(rows[:, None] - rows[None], axis=2) / np.sqrt(rows.shape[1])
-    return int(apart.mean(axis=1).argmin())
+    others = rows[:: len(rows) // N_OTHERS + 1]
+    blocks = (rows[i : i + N_OTHERS] for i in range(0, len(rows), N_OTHERS))
+    return int(np.concatenate([cdist(block, others).mean(axis=1) for block in blocks]).argmin())
