@@ -30,6 +30,7 @@ ROOMS = (
     "datasets",
     "baselines",
     "evaluation",
+    "statistics",
     "view",
 )
 OPERATORS = {"__matmul__", "__rmatmul__", "__call__", "__len__", "__getitem__", "__iter__", "__contains__"}
