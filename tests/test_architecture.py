@@ -10,8 +10,8 @@ import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
-    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_limits",
-    "_memory", "_renamed", "_settings", "_threads",
+    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
+    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}
@@ -20,6 +20,7 @@ BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
 CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
 MATCHING = CORRESPONDENCE | {"matching"}
+TRANSFER = MATCHING | {"assets", "transfer"}
 EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 
 MAY_IMPORT = {
@@ -32,14 +33,15 @@ MAY_IMPORT = {
     "descriptors": DESCRIPTORS,
     "correspondence": CORRESPONDENCE,
     "matching": MATCHING,
+    "transfer": TRANSFER,
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
     "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | {"assets", "view", "statistics", "paper", "cli", "__init__"},
-    "__init__": MATCHING | {"assets"},
-    "__main__": {"cli"},
+    "cli": EVALUATION | TRANSFER | {"view", "statistics", "paper", "cli", "__init__"},
+    "__init__": TRANSFER,
+    "__main__": {"_files", "cli"},
 }
 
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])

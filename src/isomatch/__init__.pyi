@@ -7,7 +7,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, Wrapped, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -30,7 +30,20 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, Quality, match, prepare
+from isomatch.matching import (
+    BothDirections,
+    Config,
+    MatchResult,
+    Outcome,
+    PreparedShape,
+    Quality,
+    match,
+    match_both,
+    nearest_landmarks,
+    prepare,
+    read_landmarks,
+    show_progress,
+)
 from isomatch.surfaces import (
     Graph,
     Mesh,
@@ -42,11 +55,13 @@ from isomatch.surfaces import (
     repair,
     write_mesh,
 )
+from isomatch.transfer import bake_texture, carry_attributes
 
 __version__: str
 
 __all__ = [
     "Asset",
+    "BothDirections",
     "CanonicalForm",
     "Config",
     "Correspondence",
@@ -74,7 +89,10 @@ __all__ = [
     "Quality",
     "SettingError",
     "UnwritableFileError",
+    "Wrapped",
+    "bake_texture",
     "canonical_form",
+    "carry_attributes",
     "check",
     "distance_basis",
     "distance_engine",
@@ -84,12 +102,17 @@ __all__ = [
     "heat_kernel_signature",
     "laplace_basis",
     "match",
+    "match_both",
+    "nearest_landmarks",
     "prepare",
     "read_asset",
+    "read_landmarks",
     "read_mesh",
     "read_point_cloud",
     "repair",
+    "show_progress",
     "wave_kernel_signature",
+    "wrap",
     "write_asset",
     "write_mesh",
 ]

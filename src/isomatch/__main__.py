@@ -1,8 +1,53 @@
-"""``python -m isomatch`` is the command line."""
+"""The program: the command line in a process that a signal ends at once."""
 
+from __future__ import annotations
+
+import os
+import signal
 import sys
+from multiprocessing import active_children
+from threading import Thread
+from types import FrameType
 
-from isomatch.cli import main
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
+
+
+def program() -> None:
+    """Run one command and exit with its code; a signal ends the process at once and leaves nothing unfinished.
+
+    The command runs on another thread, so that a signal is handled even while a compiled loop runs.
+    """
+    for name in SIGNALS:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, _end)
+    # the process that removes what workers shared would say so when a signal has ended this one
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+    codes: list[int] = []
+    work = Thread(target=lambda: codes.append(_command()), daemon=True)
+    work.start()
+    while work.is_alive():
+        work.join(0.2)  # Windows handles no signal before a wait ends
+    sys.exit(codes.pop() if codes else 1)
+
+
+def _command() -> int:
+    from isomatch.cli import main  # slow to import
+
+    return main()
+
+
+def _end(number: int, _: FrameType | None) -> None:
+    """Leave nothing behind, and end without waiting for threads."""
+    signal.signal(number, signal.SIG_IGN)
+    from isomatch._files import abandon_files
+
+    abandon_files()
+    for worker in active_children():
+        worker.kill()
+    os.write(2, b"\nisomatch: interrupted\n" if os.isatty(2) else b"isomatch: interrupted\n")
+    os._exit(128 + number)
+
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

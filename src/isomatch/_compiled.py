@@ -8,6 +8,8 @@ from threading import RLock
 from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast
 
+from isomatch._interruption import stop_if_abandoned
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -40,6 +42,7 @@ class Loop:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
+        stop_if_abandoned()
         return (self._dispatcher or self.dispatcher)(*arguments)
 
     def __reduce__(self) -> str:

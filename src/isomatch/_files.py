@@ -10,11 +10,13 @@ import re
 import sys
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 from secrets import token_hex
+from shutil import rmtree
 from stat import S_ISREG
+from threading import Lock
 from typing import BinaryIO, NoReturn
 
 import numpy as np
@@ -107,17 +109,81 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
-        unfinished = final.with_name(f".isomatch-{token_hex(8)}.unfinished")
-        try:
-            with unfinished.open("xb") as file:
+        with _passing(final.with_name(f".isomatch-{token_hex(8)}.unfinished")) as unfinished:
+            with _changing:
+                file = unfinished.open("xb")
+            with file:
                 yield file
                 file.flush()
                 os.fsync(
                     file.fileno()
                 )  # otherwise a power failure could leave an empty file of the final name
-            unfinished.replace(final)
-        finally:
-            unfinished.unlink(missing_ok=True)
+            with _changing:
+                unfinished.replace(final)
+
+
+@contextmanager
+def staged(folder: Path, last: str) -> Iterator[Path]:
+    """Give a new folder inside another; its files move there when the block ends without an error.
+
+    Of earlier files, the one named ``last`` is removed first, and its successor moves last.
+    """
+    with writing(folder), _passing(folder / f".isomatch-{token_hex(8)}.unfinished") as unfinished:
+        with _changing:
+            unfinished.mkdir()
+        yield unfinished
+        with _changing:
+            (folder / last).unlink(missing_ok=True)
+            for file in sorted(unfinished.iterdir(), key=lambda file: file.name == last):
+                file.replace(folder / file.name)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Create a folder and those it is in; those that were not there before and stay empty are removed in the end."""
+    with ExitStack() as made:
+        for one in (*reversed(folder.parents), folder):
+            if not one.exists():
+                made.enter_context(_passing(one))
+                with _changing:
+                    one.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
+        yield
+
+
+_passed: list[Path] = []  # what must not remain, in the order of its creation
+_changing = Lock()
+
+
+@contextmanager
+def _passing(path: Path) -> Iterator[Path]:
+    """Remove a file, or a folder that is empty or unfinished, in the end, however that comes."""
+    with _changing:
+        _passed.append(path)
+    try:
+        yield path
+    finally:
+        with _changing:
+            _remove(path)
+            _passed.remove(path)
+
+
+def _remove(path: Path) -> None:
+    if not path.is_dir():
+        path.unlink(missing_ok=True)
+    elif path.suffix == ".unfinished":
+        rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):  # it is not empty
+            path.rmdir()
+
+
+def abandon_files() -> None:
+    """Remove everything unfinished, for a process that ends at once; no thread creates or completes more."""
+    _changing.acquire()
+    for path in reversed(_passed):
+        with suppress(OSError):
+            _remove(path)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -160,7 +226,9 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
     lock = path.with_name(f".{path.name}.lock")
     with writing(path):
         _require_replaceable(path)
-        file = _locked(lock, path)
+        with _changing:
+            file = _locked(lock, path)
+            _passed.append(lock)
     try:
         for one in new:
             if os.path.lexists(one):
@@ -169,13 +237,15 @@ def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
                 )
         yield
     finally:
-        try:
-            lock.unlink(missing_ok=True)  # before the lock is released, so that it is ours
-        except PermissionError:  # Windows does not remove open files
+        with _changing:
+            try:
+                lock.unlink(missing_ok=True)  # before the lock is released, so that it is ours
+            except PermissionError:  # Windows does not remove open files
+                file.close()
+                with suppress(PermissionError):
+                    lock.unlink(missing_ok=True)
             file.close()
-            with suppress(PermissionError):
-                lock.unlink(missing_ok=True)
-        file.close()
+            _passed.remove(lock)
 
 
 def _require_replaceable(path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from threading import Lock, local
 from typing import Any, TypeVar
@@ -14,6 +13,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from isomatch._arrays import FloatArray
+from isomatch._interruption import POLL, Call, current_call, stop_if_abandoned
 from isomatch._limits import processors
 from isomatch.errors import SettingError
 
@@ -41,22 +41,48 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply a function to every item, on several threads, and return the results in the order of the items.
 
     The function should release the interpreter lock. Items must not share anything that is written, so that the
-    results do not depend on the number of threads. A call from within an item runs in the thread of that item.
+    results do not depend on the number of threads. A call from within an item runs in the thread of that item. An
+    error of an item is that of the first one that fails. An interruption goes through at once.
     """
     todo = list(items)
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
-        return [function(item) for item in todo]
+        return [_applied(function, item) for item in todo]
+    call = current_call() or Call()
+    results: dict[int, R] = {}
+    errors: dict[int, BaseException] = {}
+    numbers, taking = iter(range(len(todo))), Lock()
 
-    def apply(item: T) -> R:
+    def work() -> None:
         _inside.item = True
-        try:
-            return function(item)
-        finally:
-            _inside.item = False
+        while not errors:
+            with taking:
+                i = next(numbers, None)
+            if i is None:
+                return
+            try:
+                results[i] = _applied(function, todo[i])
+            except BaseException as error:
+                errors[i] = error
 
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(apply, todo))
+    threads = [call.thread(work) for _ in range(workers)]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            while thread.is_alive():
+                thread.join(POLL)
+    except BaseException:
+        call.abandoned = True
+        raise
+    if errors:
+        raise errors[min(errors)]
+    return [results[i] for i in range(len(todo))]
+
+
+def _applied(function: Callable[[T], R], item: T) -> R:
+    stop_if_abandoned()
+    return function(item)
 
 
 _inside = local()

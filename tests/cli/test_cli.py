@@ -64,7 +64,11 @@ def one_line(capsys):
 
 def test_match_writes_all_files_in_agreement(matched):
     folder, _ = matched
-    assert sorted(path.name for path in folder.iterdir()) == sorted(RESULT_FILES)
+    written = sorted(path.name for path in folder.iterdir())
+    saved = [
+        name for name in json.loads((folder / "result.json").read_text())["files"] if "alternative" in name
+    ]
+    assert written == sorted([*RESULT_FILES, *(f"{name}.npz" for name in saved)])
     source, target = example_pair()
     found = isomatch.Correspondence.load(folder / "map.npz")
     assert found.shape == (source.mesh.n_vertices, target.mesh.n_vertices)
@@ -120,6 +124,27 @@ def test_options_of_match_come_before_the_file_of_settings(shapes, tmp_path, cap
     assert (settings["refinement"], settings["orientation"], settings["n_columns"]) == ("smooth", "any", 40)
     assert run_match(shapes, out, "--force", "--refinement", "rough") == 2
     assert "rough" in capsys.readouterr().err
+
+
+def test_match_holds_landmarks_marked_in_other_tools(shapes, tmp_path, capsys):
+    meshes = [isomatch.read_mesh(shapes / f"{side}.ply") for side in ("source", "target")]
+    pairs = np.array(true_pairs())
+    for side, mesh in enumerate(meshes):
+        points = mesh.vertices[pairs[:, side]].tolist()
+        rows = "".join(f'<point x="{x}" y="{y}" z="{z}" name="{i}"/>' for i, (x, y, z) in enumerate(points))
+        (tmp_path / f"{side}.pp").write_text(f"<PickedPoints>{rows}</PickedPoints>")
+    options = ["--landmarks", str(tmp_path / "0.pp"), "--target-landmarks", str(tmp_path / "1.pp")]
+    out = tmp_path / "out"
+    assert run_match(shapes, out, *options, "--pin", "0", "--hypotheses", "given", "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert (record["config"]["pin"], record["config"]["hypotheses"]) == (0, "given")
+    assert record["quality"]["landmark_error"] == 0
+    found = isomatch.Correspondence.load(out / "map.npz")
+    np.testing.assert_array_equal(found.vertices[pairs[:, 0]], pairs[:, 1])
+    assert run_match(shapes, out, *options[2:], "--force") == 1
+    assert "--target-landmarks needs --landmarks" in one_line(capsys)
+    assert run_match(shapes, out, "--pin", "0.01", "--force") == 1
+    assert "no landmarks were given" in one_line(capsys)
 
 
 def true_pairs():
@@ -294,7 +319,7 @@ def test_demo_is_accurate_and_writes_again(tmp_path, capsys):
     (tmp_path / "map.npz").write_bytes(b"an earlier demo")
     assert main(["demo", "-o", str(tmp_path)]) == 0
     assert "error, mean" in capsys.readouterr().out
-    names = sorted(path.name for path in tmp_path.iterdir())
+    names = sorted(path.name for path in tmp_path.iterdir() if "alternative" not in path.name)
     assert names == ["demo.png", "map.npz", "map.txt", "report.html", "result.json"]
     assert json.loads((tmp_path / "result.json").read_text())["mean_error_over_sqrt_target_area"] < 0.015
 

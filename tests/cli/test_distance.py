@@ -106,12 +106,18 @@ def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
     basis.save(tmp_path / "basis.npz")
     command = ["distance", str(sphere[0]), "--basis", str(tmp_path / "basis.npz")]
     assert main([*command, "--pairs", str(pairs[0])]) == 0
-    said = [float(line) for line in capsys.readouterr().out.splitlines()]
+    printed = capsys.readouterr()
+    assert "approximate: estimated relative error" in printed.err
+    said = [float(line) for line in printed.out.splitlines()]
     np.testing.assert_allclose(said, basis.distance(*pairs[1].T), rtol=1e-9)
     assert main([*command, "--from", "3,1", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert "basis of rank" in record["engine"]
-    np.testing.assert_allclose(record["distances"], basis.row([3, 1]))
+    wanted = np.maximum(basis.row([3, 1]), 0.0)
+    wanted[[0, 1], [3, 1]] = 0.0
+    np.testing.assert_allclose(record["distances"], wanted)
+    assert record["approximate"]
+    assert record["estimated_relative_error"] == pytest.approx(basis.error_estimate())
     isomatch.write_mesh(tmp_path / "other.off", icosphere(1))
     assert main(["distance", str(tmp_path / "other.off"), "--from", "0", *command[2:]]) == 1
     assert "a basis of 162 points, but the surface has 42 vertices" in complaint(capsys)

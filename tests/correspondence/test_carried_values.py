@@ -116,9 +116,9 @@ def test_unmatched_values_are_not_pushed():
     ("values", "source_areas", "target_areas", "message"),
     [
         ([1, 2], [1.0, 1.0], None, "labels have no mean; carry them with reversed"),
-        ([1.0], [1.0, 1.0], None, r"values have \(1,\) rows, expected one for each of the 2 source"),
-        ([1.0, 2.0], [1.0], None, r"source areas have \(1,\) rows"),
-        ([1.0, 2.0], [1.0, 1.0], [1.0], r"target areas have shape \(1,\), expected one for each of the 3"),
+        ([1.0], [1.0, 1.0], None, r"values have shape \(1,\), expected \(2,\): one for each vertex"),
+        ([1.0, 2.0], [1.0], None, r"source areas have shape \(1,\)"),
+        ([1.0, 2.0], [1.0, 1.0], [1.0], r"target areas have shape \(1,\), expected \(3,\)"),
         ([1.0, 2.0], [1.0, "a"], None, "source areas have type"),
     ],
 )

@@ -104,7 +104,7 @@ def test_rows_tables_and_resuming(small, tmp_path):
     right = [row for row in rows if row["method"] == "right"]
     assert all(float(row["auc"]) == float(row["within_05"]) == 1 for row in right)
     assert all(float(row["distortion_l2"]) == float(row["distortion_l2_truth"]) > 0 for row in right)
-    assert all(0.5 < float(row["coverage"]) < 1 < float(row["smoothness"]) for row in right)
+    assert all(0.5 < float(row["image_area"]) < 1 < float(row["smoothness"]) for row in right)
     assert {path.name for path in tmp_path.iterdir()} >= {"curves.png", "curves.svg", "summary.csv"}
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert "RuntimeError: no &lt;map&gt; today" in page

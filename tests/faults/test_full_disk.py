@@ -127,6 +127,4 @@ def test_a_match_on_a_full_disk_ends_in_one_line(pair, match_argv, tmpfs, capsys
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "cannot be written (No space left on device)" in said
-    assert sorted(path.name for path in out.iterdir()) == ["map.npz", "map.txt"], "no result.json"
-    for path in out.iterdir():
-        assert Correspondence.load(path).shape == tuple(mesh.n_vertices for mesh in pair)
+    assert not out.exists()

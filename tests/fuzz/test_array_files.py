@@ -10,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 
-from isomatch import Correspondence, DistanceBasis
+from isomatch import Config, Correspondence, DistanceBasis, MatchResult, Outcome, Quality
 from isomatch.datasets import tosca
 from isomatch.datasets.shape_files import arrays, read_landmarks
 from isomatch.errors import FormatError, IsomatchError
 from isomatch.evaluation import read_published_curves
 from isomatch.geodesics import Sampling
+from isomatch.matching import Alternative
 from isomatch.statistics import CorrespondedShapes, ShapeModel
 from zoo import grid
 
@@ -29,6 +30,11 @@ BASIS = DistanceBasis(
     held_out=Sampling(np.array([1]), np.ones((1, 6))),
 )
 MAP = Correspondence([0, 3, -1, 2], 4, np.array([[0, 1, 2]] * 4), np.full((4, 3), 1 / 3))
+RESULT = MatchResult(
+    MAP, Outcome.CONVERGED, Quality(*[0.5] * 12), np.array([0.1, 0.2, np.nan, 0.1]),
+    (Alternative(lambda: MAP, 1.0, 0.5, "flip"),), {"total": 1.0},
+    ("a note",), "fast_marching", "extremities", "the best", Config(), 0,
+)  # fmt: skip
 MODEL = ShapeModel.fit(
     CorrespondedShapes(("a", "b"), [grid(3, 3).vertices, grid(3, 3).vertices ** 2], grid(3, 3).faces)
 )
@@ -66,6 +72,12 @@ def use_map(found):
         found.reversed()
 
 
+def use_result(found):
+    found.to_dict()
+    for each in (found, *found.alternatives):
+        use_map(each.map)
+
+
 def use_model(model):
     with np.errstate(all="ignore"):
         _ = model.variance_ratios, model.vertex_variances, model.aligned
@@ -73,6 +85,7 @@ def use_model(model):
 
 
 LOADERS = {
+    "result": (MatchResult.load, use_result),
     "model": (ShapeModel.load, use_model),
     "basis": (DistanceBasis.load, use_basis),
     "map": (Correspondence.load, use_map),
@@ -86,7 +99,7 @@ def seeds(tmp_path_factory):
     """The arrays of a sound file of each kind."""
     path = tmp_path_factory.mktemp("sound") / "file.npz"
     found = {"shapes": SHAPES, "curves": CURVES}
-    for kind, value in (("basis", BASIS), ("map", MAP), ("model", MODEL)):
+    for kind, value in (("basis", BASIS), ("map", MAP), ("result", RESULT), ("model", MODEL)):
         value.save(path)
         with np.load(path) as stored:
             found[kind] = dict(stored)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
+from isomatch import read_asset, write_asset
 from isomatch.errors import FormatError
 from isomatch.surfaces import Contents
 from isomatch.surfaces.io import FORMATS
@@ -51,6 +52,8 @@ SEEDS = {
     ],
     ".stl": [written(".stl", grid(3, 3)), written(".stl", grid(2, 2), binary=False)],
 }
+SEEDS[".glb"] = [written(".glb", grid(3, 3))]
+SEEDS[".gltf"] = [written(".gltf", grid(2, 2))]
 CASES = [(suffix, seed) for suffix, seeds in SEEDS.items() for seed in seeds]
 FACTOR = 20  # times the size of the file
 ROOM = 2**21  # bytes; what a reader needs for a file of any size
@@ -96,6 +99,23 @@ def test_a_changed_file(suffix, seed, data):
         assert mesh.vertices.shape[1] == mesh.faces.shape[1] == 3
 
 
+@pytest.mark.parametrize(("suffix", "seed"), CASES)
+@fuzzed
+@given(data=st.data())
+def test_all_that_a_changed_file_holds(tmp_path_factory, suffix, seed, data):
+    path = tmp_path_factory.getbasetemp() / f"changed{suffix}"
+    path.write_bytes(data.draw(mutated(seed)))
+    try:
+        asset = read_asset(path)
+    except FormatError as error:
+        problem = str(error)
+    else:
+        problem = f"{path}: none"
+        write_asset(path, asset)
+        assert read_asset(path).polygons.corners.tolist() == asset.polygons.corners.tolist()
+    assert problem.startswith(str(path))
+
+
 @pytest.mark.parametrize("suffix", SEEDS)
 @fuzzed
 @given(data=st.data())
@@ -108,5 +128,13 @@ def test_parts_of_two_files(suffix, data):
 @fuzzed
 @given(content=st.binary(max_size=300), start=st.booleans())
 def test_random_bytes(suffix, content, start):
-    first = {".off": b"OFF\n", ".obj": b"v ", ".ply": b"ply\nformat ascii 1.0\n", ".stl": b"solid\n"}[suffix]
+    starts = {
+        ".off": b"OFF\n",
+        ".obj": b"v ",
+        ".ply": b"ply\nformat ascii 1.0\n",
+        ".stl": b"solid\n",
+        ".glb": b"glTF\2\0\0\0",
+        ".gltf": b"{",
+    }
+    first = starts[suffix]
     outcome(suffix, first + content if start else content)

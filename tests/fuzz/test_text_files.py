@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 from scipy.io import savemat
 
-from isomatch import Config, Correspondence
-from isomatch.cli.inputs import read_config, read_landmarks
+from isomatch import Config, Correspondence, Mesh, read_landmarks
+from isomatch.cli.inputs import read_config
 from isomatch.datasets import tosca
 from isomatch.datasets.shape_files import read_indices
 from isomatch.errors import IsomatchError
@@ -40,8 +40,28 @@ off_diagonal = [0.01, 0.1]
 [outcome]
 """
 MAP = b"# isomatch map, source -> target\n# 3 source vertices, 9 target vertices\n1\n-1\n8\n"
+SLICER = b"""{"markups": [{"coordinateSystem": "RAS", "controlPoints":
+[{"label": "nose", "position": [-1, 0, 0], "positionStatus": "defined"}]}]}"""
+FIDUCIALS = b"""# CoordinateSystem = 0
+# columns = id,x,y,z,label
+a,-1,0,0,nose
+"""
+PICKED = b'<!DOCTYPE P><PickedPoints><point active="1" x="1" y="0" z="0" name="0"/></PickedPoints>'
+SQUARE = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+
+
+def marked(path, target_path=None):
+    return read_landmarks(path, SQUARE, SQUARE, target_path)
+
+
 FILES = {
-    "landmarks.txt": (b"# mine\n1, 2\n3 4 # tail\n5\t6\n", read_landmarks),
+    "landmarks.txt": (b"# mine\n1, 2\n3 4 # tail\n5\t6\n", marked),
+    "landmarks.csv": (b"name,source,target\nnose,1,2\ntail,3,0\n", marked),
+    "positions.txt": (b"0 0 0 1 0 0\n1,1,0,0,1,0\n", marked),
+    "nose.mrk.json": (SLICER, lambda path: marked(path, path)),
+    "nose.fcsv": (FIDUCIALS, lambda path: marked(path, path)),
+    "nose.pp": (PICKED, lambda path: marked(path, path)),
+    "nose.csv": (b"name,x,y,z\nnose,0,0,0\n", lambda path: marked(path, path)),
     "map.txt": (MAP, Correspondence.load),
     "config.toml": (SETTINGS, read_config),
     "cat0.vts": (b"1\n2.0\n3\n", read_indices),

@@ -174,7 +174,7 @@ def test_combinations_that_do_not_exist(surface, name, message):
 
 
 def test_what_has_no_distances():
-    with pytest.raises(MeshError, match="a builtins.list is no mesh; give a Mesh, the path of a mesh file"):
+    with pytest.raises(MeshError, match=r"a builtins\.list is no mesh; give a Mesh, the path of a mesh file"):
         distance_engine([1.0])
 
 

@@ -177,6 +177,7 @@ def test_result_is_told_in_plain_values(prepared_example):
     assert told["quality"]["landmark_error"] == 0
     assert told["config"]["hypotheses"] == "given"
     assert (told["seed"], told["engine"], told["origin"]) == (3, "fast_marching", "landmarks")
+    assert stages.pop() == "done"
     assert stages == ["prepare", "search", "selection", "refinement", "quality"]
     assert set(told["timings"]) == {*stages, "total"}
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch.errors import FormatError
+from isomatch.surfaces import Contents
 from isomatch.surfaces.io import obj, off, stl
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
@@ -144,7 +145,7 @@ def test_stl_text(name):
 @pytest.mark.parametrize("start", [b"solid made by a careless program", b"binary"])
 def test_stl_binary_whatever_its_first_word(start):
     text = stl.read(f"solid\n{TWO_FACETS}endsolid\n".encode(), "a.stl")
-    data = start.ljust(80) + stl.write(text)[80:]
+    data = start.ljust(80) + stl.write(Contents.of_mesh(text))[80:]
     np.testing.assert_array_equal(stl.read(data, "a.stl").faces, HALVES)
 
 

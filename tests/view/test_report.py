@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from base64 import b64decode
+from functools import partial
 from html import escape
 from html.parser import HTMLParser
 from importlib.resources import files
@@ -16,14 +17,16 @@ import pytest
 from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
+from isomatch.errors import DescriptorError, LandmarkError
 from isomatch.matching import Alternative, MatchResult
 from isomatch.view import position_colours, report, write_report
 from isomatch.view.colours import to_screen
+from isomatch.view.layers import stretch
 from isomatch.view.measures import MEASURES, quality_measures
 from isomatch.view.scene import scene_of
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
-VOID = {"meta", "img", "br", "line", "circle"}
+VOID = {"meta", "img", "br", "line", "circle", "input"}
 
 
 class Page(HTMLParser):
@@ -92,6 +95,7 @@ def result(pair):
         map=Correspondence(unmatched, target.n_vertices),
         outcome=Outcome.LOW_CONFIDENCE,
         quality=quality,
+        expected_error=np.where(unmatched < 0, np.nan, 0.01),
         alternatives=(Alternative(lambda: other, 0.125, -0.5, "a <bold> guess"),),
         timings={"prepare": 1.25, "total": 2.5},
         notes=("source: left out <7> vertices",),
@@ -133,7 +137,7 @@ def test_the_report_is_whole_small_and_loads_nothing(written, page):
 
 
 def test_the_script_asks_only_for_elements_that_are_there(page):
-    script = page.all("script")[-1]["text"]
+    script = "".join(each["text"] for each in page.all("script")[-2:])
     asked = set(re.findall(r'by\("(\w+)"\)', script))
     for names in re.findall(r"\[([^\[\]]*)\]\.map\(by\)", script):
         asked |= set(re.findall(r'"(\w+)"', names))
@@ -146,7 +150,7 @@ def test_what_the_user_named_is_shown_and_never_obeyed(written, page):
     assert page.all("title")[0]["text"] == f"isomatch: {HOSTILE} → target.ply"
     assert page.by_id("name0")["text"] == f"source: {HOSTILE}"
     assert HOSTILE in [cell["text"] for cell in page.all("td")]
-    assert len(page.all("script")) == 4
+    assert len(page.all("script")) == 6
     assert "<script>alert" not in written
     for text in ("a <bold> guess", "left out <7> vertices"):
         assert text not in written
@@ -170,7 +174,8 @@ def test_outcome_numbers_and_settings_are_those_of_the_result(page, result):
     soft = " ".join(element["text"] for element in page.all("p"))
     assert "Grey: 7 source vertices" in soft
     assert "Source: left out <7> vertices" in soft
-    assert "--landmarks" in soft
+    assert "--landmarks" in page.by_id("command")["text"]
+    assert "hidden" not in page.by_id("landmarks")
     assert "simplified" not in soft
 
 
@@ -229,7 +234,7 @@ def test_a_large_shape_is_simplified_and_its_vertices_stay_what_they_are(pair):
 
 
 def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "scene_of", lambda *shapes: scene_of(*shapes, most=3000))
+    monkeypatch.setattr(report, "scene_of", partial(scene_of, most=3000))
     converged = dataclasses.replace(result, outcome=Outcome.CONVERGED, alternatives=(), map=pair[2], notes=())
     (tmp_path / "still.png").write_bytes(b"a picture")
     write_report(tmp_path / "report.html", *pair[:2], converged, picture=tmp_path / "still.png")
@@ -237,7 +242,7 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     told = " ".join(element["text"] for element in page.all("p"))
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
-    assert "--landmarks" not in told
+    assert "hidden" in page.by_id("landmarks")
     assert "No other map" in told
     assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == "Converged"
@@ -257,8 +262,67 @@ def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
         assert [bad for measure, _, bad in measured if measure.name == "orientation"] == [against]
 
 
+def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, result, tmp_path):
+    source, target, _ = pair
+    values = np.linspace(4.0, 5.0, source.n_vertices)
+    values[:9] = np.nan, np.inf, -np.inf, -100.0, 1e9, *np.full(4, np.nan)
+    write_report(tmp_path / "report.html", source, target, result, layers={"<b>": values})
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    first, other = json.loads(page.by_id("scene")["text"])["maps"]
+    assert [list(each["layers"]) for each in (first, other)] == [
+        ["stretch", "expected error", "<b>"],
+        ["stretch"],
+    ]
+    layer = first["layers"]["<b>"]
+    levels = unpacked(layer["levels"], "u1")
+    assert list(levels[:5]) == [255, 255, 255, 0, 254]
+    shown = layer["low"] + levels[9:] / 254 * (layer["high"] - layer["low"])
+    np.testing.assert_allclose(shown, np.clip(values[9:], layer["low"], layer["high"]), atol=0.01)
+    assert 4.0 < layer["low"] < 4.1
+    assert 4.9 < layer["high"] < 5.0
+
+
+def test_the_stretch_of_a_similarity_is_one_and_of_a_scaled_part_its_scale(pair):
+    mesh = pair[0]
+    itself = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    np.testing.assert_allclose(stretch(mesh, mesh.moved(3 * mesh.vertices), itself).values, 1.0)
+    x = mesh.vertices[:, 0]
+    far = x > np.quantile(x, 0.8)
+    grown = mesh.vertices * np.where(far, 1.5, 1.0)[:, None]
+    values = stretch(mesh, mesh.moved(grown), itself).values
+    inner = far & ~np.isin(np.arange(mesh.n_vertices), mesh.edges[far[mesh.edges].sum(axis=1) == 1])
+    np.testing.assert_allclose(values[inner], 1.5)
+    assert np.median(values[~far]) == 1.0
+
+
+@pytest.mark.parametrize("values", [np.zeros(7), np.zeros((2968, 1)), ["a"] * 2968])
+def test_a_layer_needs_one_number_for_each_source_vertex(pair, result, values, tmp_path):
+    with pytest.raises(DescriptorError, match="layer 'error'"):
+        write_report(tmp_path / "report.html", *pair[:2], result, layers={"error": values})
+    with pytest.raises(LandmarkError, match="expected rows"):
+        write_report(tmp_path / "report.html", *pair[:2], result, landmarks=[1.5, 2.5])
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_source_returns_to_how_it_lies_in_its_file(pair):
+    source, target, truth = pair
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    lying, upright = (
+        scene_of(source.moved(source.vertices @ turn.T), target, {"map": truth})
+        for turn in (quarter, np.eye(3))
+    )
+    filed = np.reshape(lying["filed"], (3, 3))
+    np.testing.assert_allclose(filed @ filed.T, np.eye(3), atol=1e-12)
+    assert np.trace(filed) == pytest.approx(1.0)
+    np.testing.assert_allclose(np.reshape(upright["filed"], (3, 3)), np.eye(3), atol=1e-12)
+    seen = [unpacked(scene["source"]["vertices"], "<f4", 3) for scene in (lying, upright)]
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-6)
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
 def test_the_script_is_sound_javascript():
-    script = (files("isomatch.view") / "report.js").read_text(encoding="utf-8")
+    script = "".join(
+        (files("isomatch.view") / name).read_text(encoding="utf-8") for name in ("landmarks.js", "report.js")
+    )
     done = subprocess.run(["node", "--check", "-"], input=script, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
 from isomatch.errors import MeshError, some
-from isomatch.surfaces import Contents, Mesh, first_equal
+from isomatch.surfaces import (
+    Contents,
+    Mesh,
+    contents_of,
+    first_equal,
+    to_meshio,
+    to_open3d,
+    to_pyvista,
+    to_trimesh,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,6 +68,27 @@ class Asset(Contents):
                 f"polygons {some(np.unique(self.polygons.of_corner[outside]))} refer to points outside "
                 f"0…{len(self.points) - 1}; remove them, or export the file again"
             )
+
+    @classmethod
+    def from_contents(cls, found: Contents) -> Self:
+        """Make an asset of what a file or an object holds."""
+        return cls(found.points, found.polygons, found.attributes, found.parts, found.document)
+
+    @classmethod
+    def from_object(cls, given: object) -> Self:
+        """Make an asset of a mesh of another library, with its attributes.
+
+        Parameters
+        ----------
+        given : object
+            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh`` or ``open3d.geometry.TriangleMesh``.
+
+        Raises
+        ------
+        MeshError
+            If it is none of these.
+        """
+        return cls.from_contents(contents_of(given))
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -111,3 +141,25 @@ class Asset(Contents):
                 matrix = np.linalg.inv(np.array(part.transform))
                 points[rows] = points[rows] @ matrix[:3, :3].T + matrix[:3, 3]
         return replace(self, points=points)
+
+    def to_trimesh(self) -> Any:
+        """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
+
+        Raises
+        ------
+        MissingDependencyError
+            If the package is not installed; the message names the extra. So do the other conversions.
+        """
+        return to_trimesh(self)
+
+    def to_pyvista(self) -> Any:
+        """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
+        return to_pyvista(self)
+
+    def to_meshio(self) -> Any:
+        """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ."""
+        return to_meshio(self)
+
+    def to_open3d(self) -> Any:
+        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates."""
+        return to_open3d(self)

@@ -41,7 +41,7 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
     """
     found = read_contents(path)
     try:
-        return Asset(found.points, found.polygons, found.attributes, found.parts, found.document)
+        return Asset.from_contents(found)
     except InputError as error:
         raise FormatError(f"{os.fspath(path)}: {error}") from None
 

@@ -18,6 +18,7 @@ from isomatch.matching import (
     ShapePair,
     StageTimer,
     contradicted_landmarks,
+    expected_errors,
     measure_quality,
     outcome_of,
     prepare_pair,
@@ -126,6 +127,7 @@ class Task:
             map=source.correspondence(target, points),
             outcome=outcome_of(self.pair, quality, config.orientation, self.hints.any),
             quality=quality,
+            expected_error=source.lift_smooth(expected_errors(self.pair, points)),
             alternatives=(),
             timings=self.timer.stop(),
             notes=(

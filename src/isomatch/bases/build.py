@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from isomatch._arrays import FloatArray
+from isomatch._interruption import in_background
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
 from isomatch.bases.choices import BasisMethod, Weighting
@@ -123,16 +124,18 @@ def distance_basis(
         raise SettingError(f"k = {k} must lie in 1…p = {p}: the rank cannot exceed the number of columns")
     if np.dtype(dtype) not in (np.float32, np.float64):
         raise SettingError(f"dtype = {np.dtype(dtype)} is not float32 or float64")
-    with serial_blas():
-        fixed = tolerance is None and method != "exact"
-        distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
-        start = peripheral_vertex(surface, distances, seed)
-        if tolerance is not None:
-            basis = _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))
-        else:
+
+    def computed() -> DistanceBasis:
+        with serial_blas():
+            fixed = tolerance is None and method != "exact"
+            distances, measure = basis_domain(surface, weights, engine, p if fixed else 1)
+            start = peripheral_vertex(surface, distances, seed)
+            if tolerance is not None:
+                return _within(tolerance, surface, distances, start, method, measure, seed, max(held_out, 10))
             basis = _basis(surface, distances, start, method, measure, rank=k, n_columns=p)
-            basis = _with_held_out(basis, distances, seed, held_out)
-    return basis.astype(dtype)
+            return _with_held_out(basis, distances, seed, held_out)
+
+    return in_background(computed).astype(dtype)
 
 
 def _basis(

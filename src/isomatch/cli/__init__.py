@@ -12,14 +12,17 @@ from isomatch import __version__
 from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
+from isomatch.cli.choose import choose
 from isomatch.cli.demo import demo
 from isomatch.cli.distance import distance
+from isomatch.cli.evaluate import evaluate
 from isomatch.cli.info import info
 from isomatch.cli.match import match
 from isomatch.cli.paper import paper
 from isomatch.cli.repair import repair
 from isomatch.cli.statistics import statistics
-from isomatch.cli.terminal import print_anything, printable
+from isomatch.cli.terminal import complain, print_anything
+from isomatch.cli.transfer import transfer
 from isomatch.errors import IsomatchError
 
 __all__ = ["main"]
@@ -35,8 +38,25 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative=()),
 )
-for each in (match, basis, distance, check, repair, statistics, demo, bench, paper, info):
+for each in (
+    match,
+    choose,
+    transfer,
+    basis,
+    distance,
+    check,
+    repair,
+    evaluate,
+    statistics,
+    demo,
+    bench,
+    paper,
+    info,
+):
     app.command(each)
+app.register_install_completion_command(
+    help="Complete commands and options in the shell: writes a script and adds a line to the shell's start-up file."
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -73,5 +93,5 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
+    complain(message)
     return code

@@ -13,7 +13,7 @@ import isomatch
 from isomatch.bases import BasisMethod, Weighting
 from isomatch.cli.distance import EngineOption
 from isomatch.cli.outputs import claimed_files
-from isomatch.cli.terminal import progress, say_json, say_table
+from isomatch.cli.terminal import TALK, Talk, say_table
 
 N_COLUMNS = 100
 
@@ -32,8 +32,8 @@ def basis(
     single: bool = False,
     canonical: Path | None = None,
     seed: int = 0,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Compute the geodesic distance basis of a mesh: all its distances, approximately, in n × k numbers.
 
@@ -61,18 +61,20 @@ def basis(
         Also write the canonical form: the mesh with vertices whose Euclidean distances approximate the geodesic ones.
     seed : int
         Seed of the sampling and of the error estimate.
-    json : bool
-        Print one JSON object and nothing else.
     force : bool
         Replace existing files.
+    talk : Talk
+        What is told.
     """
-    with claimed_files(output, canonical, force=force), progress() as stage:
+    with claimed_files(output, canonical, force=force), talk.progress() as tell:
+        tell("reading", 0.0)
         mesh = isomatch.read_mesh(file)
-        stage("distances")
+        tell("distances", 0.05)
         started = time.perf_counter()
         dtype = np.float32 if single else np.float64
         computed = isomatch.distance_basis(mesh, k, p, method, weights, seed, engine, tolerance, dtype)
         seconds = time.perf_counter() - started
+        tell("writing", 0.95 if canonical is None else 0.55)
         computed.save(output)
         record = {
             "file": str(file),
@@ -86,14 +88,13 @@ def basis(
             "estimated_relative_error": computed.error_estimate(),
         }
         if canonical is not None:
-            stage("canonical form")
+            tell("canonical form", 0.6)
             form = isomatch.canonical_form(mesh, weights=weights, seed=seed, engine=engine)
             isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
             record |= {"canonical_form": str(canonical), "stress": form.stress}
-    if json:
-        say_json(record)
-        return
-    say_table(
+        tell("done", 1.0)
+    rows = (
         (name.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value), "")
         for name, value in record.items()
     )
+    talk.result(record, lambda: say_table(rows))

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from isomatch import evaluation
-from isomatch.cli.terminal import progress, say, say_json
+from isomatch.cli.terminal import TALK, Talk, part, say
 
 
 def bench(
@@ -26,7 +26,7 @@ def bench(
     cycles: bool = False,
     published: Path | None = None,
     damage: tuple[str, ...] = (),
-    json: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Run methods over benchmark sets and measure their maps against the truth.
 
@@ -65,12 +65,13 @@ def bench(
         Damage to the target of each pair: NAME or NAME:LEVEL, of cut, holes, limb_removed, view, weld, noise, decimate,
         resample; ending in @source or @both, to the source or to both. May be repeated. Errors are measured on the whole
         target.
-    json : bool
-        Print one JSON object and nothing else.
+    talk : Talk
+        What is told.
     """
     curves = [] if published is None else evaluation.read_published_curves(published)
-    with progress() as stage:
-        for name, each in product(sets.split(","), damage or (None,)):
+    asked = list(product(sets.split(","), damage or (None,)))
+    with talk.progress() as tell:
+        for number, (name, each) in enumerate(asked):
             run = evaluation.BenchmarkRun(
                 set_name=name,
                 methods=tuple(methods.split(",")),
@@ -83,12 +84,22 @@ def bench(
                 cycles=cycles,
                 damage=each,
             )
-            for count, row in enumerate(evaluation.run_benchmark(run, output), 1):
-                stage(f"{evaluation.set_label(row)}: {count} rows, last {row['pair']} by {row['method']}")
+            reach = part(tell, number / len(asked), (number + 1) / len(asked))
+            reach(f"{name}: reading", 0.0)
+            total = len(run.chosen_pairs()) * len(run.methods)
+            done = len(evaluation.rows_of(run, output))
+            for row in evaluation.run_benchmark(run, output):
+                done += 1
+                reach(
+                    f"{evaluation.set_label(row)}: last {row['pair']} by {row['method']}",
+                    min(done / total, 1.0),
+                )
+        tell("done", 1.0)
     table = evaluation.write_tables(output, curves)
-    if json:
-        say_json({"summary": table, "folder": str(output)})
-        return
+    talk.result({"summary": table, "folder": str(output)}, lambda: _say(table, output))
+
+
+def _say(table: list[dict[str, Any]], output: Path) -> None:
     say("mean geodesic error × 100 / √(target area)", "bold")
     names = [evaluation.set_label(row) for row in table]
     width = max([12, *map(len, names)])

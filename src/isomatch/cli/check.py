@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
@@ -12,7 +12,8 @@ import isomatch
 from isomatch import bases, matching
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
-from isomatch.cli.terminal import say, say_json
+from isomatch.cli.terminal import say, say_json, say_table
+from isomatch.surfaces import FORMATS
 
 Verb = Literal["distance", "basis", "match"]
 
@@ -25,34 +26,87 @@ _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
 
 
 def check(
-    file: Path, /, *, verb: Annotated[Verb | None, Parameter(name="--for")] = None, json: bool = False
+    file: Path,
+    /,
+    *more: Annotated[Path, Parameter(json_list=False)],
+    verb: Annotated[Verb | None, Parameter(name="--for")] = None,
+    json: bool = False,
 ) -> None:
-    """Report the defects of a mesh, and which commands it is fit for.
+    """Report the defects of meshes, and which commands they are fit for.
 
-    The exit code is 1 if geodesic distances are undefined; with --for, if that command would refuse the mesh.
+    The exit code is 1 if geodesic distances are undefined on any of them or one cannot be read; with --for, if that
+    command would refuse any.
 
     Parameters
     ----------
     file : Path
-        Mesh: .off, .obj, .ply or .stl.
+        Mesh: .off, .obj, .ply or .stl; or a folder of them.
+    more : Path
+        Further meshes and folders. Of several meshes there is a table, one row for each.
     verb : str
         The command that the exit code is about: distance, basis or match, with their default settings.
     json : bool
-        Print a single JSON object and nothing else.
+        Print a single JSON object, of several files a list of them, and nothing else.
     """
-    mesh = isomatch.read_mesh(file)
-    report = isomatch.check(mesh)
-    refusals = {each: reason for each in get_args(Verb) if (reason := _refusal(each, mesh))}
+    paths = [path for given in (file, *more) for path in _meshes(given)]
+    several = len(paths) > 1 or file.is_dir()
+    records = [_examined(path, in_table=several) for path in paths]
     if json:
-        fit = {each: refusals.get(each) for each in get_args(Verb)}
-        say_json({"file": str(file), **report.to_dict(), "refused_by": fit})
+        plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
+        say_json(plain if several else plain[0])
+    elif several:
+        say_table(_rows(records))
     else:
-        say(str(report))
-        for each in get_args(Verb):
-            say(f"not fit for {each}: {refusals[each]}" if each in refusals else f"fit for {each}")
-    reason = refusals.get(verb) if verb else "; ".join(report.fatal)
-    if reason:
-        raise isomatch.MeshError(f"{file}: {reason}")
+        [record] = records
+        say(record["report"])
+        for each, reason in record["refused_by"].items():
+            say(f"not fit for {each}: {reason}" if reason else f"fit for {each}")
+    bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
+    if several and bad:
+        raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
+    for name, reason in bad.items():
+        raise isomatch.MeshError(f"{name}: {reason}")
+
+
+def _meshes(given: Path) -> list[Path]:
+    """Meshes in a folder and the folders in it, by name; or the file itself."""
+    if not given.is_dir():
+        return [given]
+    found = sorted(path for path in given.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
+    if not found:
+        raise isomatch.MissingFileError(f"{given}: no mesh in this folder; known are {', '.join(FORMATS)}")
+    return found
+
+
+def _examined(path: Path, in_table: bool) -> dict[str, Any]:
+    """Plain values about a file; in a table, one that cannot be read is a row."""
+    try:
+        mesh = isomatch.read_mesh(path)
+    except isomatch.IsomatchError as error:
+        if not in_table:
+            raise
+        return {"file": str(path), "ok": False, "unreadable": str(error)}
+    report = isomatch.check(mesh)
+    refusals = {each: _refusal(each, mesh) for each in get_args(Verb)}
+    return {"file": str(path), **report.to_dict(), "report": str(report), "refused_by": refusals}
+
+
+def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
+    """Why a mesh is bad; None if it is not."""
+    if "unreadable" in record:
+        return str(record["unreadable"])
+    return record["refused_by"][verb] if verb else "; ".join(record["fatal"]) or None
+
+
+def _rows(records: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
+    yield "file", "vertices", "faces", *(f"for {each}" for each in get_args(Verb)), "defects"
+    for record in records:
+        if "unreadable" in record:
+            yield record["file"], "", "", *("no" for _ in get_args(Verb)), record["unreadable"]
+            continue
+        fit = ("no" if reason else "yes" for reason in record["refused_by"].values())
+        defects = "; ".join([*record["fatal"], *record["warnings"]])
+        yield record["file"], str(record["n_vertices"]), str(record["n_faces"]), *fit, defects
 
 
 def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:

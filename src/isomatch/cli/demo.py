@@ -12,30 +12,34 @@ from cyclopts import Parameter
 import isomatch
 from isomatch import datasets, evaluation
 from isomatch.cli.outputs import ResultFolder, say_files
-from isomatch.cli.terminal import progress, say, say_table
+from isomatch.cli.terminal import TALK, Talk, part, say, say_table
 
 N_JUDGED = 500  # source vertices, drawn with seed 0, whose images are compared with the ground truth
 
 
-def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("demo")) -> None:
+def demo(
+    *, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("demo"), talk: Talk = TALK
+) -> None:
     """Match two poses of an animal without landmarks, and compare the map with the exact ground truth.
 
     Parameters
     ----------
     output : Path
         Folder for map.npz, map.txt, result.json, demo.png and report.html. Existing files are replaced.
+    talk : Talk
+        What is told.
     """
     started = time.perf_counter()
     source, target = datasets.example_pair()
     folder = ResultFolder(output, picture="demo.png")
-    with folder.claimed(force=True), progress() as stage:
-        result = isomatch.match(source.mesh, target.mesh, progress=stage)
-        stage("comparing")
+    with folder.claimed(force=True), talk.progress() as tell:
+        result = isomatch.match(source.mesh, target.mesh, progress=part(tell, 0.0, 0.6))
+        tell("comparing", 0.6)
         truth = datasets.ground_truth(source, target).vertices
         pairs = np.column_stack([np.arange(len(truth)), truth])
         errors = evaluation.geodesic_errors(target.mesh, result.map, pairs, N_JUDGED)
-        stage("writing")
-        folder.write(
+        tell("writing", 0.7)
+        record = folder.write(
             source.mesh,
             target.mesh,
             result,
@@ -47,22 +51,26 @@ def demo(*, output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("
             facts={"error, mean": f"{errors.mean():.2%} of √(target area), against the ground truth"},
             more={"mean_error_over_sqrt_target_area": float(errors.mean())},
         )
-    say(f"{result.outcome.value}: {result.outcome.advice}", "bold")
-    say_table(
-        [
-            (
-                "error, mean",
-                f"{100 * errors.mean():.2f} %",
-                f"of √(target area), {N_JUDGED} vertices",
-            ),
-            ("error, 95th percentile", f"{100 * np.quantile(errors, 0.95):.2f} %", "of √(target area)"),
-            ("distortion, mean", f"{100 * result.quality.distortion_mean:.2f} %", "of √area"),
-            (
-                "match",
-                f"{result.timings['total']:.2f} s",
-                f"{source.mesh.n_vertices} → {target.mesh.n_vertices} vertices",
-            ),
-            ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
-        ]
-    )
-    say_files(folder.files)
+
+    def summary() -> None:
+        say(f"{result.outcome.value}: {result.outcome.advice}", "bold")
+        say_table(
+            [
+                (
+                    "error, mean",
+                    f"{100 * errors.mean():.2f} %",
+                    f"of √(target area), {N_JUDGED} vertices",
+                ),
+                ("error, 95th percentile", f"{100 * np.quantile(errors, 0.95):.2f} %", "of √(target area)"),
+                ("distortion, mean", f"{100 * result.quality.distortion_mean:.2f} %", "of √area"),
+                (
+                    "match",
+                    f"{result.timings['total']:.2f} s",
+                    f"{source.mesh.n_vertices} → {target.mesh.n_vertices} vertices",
+                ),
+                ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
+            ]
+        )
+        say_files(record["files"])
+
+    talk.result(record, summary)

@@ -16,10 +16,11 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._files import is_whole_number, write_text
 from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
-from isomatch.cli.terminal import progress, say, say_json
+from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
 from isomatch.errors import FormatError
 from isomatch.geodesics import engine_names
 
+AT_ONCE = 16  # columns between two announcements of progress
 WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))
 HOW = Group("How (at most one of them)", validator=LimitedChoice(0, 1))
 
@@ -48,8 +49,8 @@ def distance(
     engine: Annotated[EngineOption, Parameter(group=HOW)] = None,
     basis: Annotated[Path | None, Parameter(group=HOW)] = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Print or write geodesic distances, in the units of the file; inf where no path leads.
 
@@ -65,12 +66,13 @@ def distance(
         How distances are computed.
     basis : Path
         Distance basis of this mesh, written by isomatch basis: its approximate distances are used.
+        The distance of a vertex from itself is 0.
     output : Path
         File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs or sources.
-    json : bool
-        Print one JSON object and nothing else.
     force : bool
         Replace an existing file.
+    talk : Talk
+        What is told.
     """
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
@@ -80,21 +82,33 @@ def distance(
         else _vertices(sources or "")
     )
     kind = "pairs" if pairs is not None else "sources"
-    with claimed_files(output, force=force), progress() as stage:
-        stage("reading")
+    with claimed_files(output, force=force), talk.progress() as tell:
+        tell("reading", 0.0)
         mesh = isomatch.read_mesh(file)
-        stage("distances")
-        name, distances = _distances(surface_of(mesh), asked, engine, basis)
+        name, distances, error = _distances(surface_of(mesh), asked, engine, basis, part(tell, 0.1, 0.9))
         if output is not None:
+            tell("writing", 0.9)
             _write(output, kind, asked, distances)
-    if json:
-        record = {"file": str(file), "engine": name, "basis": basis and str(basis), kind: asked.tolist()}
-        where = {"output": str(output)} if output is not None else {"distances": distances.tolist()}
-        say_json(record | where)
-    elif output is not None:
-        say(f"wrote {output}: {distances.size} distances by {name}")
+        tell("done", 1.0)
+    record = {"file": str(file), "engine": name, "basis": basis and str(basis), kind: asked.tolist()}
+    record["approximate"] = basis is not None
+    if error is not None:
+        record["estimated_relative_error"] = error
+    if output is None:
+        record["distances"] = distances.tolist()
     else:
+        record["output"] = str(output)
+    remark = "" if error is None else f", approximate: estimated relative error {error:.2%}"
+
+    def summary() -> None:
+        if output is not None:
+            say(f"wrote {output}: {distances.size} distances by {name}{remark}")
+            return
         say("\n".join(_lines(kind, asked, distances)))
+        if remark:
+            complain(f"distances by {name}{remark}")
+
+    talk.result(record, summary)
 
 
 def _vertices(words: str) -> IntArray:
@@ -111,14 +125,19 @@ def _distances(
     asked: IntArray,
     engine: str | None,
     basis: Path | None,
-) -> tuple[str, FloatArray]:
-    """Name of the engine or basis, and its distances: (m,) for pairs (m, 2), (m, n) for sources (m,)."""
+    tell: Tell,
+) -> tuple[str, FloatArray, float | None]:
+    """Name of the engine or basis, its distances, (m,) for pairs (m, 2), (m, n) for sources (m,), and a basis's error."""
+    tell("distances", 0.0)
     if basis is None:
         chosen = isomatch.distance_engine(surface, engine)
-        by_pairs = asked.ndim == 2
-        return chosen.name, geodesics.pair_distances(chosen, asked) if by_pairs else chosen.distances_from(
-            asked
-        )
+        if asked.ndim == 2:
+            return chosen.name, geodesics.pair_distances(chosen, asked), None
+        rows = []
+        for first in range(0, len(asked), AT_ONCE):
+            rows.append(chosen.distances_from(asked[first : first + AT_ONCE]))
+            tell(f"distances from {min(first + AT_ONCE, len(asked))} of {len(asked)}", first / len(asked))
+        return chosen.name, np.concatenate(rows), None
     low_rank = isomatch.DistanceBasis.load(basis)
     if len(low_rank.vectors) != surface.n_vertices:
         raise isomatch.MeshError(
@@ -126,7 +145,13 @@ def _distances(
             "give the mesh that it was computed from"
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
-    return name, low_rank.distance(*asked.T) if asked.ndim == 2 else low_rank.row(asked)
+    error = low_rank.error_estimate()
+    if asked.ndim == 2:
+        apart = np.where(asked[:, 0] == asked[:, 1], 0.0, low_rank.distance(*asked.T))
+    else:
+        apart = low_rank.row(asked)
+        apart[np.arange(len(asked)), asked] = 0.0
+    return name, np.maximum(apart, 0.0), error
 
 
 def _lines(kind: str, asked: IntArray, distances: FloatArray) -> list[str]:

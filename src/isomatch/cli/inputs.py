@@ -1,4 +1,4 @@
-"""The inputs of commands: what a file of points means; landmarks, an initial map, settings."""
+"""The inputs of commands: what a file of points means; pairs, an initial map, settings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NoReturn
 import isomatch
 from isomatch._arrays import IntArray
 from isomatch._files import read_integers
-from isomatch.errors import FormatError, IsomatchError, LandmarkError, SettingError
+from isomatch.errors import FormatError, IsomatchError, SettingError
 
 
 def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
@@ -29,14 +29,6 @@ def naming_files(**files: Path) -> Iterator[None]:
             rf"(^|; )({'|'.join(files)}): ", lambda at: f"{at[1]}{at[2]} {files[at[2]]}: ", str(error)
         )
         raise type(error)(message) from error
-
-
-def read_landmarks(path: Path) -> IntArray:
-    """Read pairs of 0-based vertex indices (source, target); see `read_pairs`."""
-    pairs = read_pairs(path, "a landmark", "of the source and of the target")
-    if not len(pairs):
-        raise LandmarkError(f"{path}: no landmarks; write one pair of 0-based vertex indices on each line")
-    return pairs
 
 
 def read_pairs(path: Path, what: str, whose: str) -> IntArray:
@@ -67,3 +59,19 @@ def read_config(path: Path | None) -> isomatch.Config | None:
         return isomatch.Config.from_file(path)
     except SettingError as error:
         raise FormatError(f"{error}; see the documentation of isomatch.Config") from None
+
+
+def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
+    """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
+    found = []
+    for word in filter(None, map(str.strip, (names or "").split(","))):
+        named = [each for each in isomatch.Outcome if word in (_dashed(each), *_dashed(each).split("-"))]
+        if not named:
+            known = ", ".join(map(_dashed, isomatch.Outcome))
+            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {known}")
+        found += named
+    return tuple(found)
+
+
+def _dashed(outcome: isomatch.Outcome) -> str:
+    return outcome.value.replace(" ", "-")

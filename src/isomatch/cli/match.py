@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +11,19 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_landmarks
-from isomatch.cli.outputs import ResultFolder, say_files, say_result
-from isomatch.cli.terminal import progress, say_json
-from isomatch.matching import Orientation, Refinement, Resolution, Start
+from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
+from isomatch.cli.outputs import (
+    ResultFolder,
+    claimed_files,
+    refuse_outcomes,
+    say_files,
+    say_result,
+    say_wrapped,
+    write_wrapped,
+)
+from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.errors import LandmarkError, MapError, NotConvergedError
+from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
 
 
 def match(
@@ -22,15 +33,22 @@ def match(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     landmarks: Path | None = None,
+    target_landmarks: Path | None = None,
+    pin: float | None = None,
+    hypotheses: Hypotheses | None = None,
     initial_map: Path | None = None,
     refinement: Refinement | None = None,
     orientation: Orientation | None = None,
     start: Start | None = None,
     resolution: Resolution | None = None,
     config: Path | None = None,
+    both: bool = False,
+    fail_on: str | None = None,
+    report: Annotated[bool, Parameter(name="--report", negative="--no-report", show_default=False)] = True,
+    as_mesh: Path | None = None,
     seed: int = 0,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Match two meshes: find the target point of every source vertex.
 
@@ -41,12 +59,21 @@ def match(
     target : Path
         Mesh to map to.
     output : Path
-        Folder for map.npz, map.txt, result.json, map.png and report.html.
+        Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose; with
+        --both also map_back.npz.
     landmarks : Path
-        Text file with two columns of 0-based vertex indices (source, target), separated by a comma or blanks; # starts
-        a comment.
+        Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z), separated by
+        commas or blanks, or a table with the columns source, target; # starts a comment. With --target-landmarks, the
+        points marked on the source.
+    target_landmarks : Path
+        The points marked on the target: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or text. Points of both files
+        are joined by name, or in order if no name is shared.
+    pin : float
+        Landmarks hold: the map is bent around those farther off than this, in √area; 0 holds all exactly.
     initial_map : Path
         A map to start from: a text file with one 0-based target index per line (-1: unknown), or a map.npz.
+    hypotheses : str
+        Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
     refinement : str
         How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
     orientation : str
@@ -57,44 +84,109 @@ def match(
         On how many vertices large meshes are matched: auto (default), full, or fast. The map is of all vertices.
     config : Path
         TOML file with these and all other settings; see isomatch.Config. Options given here take precedence.
+    both : bool
+        Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
+    fail_on : str
+        Outcomes that make the exit code 1, after all files are written: low-confidence, symmetry-ambiguous,
+        hints-contradicted, partial, converged; several with commas. With --both, that of either direction counts.
+    report : bool
+        Whether to write report.html.
+    as_mesh : Path
+        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target.
     seed : int
         Seed of the sampling and of the eigensolver.
-    json : bool
-        Print a single JSON object and nothing else.
     force : bool
         Replace an existing result in the folder.
+    talk : Talk
+        What is told.
     """
-    folder = ResultFolder(output)
+    refused = read_outcomes(fail_on)
+    folder = ResultFolder(output, report=report, both=both)
     settings = read_config(config) or isomatch.Config()
     options: dict[str, Any] = {
         "refinement": refinement,
         "orientation": orientation,
         "start": start,
+        "pin": pin,
+        "hypotheses": hypotheses,
         "resolution": resolution,
     }
     settings = replace(settings, **{name: value for name, value in options.items() if value is not None})
-    pairs = None if landmarks is None else read_landmarks(landmarks)
-    with progress() as stage:
-        stage("reading")
+    if landmarks is None and target_landmarks is not None:
+        raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
+    with talk.progress() as tell:
+        tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
-        with folder.claimed(force):
-            with naming_files(source=source, target=target):
-                result = isomatch.match(
-                    *shapes, landmarks=pairs, initial_map=first, config=settings, seed=seed, progress=stage
+        with folder.claimed(force), claimed_files(as_mesh, force=force):
+            given = {
+                "source": source,
+                "target": target,
+                "landmarks": landmarks,
+                "target landmarks": target_landmarks,
+                "initial map": initial_map,
+            }
+            again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
+            shown: dict[str, Any] = {
+                "names": (source.name, target.name),
+                "facts": {what: str(path) for what, path in given.items() if path is not None},
+                "landmarks": pairs,
+                "command": _with_landmarks(source, target, **again),
+            }
+            run: Callable[..., tuple[isomatch.MatchResult, isomatch.MatchResult | None]]
+            run = isomatch.match_both if both else _one_way
+            try:
+                with naming_files(source=source, target=target):
+                    result, back = run(
+                        *shapes,
+                        landmarks=pairs,
+                        initial_map=first,
+                        config=settings,
+                        seed=seed,
+                        progress=part(tell, 0.05, 0.85),
+                    )
+            except (LandmarkError, MapError, NotConvergedError) as error:
+                raise folder.write_picker(*shapes, error, **shown) from error
+            tell("writing", 0.85)
+            titles = f"source: {source.name}", f"target: {target.name}"
+            more: dict[str, Any] = {
+                "source": str(source),
+                "target": str(target),
+                "match_again": shown["command"],
+            }
+            if as_mesh is not None:
+                more["as_mesh"] = write_wrapped(
+                    as_mesh, source, isomatch.wrap(result.map, *shapes), result.expected_error
                 )
-            stage("writing")
-            given = {"source": source, "target": target, "landmarks": landmarks, "initial map": initial_map}
-            record = folder.write(
-                *shapes,
-                result,
-                names=(source.name, target.name),
-                titles=(f"source: {source.name}", f"target: {target.name}"),
-                facts={what: str(path) for what, path in given.items() if path is not None},
-                more={"source": str(source), "target": str(target)},
-            )
-    if json:
-        say_json(record)
-        return
-    say_result(result)
-    say_files(folder.files)
+            record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
+        tell("done", 1.0)
+
+    def summary() -> None:
+        say_result(result)
+        if back:
+            say("")
+            say("back, from target to source", "bold")
+            say_result(back)
+        if as_mesh is not None:
+            say_wrapped(record["as_mesh"])
+        say_files(record["files"])
+
+    talk.result(record, summary)
+    for each in filter(None, (result, back)):
+        refuse_outcomes(each, refused, folder.folder)
+
+
+def _one_way(
+    source: isomatch.Mesh, target: isomatch.Mesh, **options: Any
+) -> tuple[isomatch.MatchResult, None]:
+    return isomatch.match(source, target, **options), None
+
+
+def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
+    """Write the command that matches again with landmarks."""
+    words = ["isomatch", "match", str(source), str(target)]
+    for name, value in options.items():
+        if value is not None and (name, value) != ("seed", 0):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import isomatch
 from isomatch import view
-from isomatch._files import claimed, write_text
+from isomatch._arrays import FloatArray
+from isomatch._files import claimed, made_folder, staged, write_text
 from isomatch.cli.terminal import json_text, say, say_table
+from isomatch.surfaces import Attribute
+
+RESULT = "result.json"
 
 
 @dataclass(frozen=True)
@@ -24,10 +28,16 @@ class ResultFolder:
         Its path; it is created if it does not exist.
     picture : str
         File name of the picture.
+    report : bool
+        Whether there is a report.
+    both : bool
+        Whether there is a map of the other direction.
     """
 
     folder: Path
     picture: str = "map.png"
+    report: bool = True
+    both: bool = False
 
     @property
     def files(self) -> dict[str, str]:
@@ -35,20 +45,34 @@ class ResultFolder:
         names = {
             "map": "map.npz",
             "text": "map.txt",
-            "result": "result.json",
+            "result": RESULT,
             "picture": self.picture,
-            "report": "report.html",
         }
+        if self.report:
+            names["report"] = "report.html"
+        if self.both:
+            names["map back"] = "map_back.npz"
         return {what: str(self.folder / name) for what, name in names.items()}
 
-    def claimed(self, force: bool) -> AbstractContextManager[None]:
+    @property
+    def result(self) -> Path:
+        """Path of ``result.json``."""
+        return self.folder / RESULT
+
+    def alternative(self, number: int) -> Path:
+        """Path of the map of an alternative, from 1."""
+        return self.folder / f"alternative_{number}.npz"
+
+    @contextmanager
+    def claimed(self, force: bool) -> Iterator[None]:
         """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        return claimed(self._result, [] if force else map(Path, self.files.values()))
+        new = [] if force else [*map(Path, self.files.values()), *self._alternatives]
+        with made_folder(self.folder), claimed(self.result, new):
+            yield
 
     @property
-    def _result(self) -> Path:
-        return Path(self.files["result"])
+    def _alternatives(self) -> list[Path]:
+        return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
 
     def write(
         self,
@@ -60,24 +84,66 @@ class ResultFolder:
         titles: tuple[str, str],
         facts: dict[str, Any],
         more: dict[str, Any],
+        back: isomatch.MatchResult | None = None,
+        **shown: Any,
     ) -> dict[str, Any]:
-        """Write all files, ``result.json`` last: where it exists, the others are complete and belong to it.
+        """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
 
-        The picture has ``titles`` below the shapes, the report ``facts`` about the run. Returns the contents of
-        ``result.json``, which begin with ``more``.
+        The picture has ``titles`` below the shapes, the report ``facts`` about the run and what else is ``shown``, see
+        `isomatch.view.write_report`. Returns the contents of ``result.json``, which begin with ``more``.
         """
-        self._result.unlink(missing_ok=True)
-        result.map.save(self.files["map"])
-        result.map.save(self.files["text"])
-        picture = self.files["picture"]
-        view.draw_map(source, target, result.map, picture, titles=titles)
+        others = dict(zip(self._alternatives, result.alternatives))
+        record = {
+            "isomatch": isomatch.__version__,
+            **more,
+            **_described(result),
+            "files": self.files | {path.stem: str(path) for path in others},
+        }
+        if back:
+            record["back"] = _described(back)
         facts = {"isomatch": isomatch.__version__, **facts}
-        view.write_report(
-            self.files["report"], source, target, result, names=names, picture=picture, facts=facts
-        )
-        record = {"isomatch": isomatch.__version__, **more, **result.to_dict(), "files": self.files}
-        write_text(self._result, json_text(record))
+        with staged(self.folder, last=RESULT) as folder:
+            files = {what: str(folder / Path(path).name) for what, path in self.files.items()}
+            replace(result, alternatives=()).save(files["map"])
+            result.map.save(files["text"])
+            for path, other in others.items():
+                other.map.save(folder / path.name)
+            picture = files["picture"]
+            view.draw_map(source, target, result.map, picture, titles=titles)
+            if self.report:
+                view.write_report(
+                    files["report"],
+                    source,
+                    target,
+                    result,
+                    names=names,
+                    picture=picture,
+                    facts=facts,
+                    **shown,
+                )
+            if back:
+                back.map.save(files["map back"])
+            write_text(folder / RESULT, json_text(record))
+        for path in self._alternatives[len(others) :]:
+            path.unlink(missing_ok=True)
         return record
+
+    def write_picker(
+        self, source: isomatch.Mesh, target: isomatch.Mesh, error: isomatch.IsomatchError, **shown: Any
+    ) -> isomatch.IsomatchError:
+        """Write the report of a match that found no map; return its error, which then names that report."""
+        if not self.report:
+            return error
+        for path in (self.result, *self._alternatives):
+            path.unlink(missing_ok=True)
+        report = self.files["report"]
+        view.write_landmark_picker(report, source, target, str(error), **shown)
+        return type(error)(f"{error}. Both shapes are in {report}, where you can pick landmarks")
+
+
+def _described(result: isomatch.MatchResult) -> dict[str, Any]:
+    """Plain values of a result, with the bounds of its measures."""
+    return {**result.to_dict(), "bounds": view.quality_bounds(result)}
 
 
 @contextmanager
@@ -107,14 +173,48 @@ def say_result(result: isomatch.MatchResult) -> None:
         say(f"note: {note}")
 
 
+def write_wrapped(
+    path: Path, source: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
+) -> dict[str, Any]:
+    """Write the source in the shape of the target, with all that its file carries but normals; say what was mended.
+
+    Where the format takes scalars, the expected error (n_source,) of each vertex is added.
+    """
+    asset = isomatch.read_asset(source)
+    moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
+    normals = [attribute.name for attribute in moved.of_kind("normal")]
+    errors = Attribute("expected_error", "point", "scalar", expected_error)
+    isomatch.write_asset(path, moved.without_attributes(*normals).with_attributes(errors))
+    counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
+    return {"file": str(path), **counts, "extended": wrapped.extended}
+
+
+def say_wrapped(record: dict[str, Any]) -> None:
+    """Print where the target is in the source's topology, and how many faces were mended."""
+    say(
+        f"wrote {record['file']}: the target with the faces of the source; {record['inverted_before']} faces were "
+        f"inverted, {record['inverted']} are"
+    )
+    if record["extended"]:
+        say(f"{record['extended']} vertices have no image and continue those around them")
+
+
+def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:
+    """Raise an error about a result that ended as the user does not accept."""
+    if result.outcome in refused:
+        raise isomatch.NotConvergedError(
+            f"{result.outcome.value} ({result.map!r}); the files are in {where}. {result.outcome.advice}"
+        )
+
+
 def say_files(files: dict[str, str]) -> None:
     """Print which files were written."""
     say("wrote " + ", ".join(files.values()))
 
 
-def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, str, str]]:
-    """Give the name, value and unit of every measure of quality."""
+def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, ...]]:
+    """Give the name, value, bound and unit of every measure of quality."""
     return [
-        (measure.name, measure.value(number), measure.unit)
-        for measure, number, _ in view.quality_measures(result)
+        (measure.name, measure.value(number), measure.bound + (": not held" if against else ""), measure.unit)
+        for measure, number, against in view.quality_measures(result)
     ]

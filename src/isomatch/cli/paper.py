@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from isomatch.cli.terminal import progress, say, say_json
+from isomatch.cli.terminal import TALK, Talk, say
 
 
 def paper(
@@ -22,8 +22,8 @@ def paper(
     seed: int = 0,
     jobs: int | None = None,
     runs: Path | None = None,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Reproduce a figure or the table of the paper: picture, numbers and verdicts.
 
@@ -49,22 +49,32 @@ def paper(
     runs : Path
         Folder of benchmark runs: rows that are there are used, missing ones are added; by default runs in the output
         folder.
-    json : bool
-        Print one JSON object and nothing else.
     force : bool
         Replace earlier files.
+    talk : Talk
+        What is told.
     """
     from isomatch.paper import ITEMS, Setting, reproduce  # matplotlib is slow to import
 
-    with progress() as stage:
-        setting = Setting(data, runs or output / "runs", quick, pairs, points, seed, jobs, stage)
-        records = []
-        for record in reproduce(list(ITEMS) if name == "all" else [name], setting, output, force):
+    names = list(ITEMS) if name == "all" else [name]
+    records: list[dict[str, Any]] = []
+    with talk.progress() as tell:
+        setting = Setting(
+            data,
+            runs or output / "runs",
+            quick,
+            pairs,
+            points,
+            seed,
+            jobs,
+            lambda stage: tell(stage, len(records) / len(names)),
+        )
+        for record in reproduce(names, setting, output, force):
             records.append(record)
-            if not json:
+            if not (talk.json or talk.json_lines or talk.quiet):
                 _say_record(record)
-    if json:
-        say_json({"folder": str(output), "items": records})
+        tell("done", 1.0)
+    talk.result({"folder": str(output), "items": records}, lambda: None)
 
 
 def _say_record(record: dict[str, Any]) -> None:

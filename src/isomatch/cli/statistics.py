@@ -14,7 +14,7 @@ import isomatch.statistics as shape_statistics
 from isomatch._files import text_lines
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
-from isomatch.cli.terminal import progress, say, say_json, say_table
+from isomatch.cli.terminal import TALK, Talk, say, say_table
 from isomatch.errors import FormatError, IsomatchError
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
@@ -33,8 +33,8 @@ def statistics(
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
     seed: int = 0,
-    json: bool = False,
     force: bool = False,
+    talk: Talk = TALK,
 ) -> None:
     """Compute the mean, the modes of variation and the distances of shapes in one topology.
 
@@ -61,23 +61,23 @@ def statistics(
         Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as a map.
     seed : int
         Seed of all draws.
-    json : bool
-        Print one JSON object and nothing else.
     force : bool
         Replace an earlier result.
+    talk : Talk
+        What is told.
     """
     if modes < 0:
         raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
     into = StatisticsFolder(output)
-    with into.claimed(force), progress() as stage:
-        stage("reading")
+    with talk.progress() as tell, into.claimed(force):
+        tell("reading", 0.0)
         shapes = shape_statistics.read_shapes(folder)
         labels = _read_groups(groups, shapes.names) if groups else {}
         notes = [f"left out: {reason}" for reason in shapes.left_out] + _doubts(
             folder / "pairs.csv", shapes.names
         )
         extra = {str(path): isomatch.read_mesh(path) for path in score}
-        stage("model")
+        tell("model", 0.1)
         if mirror is not None:
             shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
         model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
@@ -86,12 +86,13 @@ def statistics(
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
+        done = iter(range(len(shapes)))
         geodesic = shape_statistics.geodesic_distortions(
-            shapes, progress=lambda name: stage(f"distances of {name}")
+            shapes, progress=lambda name: tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes))
         )
         share = shapes.area_weights if weights == "area" else None
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
-        stage("writing")
+        tell("writing", 0.6)
         into.clear()
         into.model(model, modes)
         into.quality(model, seed)
@@ -118,11 +119,12 @@ def statistics(
             "notes": notes,
         }
         into.finish(record)
-    if json:
-        say_json({**record, "output": str(output), "files": into.written})
-        return
-    _say(model, record)
-    say(f"wrote {output}: {len(into.written)} files")
+
+    def summary() -> None:
+        _say(model, record)
+        say(f"wrote {output}: {len(into.written)} files")
+
+    talk.result({**record, "output": str(output), "files": into.written}, summary)
 
 
 def _left_right(

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import TextIOWrapper
-from typing import Any
+from typing import Any, TypeAlias
 
+from cyclopts import Parameter
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+Tell: TypeAlias = Callable[[str, float], None]
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
@@ -34,12 +41,19 @@ def say(text: str, style: str = "") -> None:
     Console(highlight=False).print(Text(printable(text)), style=style, soft_wrap=True)
 
 
-def say_table(rows: Iterable[tuple[str, str, str]]) -> None:
-    """Print a table with rows of name, value and remark."""
+def complain(message: str) -> None:
+    """Write one line to standard error."""
+    sys.stderr.write(f"isomatch: {printable(' '.join(message.split()))}\n")
+
+
+def say_table(rows: Iterable[tuple[str, ...]]) -> None:
+    """Print a table with rows of name, value and remarks."""
+    rows = list(rows)
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    table.add_column(style="dim")
+    for _ in rows[0][2:]:
+        table.add_column(style="dim")
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     Console(highlight=False).print(table)
@@ -65,12 +79,96 @@ def _finite(value: Any) -> Any:
     return value
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Talk:
+    """What a command tells.
+
+    Parameters
+    ----------
+    json : bool
+        Print one JSON object and nothing else.
+    json_lines : bool
+        Print one JSON object a line: an event for each stage, with the share that is done and the seconds since the
+        start, and the result as the last one.
+    quiet : bool
+        Print neither progress nor a summary; complaints are still printed.
+    verbose : bool
+        Write the log of the library to standard error, instead of progress.
+    """
+
+    json: bool = False
+    json_lines: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+    @contextmanager
+    def progress(self) -> Iterator[Tell]:
+        """Give a function that shows a stage and the share that is done.
+
+        On standard error, if that is a terminal: the stage, a bar, and the elapsed time.
+        """
+        console = Console(stderr=True)
+        if self.json_lines:
+            yield _event_lines()
+        elif self.verbose:
+            with _log_on(console):
+                yield _silent
+        elif self.quiet or not console.is_terminal:
+            yield _silent
+        else:
+            columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+            with Progress(*columns, console=console, transient=True) as bar:
+                task = bar.add_task("", total=1.0)
+                yield lambda stage, share: bar.update(task, description=printable(stage), completed=share)
+
+    def result(self, record: dict[str, Any], summary: Callable[[], None]) -> None:
+        """Print a result in the form that was asked for: as plain values, or a summary by a function."""
+        if self.json:
+            say_json(record)
+        elif self.json_lines:
+            _say_line({"event": "result", **record})
+        elif not self.quiet:
+            summary()
+
+
+def _silent(stage: str, share: float) -> None:
+    """Show nothing."""
+
+
+def _event_lines() -> Tell:
+    since = time.perf_counter()
+
+    def tell(stage: str, share: float) -> None:
+        seconds = round(time.perf_counter() - since, 3)
+        _say_line({"event": "stage", "stage": stage, "share": round(share, 4), "seconds": seconds})
+
+    return tell
+
+
+def _say_line(value: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(_finite(value), allow_nan=False) + "\n")
+    sys.stdout.flush()
+
+
 @contextmanager
-def progress() -> Iterator[Callable[[str], None]]:
-    """Show the current stage on standard error if that is a terminal; give the function that sets the stage."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda stage: None
-        return
-    with console.status("") as status:
-        yield lambda stage: status.update(f"{stage} …")
+def _log_on(console: Console) -> Iterator[None]:
+    logger, handler = logging.getLogger("isomatch"), logging.StreamHandler(console.file)
+    handler.setFormatter(logging.Formatter("%(relativeCreated)7d ms  %(message)s"))
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
+def part(tell: Tell, first: float, last: float) -> Tell:
+    """Make the progress of a part of the work progress from one share of it to another."""
+    return lambda stage, share: tell(stage, first + (last - first) * share)
+
+
+TALK = Talk()
+"""How a command talks by default."""

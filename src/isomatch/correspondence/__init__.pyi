@@ -7,6 +7,7 @@ from isomatch.correspondence.alignment import (
 from isomatch.correspondence.correspondence import UNMATCHED, Correspondence
 from isomatch.correspondence.functional_maps import (
     Embedding,
+    FunctionalMap,
     SampledBasis,
     SpectralPair,
     fit_functional_map,
@@ -36,6 +37,8 @@ from isomatch.correspondence.precise_points import (
 from isomatch.correspondence.registration import register_nonrigid
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.correspondence.welding import welded_map
+from isomatch.correspondence.wrapping import Wrapped, wrap
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
@@ -43,6 +46,7 @@ __all__ = [
     "Alignment",
     "Correspondence",
     "Embedding",
+    "FunctionalMap",
     "IntervalCost",
     "PrecisePoints",
     "SampledBasis",
@@ -50,6 +54,7 @@ __all__ = [
     "SpectralPair",
     "SurfaceIndex",
     "VertexCells",
+    "Wrapped",
     "alignment_from_functions",
     "alignment_residual",
     "alignments_from_points",
@@ -68,4 +73,6 @@ __all__ = [
     "signed_procrustes",
     "spectral_embedding",
     "trilaterate",
+    "welded_map",
+    "wrap",
 ]

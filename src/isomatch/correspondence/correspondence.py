@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch.bases import LaplaceBasis, laplace_basis
+from isomatch.correspondence.carried_values import pulled_back, pushed_forward
 from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
+from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError, some
-from isomatch.surfaces import PrecisePoints, SurfaceLike, mesh_from, surface_from
+from isomatch.surfaces import (
+    Mesh,
+    PrecisePoints,
+    SurfaceLike,
+    mesh_from,
+    picture,
+    surface_from,
+    surface_in_use,
+)
 
 UNMATCHED = -1
-_FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,6 +114,16 @@ class Correspondence:
         tail = f", {missing} unmatched" if missing else ""
         return f"Correspondence(source {len(self.vertices)} → target {self.n_target}{tail})"
 
+    def _repr_html_(self) -> str:
+        """Picture of both meshes in corresponding colours, as long as they are in use, for notebooks."""
+        source, target = surface_in_use(self.source_hash), surface_in_use(self.target_hash)
+        pictures = ""
+        if isinstance(source, Mesh) and isinstance(target, Mesh):
+            low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
+            colours = 0.1 + 0.9 * (target.vertices - low) / np.where(high > low, high - low, 1.0)
+            pictures = picture(source, self.pull_back(colours)) + picture(target, colours)
+        return f"<p>{self!r}</p>{pictures}"
+
     @property
     def shape(self) -> tuple[int, int]:
         """(n_source, n_target): the shape of the map as a matrix."""
@@ -174,17 +193,7 @@ class Correspondence:
                 f"values have shape {rows.shape}, expected one row for each of the {self.n_target} target vertices; "
                 "pull_back goes from the target to the source, use reversed() for the other way"
             )
-        matched = self.matched
-        if rows.dtype.kind in "fc":
-            weights = self.barycentric.reshape(-1, 3, *(1,) * (rows.ndim - 1))
-            carried: AnyArray = np.full((len(matched), *rows.shape[1:]), 0, np.result_type(rows, np.float64))
-            if self.n_target:
-                carried = (weights * rows[self.faces]).sum(axis=1, dtype=carried.dtype)
-        elif self.n_target:
-            carried = rows[self.vertices]
-        else:
-            carried = np.zeros((len(matched), *rows.shape[1:]), rows.dtype)
-        return carried if matched.all() else _filled(carried, ~matched, fill)
+        return pulled_back(rows, self.vertices, self.faces, self.barycentric, fill)
 
     def __matmul__(self, values: ArrayLike) -> AnyArray:
         """Pull back, as `pull_back`."""
@@ -205,6 +214,48 @@ class Correspondence:
     def T(self) -> csc_array:
         """The transposed matrix (n_target, n_source): ⟨f.to_sparse() @ x, y⟩ = ⟨x, f.T @ y⟩."""
         return self.to_sparse().T
+
+    def to_functional(
+        self, source: LaplaceBasis | SurfaceLike, target: LaplaceBasis | SurfaceLike, k: int = 50
+    ) -> FunctionalMap:
+        """Express the map in Laplace–Beltrami functions: a (k, k) matrix, target functions → source functions.
+
+        Parameters
+        ----------
+        source, target : LaplaceBasis, or what `surface_from` takes
+            Bases of the surfaces of the map, with one row for each vertex, or the surfaces, of which they are made.
+        k : int
+            Number of functions.
+
+        Returns
+        -------
+        FunctionalMap
+            Least squares over the matched vertices, weighted by their areas. O(n k²).
+
+        Raises
+        ------
+        MapError
+            If a basis has fewer functions, or a surface is not one of this map.
+        MeshError
+            If a surface has no basis, see `laplace_basis`.
+        """
+        bases = []
+        for name, given, n in (("source", source, self.shape[0]), ("target", target, self.shape[1])):
+            basis = given
+            if not isinstance(basis, LaplaceBasis):
+                surface = surface_from(given)
+                self.check_fits(**{name: surface})
+                basis = laplace_basis(surface, k)
+            if len(basis.vectors) != n or len(basis.values) < k:
+                raise MapError(
+                    f"{basis!r} is no basis of {k} functions at the {n} vertices of the {name}; compute "
+                    f"laplace_basis({name}, {k})"
+                )
+            bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights))
+        held = self.matched
+        weights = np.sqrt(bases[0].weights[held, None])
+        pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[held]
+        return FunctionalMap(fit_functional_map(weights * bases[0].vectors[held], weights * pulled), *bases)
 
     def push_forward(
         self, values: ArrayLike, source_areas: ArrayLike, target_areas: ArrayLike | None = None
@@ -243,31 +294,7 @@ class Correspondence:
         >>> f.push_forward([1.0, 2.0, 3.0], source_areas=[1.0, 3.0, 1.0], target_areas=[2.0, 1.0, 2.0])
         array([3.5, 0. , 1.5])
         """
-        rows = array_of(values, "values", DescriptorError)
-        if rows.dtype.kind != "f":
-            raise DescriptorError(
-                f"values have type {rows.dtype}, and labels have no mean; carry them with "
-                "reversed(source, target).pull_back, or give floats"
-            )
-        areas = numbers_of(source_areas, "source areas", DescriptorError)
-        for name, given in (("values", rows.shape[:1]), ("source areas", areas.shape)):
-            if given != (len(self.vertices),):
-                raise DescriptorError(
-                    f"{name} have {given} rows, expected one for each of the {len(self.vertices)} source vertices"
-                )
-        transposed, held = self.T, self.matched
-        if target_areas is None:
-            total = transposed @ areas
-        else:
-            total = numbers_of(target_areas, "target areas", DescriptorError)
-            if total.shape != (self.n_target,):
-                raise DescriptorError(
-                    f"target areas have shape {total.shape}, expected one for each of the {self.n_target} target vertices"
-                )
-        columns = np.where(held[:, None], rows.reshape(len(rows), prod(rows.shape[1:])) * areas[:, None], 0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            pushed: FloatArray = (transposed @ columns) / total[:, None]
-        return pushed.reshape(self.n_target, *rows.shape[1:])
+        return pushed_forward(self.T, self.matched, values, source_areas, target_areas)
 
     def then(
         self, other: Correspondence, middle: SurfaceLike = None, target: SurfaceLike = None
@@ -434,25 +461,3 @@ def _precise(
     corners = faces.astype(np.int64)
     corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
     return corners, weights
-
-
-def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
-    """Put a value where there is none; `DescriptorError` if the type of the values cannot hold it."""
-    if fill is None:
-        fill = _FILLS.get(labels.dtype.kind)
-        if fill is None:
-            raise DescriptorError(
-                f"{holes.sum()} source vertices are unmatched, and nothing stands for that in values of type "
-                f"{labels.dtype}; give fill"
-            )
-    value = np.asarray(fill)
-    kind = np.result_type(labels, value) if labels.dtype.kind == value.dtype.kind in "US" else labels.dtype
-    try:
-        kept = value.ndim == 0 and bool(value.astype(kind) == value or value != value)
-    except (TypeError, ValueError):
-        kept = False
-    if not kept:
-        raise DescriptorError(f"fill = {fill!r} is no value of type {labels.dtype}")
-    filled: AnyArray = labels.astype(kind)
-    filled[holes] = value
-    return filled

@@ -15,6 +15,7 @@ from scipy.linalg import polar, solve_triangular
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._cached import cached_property
+from isomatch.bases import LaplaceBasis
 from isomatch.correspondence.nearest_neighbours import nearest_rows
 
 NearestVertices = Callable[[FloatArray, FloatArray], IntArray]
@@ -46,6 +47,32 @@ def fit_functional_map(source_functions: FloatArray, target_functions: FloatArra
     """Least-squares functional map (k_s, k_t) from functions at q corresponding points, (q, k_s) and (q, k_t)."""
     source, target = source_functions.astype(np.float64), target_functions.astype(np.float64)
     return np.asarray(np.linalg.lstsq(source, target, rcond=None)[0])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionalMap:
+    """A map as a matrix between Laplace–Beltrami functions, target → source, as functions are pulled back.
+
+    Parameters
+    ----------
+    matrix : (k, k) array of float
+        C: column j holds the coefficients, on the source, of the pulled back target function j. For a map P that leaves
+        no vertex out, C = Φ_sᵀ A_s P Φ_t.
+    source, target : LaplaceBasis
+        Φ_s and Φ_t, with k functions each, and the areas A_s and A_t.
+    """
+
+    matrix: FloatArray
+    source: LaplaceBasis
+    target: LaplaceBasis
+
+    def __repr__(self) -> str:
+        return f"FunctionalMap({self.target!r} → {self.source!r})"
+
+    def pull_back(self, values: FloatArray) -> FloatArray:
+        """Pull the smooth part of target functions back to the source, Φ_s C Φ_tᵀ A_t f: (n_t, q) → (n_s, q)."""
+        pulled: FloatArray = self.source.vectors @ (self.matrix @ self.target.coefficients(values))
+        return pulled
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from isomatch.datasets.damage import (
 )
 from isomatch.datasets.example import example_pair
 from isomatch.datasets.published import faust, remeshed, scape, tosca
+from isomatch.datasets.shape_files import read_indices
 from isomatch.datasets.shape_set import BenchmarkPair, KnownShape, ShapeSet
 from isomatch.datasets.truth import Truth
 
@@ -45,6 +46,7 @@ __all__ = [
     "joint_names",
     "limb_removed",
     "noise",
+    "read_indices",
     "relabelled",
     "remeshed",
     "resample",

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache, partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from threading import Thread
 from typing import TypeAlias
 
 from threadpoolctl import ThreadpoolController
 
+from isomatch._files import made_folder
 from isomatch._threads import n_threads
 from isomatch.datasets import example_pair
 from isomatch.evaluation.benchmark_run import BenchmarkRun, PairNames
@@ -32,7 +34,6 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
     where it stopped.
     """
     out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
     done = {identity_of(row) for row in read_rows(out) if run.is_complete(row)}
     jobs: dict[Job, list[str]] = {}  # continuations of one map belong to one job
     for pair in run.chosen_pairs():
@@ -44,7 +45,7 @@ def run_benchmark(run: BenchmarkRun, out: str | Path) -> Iterator[Row]:
                     endings.append("")  # is computed anyway, and shows the gain
                 if ending not in endings:
                     endings.append(ending)
-    with appending(out) as append:
+    with made_folder(out), appending(out) as append:
         for row in _new_rows(run, jobs):
             append(row)
             yield row
@@ -66,11 +67,18 @@ def _new_rows(run: BenchmarkRun, jobs: dict[Job, list[str]]) -> Iterator[Row]:
         for job, endings in jobs.items():
             yield from worker.rows(*job, endings)
         return
+    others = set(active_children())
     with ProcessPoolExecutor(
         at_once, mp_context=get_context("spawn"), initializer=_begin, initargs=(run,)
     ) as pool:
-        for future in as_completed([pool.submit(_work, *job, endings) for job, endings in jobs.items()]):
-            yield from future.result()
+        try:
+            for future in as_completed([pool.submit(_work, *job, endings) for job, endings in jobs.items()]):
+                yield from future.result()
+        except BaseException:  # such as an interruption, or a caller that wants no more rows
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - others:
+                process.kill()
+            raise
 
 
 _worker: _Worker  # of this process, see `_begin`
@@ -80,6 +88,9 @@ def _begin(run: BenchmarkRun) -> None:
     """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
     global _worker
     Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches this process too; the one that started it decides
     os.environ["ISOMATCH_NUM_THREADS"] = "1"
     ThreadpoolController().limit(limits=1)
     source, target = example_pair()

@@ -8,12 +8,13 @@ from isomatch._arrays import FloatArray
 from isomatch.correspondence import Correspondence
 from isomatch.errors import MapError
 from isomatch.evaluation.princeton import geodesic_errors
-from isomatch.geodesics import DistanceEngine, distance_along_edges_to_nearest
+from isomatch.geodesics import DistanceEngine
+from isomatch.matching import COVERAGE_RADIUS, covered_share
 from isomatch.surfaces import Mesh
 
 
-def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -> float:
-    """Share of the target's area that a map reaches.
+def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERAGE_RADIUS) -> float:
+    """Share of the target's area that is near an image, as in ``Quality.coverage``.
 
     Parameters
     ----------
@@ -23,8 +24,9 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
         Map source → target; its vertices are judged.
     reach : float
         A target vertex is covered, with its area, when an image lies within this distance along edges, in
-        √(target area). With 0, the usual measure, only images themselves are covered: even a good map between
-        independent triangulations then stays well below 1, and a coarse source covers little of a fine target.
+        √(target area). The default is that of ``Quality.coverage``. With 0, only images themselves are covered: even a
+        good map between independent triangulations then stays well below 1, and a coarse source covers little of a fine
+        target.
 
     Returns
     -------
@@ -47,11 +49,7 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = 0.0) -
         raise MapError(
             f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
         )
-    images = np.unique(correspondence.vertices[correspondence.matched])
-    if not len(images):
-        return 0.0
-    gap, _ = distance_along_edges_to_nearest(target, images)
-    return float(target.vertex_areas[gap <= reach * np.sqrt(target.area)].sum() / target.area)
+    return covered_share(target, correspondence.vertices[correspondence.matched], reach)
 
 
 def cycle_errors(

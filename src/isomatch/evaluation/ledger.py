@@ -75,16 +75,19 @@ def appending(out: str | Path) -> Iterator[Callable[[Row], None]]:
         If another process has opened them for writing, or, by the function, if a row cannot be written wholly.
     """
     path = Path(out) / FILE
-    with claimed(path), path.open("ab+", buffering=0) as file:
-        file.seek(0)
-        file.truncate(file.readall().rfind(b"\n") + 1)
 
-        def append(row: Row) -> None:
-            line = json.dumps(row, allow_nan=False).encode() + b"\n"
-            with writing(path):
-                if file.write(line) < len(line):
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def append(row: Row) -> None:
+        line = json.dumps(row, allow_nan=False).encode() + b"\n"
+        with writing(path), path.open("ab+", buffering=0) as file:
+            size = file.tell()
+            if file.write(line) < len(line):
+                file.truncate(size)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
+    with claimed(path):
+        if path.exists():
+            with writing(path), path.open("r+b") as file:
+                file.truncate(file.read().rfind(b"\n") + 1)
         yield append
 
 

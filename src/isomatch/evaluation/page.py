@@ -31,7 +31,7 @@ MEANINGS = {
     "random points",
     "cycle": "mean distance on the source, × 100 / √(source area), between a vertex and its image under the map and the "
     "same method's map back",
-    "coverage": "share of the target's area whose vertices are images",
+    "image_area": "share of the target's area whose vertices are images",
     "smoothness": "Dirichlet energy of the map / target area: 1 for an isometry, more for a map that stretches or is "
     "discontinuous",
     "name+isomatch, name+gdd, name+gdd_post": "isomatch, gdd or gdd_post started from the map of that method; the table "
@@ -44,11 +44,11 @@ MEANINGS = {
 SUMMARY = (
     "set", "damage", "method", "judged_at", "version", "pairs", "mean", "median", "max", "either", "failures", "problems",
     "auc", "within_05", "within_10", "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table",
-    "distortion_table_truth", "cycle", "coverage", "smoothness", "seconds",
+    "distortion_table_truth", "cycle", "image_area", "smoothness", "seconds",
 )  # fmt: skip
 WORST = (
     "set", "damage", "pair", "method", "error", "median", "p95", "direct", "mirrored", "distortion_l2", "cycle",
-    "coverage", "smoothness", "seconds", "outcome", "problem",
+    "image_area", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
 GAINS = '<h2>Started from the map of another method</h2>\n<div class="wide">{}</div>'
 

@@ -107,7 +107,7 @@ class Subject:
         """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
         run, pair = self._run, self.pair
         numbers = self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
-        numbers["coverage"] = coverage(pair.target, found.map)
+        numbers["image_area"] = coverage(pair.target, found.map, reach=0.0)
         numbers["smoothness"] = dirichlet_energy(pair.source, pair.target, found.map)
         if run.table_distortion:
             n_points = min(run.n_points, len(pair.truth))

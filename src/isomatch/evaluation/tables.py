@@ -19,7 +19,7 @@ COLUMNS = (
     "set", "damage", "pair", "method", "points", "seed", "judged_at", "version", "settings", "n_source", "n_target",
     "error", "median", "p95", "direct", "mirrored", "either", "unmatched", "auc", "within_05", "within_10",
     "within_25", "distortion_l2", "distortion_l2_truth", "distortion_table", "distortion_table_truth", "cycle",
-    "coverage", "smoothness", "seconds", "outcome", "problem",
+    "image_area", "smoothness", "seconds", "outcome", "problem",
 )  # fmt: skip
 AVERAGED = ("either", *COLUMNS[COLUMNS.index("auc") : COLUMNS.index("outcome")])
 

@@ -1,7 +1,9 @@
 from isomatch.matching.body import Body, body_of
+from isomatch.matching.both import BothDirections, match_both
 from isomatch.matching.config import (
     AnchorSettings,
     Config,
+    Hypotheses,
     MatchSettings,
     Orientation,
     OutcomeSettings,
@@ -16,19 +18,30 @@ from isomatch.matching.config import (
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
+from isomatch.matching.landmark_files import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
-from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
+from isomatch.matching.quality import (
+    COVERAGE_RADIUS,
+    contradicted_landmarks,
+    covered_share,
+    measure_quality,
+    outcome_of,
+)
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.stage_timer import Progress, StageTimer, show_progress, two_arguments
+from isomatch.matching.vertex_confidence import expected_errors
 
 __all__ = [
+    "COVERAGE_RADIUS",
     "Alternative",
     "AnchorSettings",
     "Body",
+    "BothDirections",
     "Config",
     "Hints",
+    "Hypotheses",
     "MatchResult",
     "MatchSettings",
     "Orientation",
@@ -36,6 +49,7 @@ __all__ = [
     "OutcomeSettings",
     "PreparationSettings",
     "PreparedShape",
+    "Progress",
     "Quality",
     "Refinement",
     "RefinementSettings",
@@ -48,10 +62,17 @@ __all__ = [
     "SymmetrySettings",
     "body_of",
     "contradicted_landmarks",
+    "covered_share",
+    "expected_errors",
     "first_map",
     "match",
+    "match_both",
     "measure_quality",
+    "nearest_landmarks",
     "outcome_of",
     "prepare",
     "prepare_pair",
+    "read_landmarks",
+    "show_progress",
+    "two_arguments",
 ]

@@ -1,4 +1,4 @@
-"""Candidates: hypotheses with the evidence for them, energy, orientation and landmark error."""
+"""Candidates: hypotheses with the evidence for them: energy, orientation, agreement with hints."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.search import Hypothesis
+from isomatch.matching.starts import start_from_known, starts_from_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,9 @@ class Candidate:
         has no normals.
     landmark_error : float
         Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
+    hint_error : float
+        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
+        the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
     """
 
     hypothesis: Hypothesis
@@ -39,6 +43,7 @@ class Candidate:
     energy: float
     orientation: float
     landmark_error: float
+    hint_error: float
 
 
 class Judge:
@@ -47,6 +52,11 @@ class Judge:
     def __init__(self, pair: ShapePair, hints: Hints) -> None:
         self._pair = pair
         self._landmarks = hints.landmarks
+        self._leading: list[IntArray] = []
+        if len(hints.known):
+            self._leading = [start_from_known(pair, hints.known)]
+        elif pair.config.start == "pose" and not len(hints.landmarks):
+            self._leading = starts_from_pose(pair)
         self._judged: dict[bytes, Candidate] = {}
 
     def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
@@ -61,10 +71,7 @@ class Judge:
         spectra = pair.search_spectra
         target_row = spectra.image(spectra.grown(hypothesis.target_row, settings.sizes))
         target_vertex = pair.target_vertices[target_row]
-        landmark_error = 0.0
-        if len(self._landmarks):
-            image = extended(pair, target_row, self._landmarks[:, 0])
-            landmark_error = pair.target.mean_distance(image, self._landmarks[:, 1])
+        landmark_error, hint_error = self._errors(target_row)
         return Candidate(
             hypothesis,
             target_row,
@@ -73,7 +80,17 @@ class Judge:
                 pair.source, spectra.source, pair.target, target_vertex, settings.normal_functions
             ),
             landmark_error,
+            hint_error,
         )
+
+    def _errors(self, target_row: IntArray) -> tuple[float, float]:
+        """Mean error at the landmarks, and ``hint_error``."""
+        pair, landmarks = self._pair, self._landmarks
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._leading), default=0.0)
+        if len(landmarks):
+            apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
+            mean, worst = float(apart.mean()), max(worst, apart.max())
+        return mean, float(worst)
 
 
 def energy_of(

@@ -34,6 +34,7 @@ from isomatch.matching.search import (
 from isomatch.matching.select import Selection, contenders, ranked, select
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.symmetries import describe_symmetries
+from isomatch.matching.vertex_confidence import doubt_of, expected_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +62,18 @@ class CompleteMatch:
     rivals: tuple[Candidate, ...]
     embedding: Embedding
 
+    @property
+    def origin(self) -> str:
+        """Where the winner came from: the initial map, if it agrees with that."""
+        candidate, bound = self.selection.winner.candidate, self.pair.config.outcome.contradiction
+        known = len(self.hints.known) and candidate.hint_error <= bound
+        return "initial map" if known else candidate.hypothesis.origin
 
-def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> CompleteMatch:
-    """Match two complete shapes.
+
+def match_complete(
+    pair: ShapePair, hints: Hints, timer: StageTimer, known: list[Hypothesis] | None = None
+) -> CompleteMatch:
+    """Match two complete shapes; hypotheses that are ``known`` take the place of the search.
 
     Raises
     ------
@@ -73,7 +83,7 @@ def match_complete(pair: ShapePair, hints: Hints, timer: StageTimer) -> Complete
     both = pair.source, pair.target
     parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
     timer.start("search")
-    may_win, only_rivals = _hypotheses(pair, hints)
+    may_win, only_rivals = _hypotheses(pair, hints) if known is None else (known, [])
     timer.start("selection")
     judge = Judge(pair, hints)
     eligible = _ranked(pair, judge(may_win), hints)
@@ -97,13 +107,17 @@ def complete_result(
     points = pair.target.index.points(found.embedding.target, found.embedding.source)
     timer.start("quality")
     quality = measure_quality(pair, points, hints, selection)
-    elastic = None
+    elastic, doubt = None, None
+    if selection.against:
+        images = selection.winner.target_vertex, selection.against.target_vertex
+        doubt = doubt_of(pair, *images, selection.rival)
     if may_stretch and far_from_isometric(pair, hints, quality):
         timer.start("elastic match")
         elastic = _elastic(found)
     if elastic:
         points = pair.target.index.points(elastic.embedding.target, elastic.embedding.source)
-        quality = replace(measure_quality(pair, points, hints), rival=elastic.rival)
+        quality, doubt = replace(measure_quality(pair, points, hints), rival=elastic.rival), None
+    errors = expected_errors(pair, points, doubt)
     against = contradicted_landmarks(pair, points, hints)
     level: SmoothPair = pair
     if pair.has_finer and not elastic and pair.config.refinement in ("joint", "smooth"):
@@ -118,18 +132,19 @@ def complete_result(
         map=level.source.correspondence(level.target, points),
         outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
         quality=quality,
+        expected_error=pair.source.lift_smooth(errors),
         alternatives=alternatives,
         timings=timer.stop(),
         notes=(
             *pair.notes,
             *hints.notes,
-            *_notes(pair, selection),
+            *_notes(pair, hints, selection),
             *_polishing_described(pair, level),
             *([FAR] if elastic else []),
             *against,
         ),
         engine=pair.source.distances.engine,
-        origin="anchors" if elastic else selection.winner.candidate.hypothesis.origin,
+        origin="anchors" if elastic else found.origin,
         reason=elastic.reason if elastic else selection.reason,
         config=pair.config,
         seed=seed,
@@ -166,13 +181,19 @@ def _symmetric_variants(pair: ShapePair, best: Candidate) -> list[Hypothesis]:
     return symmetric_variants(pair, best.target_row) if searched else []
 
 
-def _notes(pair: ShapePair, selection: Selection[RefinedCandidate]) -> list[str]:
+def _notes(pair: ShapePair, hints: Hints, selection: Selection[RefinedCandidate]) -> list[str]:
     """Tell what could not be done as it was asked for."""
     notes = []
     if not pair.oriented and pair.config.orientation == "reverse":
         notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
     if np.isnan(selection.rival):
         notes.append("no other map was tried: symmetric maps go unnoticed")
+    off = selection.winner.candidate.hint_error
+    if pair.config.start == "pose" and not hints.any and off > pair.config.outcome.out_of_pose:
+        notes.append(
+            f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
+            "start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
+        )
     return notes
 
 
@@ -200,7 +221,7 @@ def _contest(
     may_win = [True] * len(fits) + [False] * len(others)
     fits += others
     n_tried = len(eligible) + len(rivals)
-    return select(fits, may_win, distances_between(pair, fits), settings, n_tried)
+    return select(fits, may_win, distances_between(pair, fits), settings, pair.config.outcome, n_tried)
 
 
 def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:

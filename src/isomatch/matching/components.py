@@ -29,6 +29,7 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import MatchResult, Outcome
 from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.vertex_confidence import expected_errors
 from isomatch.surfaces import Mesh
 
 FAR_APART = 1e6  # cost of components that are no partners
@@ -273,6 +274,7 @@ class _Components:
             map=pair.source.correspondence(pair.target, points),
             outcome=outcome_of(pair, quality, pair.config.orientation),
             quality=quality,
+            expected_error=pair.source.lift_smooth(expected_errors(pair, points)),
             alternatives=(),
             timings={},
             notes=(),
@@ -329,10 +331,14 @@ def _composed(
             "and are left out"
         )
     vertices, corners, weights = (getattr(main.result.map, name).copy() for name in MAP_ARRAYS)
+    errors = main.result.expected_error.copy()
     for match in others:
         new = match.result.map.matched & (vertices == UNMATCHED)
         for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
             array[new] = getattr(match.result.map, name)[new]
+        errors[new] = match.result.expected_error[new] * np.sqrt(
+            match.pair.target.share / main.pair.target.share
+        )
     whole = replace(main.result.map, vertices=vertices, faces=corners, barycentric=weights)
     quality = replace(
         main.result.quality,
@@ -344,6 +350,7 @@ def _composed(
         map=whole,
         outcome=min(counted, key=SURENESS.__getitem__),
         quality=quality,
+        expected_error=errors,
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
         timings=timer.stop(),
     )

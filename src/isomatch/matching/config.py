@@ -395,6 +395,9 @@ class RefinementSettings(Settings):
     laplace_steps_at_once : int
         If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
         many iterations: the paper as it is written.
+    pin_slope, pin_width : float, (float, float)
+        Width of the bump by which the map follows landmarks that are held, over the distance by which they are moved; and
+        the least and the greatest width, in √area.
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
@@ -418,6 +421,9 @@ class RefinementSettings(Settings):
     laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
     laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+    pin_slope: float = setting(2.0, "docs/hints.md: 1.5 to 3 alike; steeper turns faces over", least=1)
+    pin_width: tuple[float, ...] = setting((0.1, 0.2), "docs/hints.md", least=0.01)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -690,6 +696,12 @@ class OutcomeSettings(Settings):
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks, or the median of an initial map, which may be wrong in places.
+    error_scale, error_radius : float
+        Factor of the expected error at a vertex, and radius over which it is spread, in √area.
+    rival_exponent : float
+        A rival whose score is r times that of the map is right with chance 1 / (1 + r^exponent).
+    out_of_pose : float
+        Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
     large_component : float
         Share of the area, or of the vertices in components of at least 50, left out from which the match is partial; and
         such a share of one component from which the match is no surer than it.
@@ -709,6 +721,12 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
+    error_scale: float = setting(
+        0.32, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0
+    )
+    error_radius: float = setting(0.08, "0.05 to 0.14 tried: benchmarks/vertex_confidence.py", least=0)
+    rival_exponent: float = setting(16.0, "one in ten at the bound of a tie", least=0)
+    out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
 
 
@@ -735,6 +753,8 @@ class Config(Settings):
         Source vertices on which the refinement iterates before its last, full step.
     hypotheses : {"all", "given"}
         Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
+        With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
+        hints wins, even if it is a mirror image.
     search_rivals : bool, optional
         With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
         quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
@@ -748,8 +768,11 @@ class Config(Settings):
         better.
     start : {"auto", "pose"}
         Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
-        shapes as they are, and that of both centred and scaled to equal area. With ``hypotheses="given"``, no others may
-        win but those from hints.
+        shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
+        nearest to it wins. With ``hypotheses="given"``, no others may win but those from hints.
+    pin : float, optional
+        Landmarks hold: those farther from their targets than this, in √area, are moved there, and the map around follows
+        smoothly. 0 holds all exactly. By default they only lead.
     part : {"auto", "source", "target", "both", "none"}
         Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
         Parts are matched where automatic hypotheses, a joint refinement and the orientation "preserve" are asked for,
@@ -805,6 +828,7 @@ class Config(Settings):
         "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
     )
     start: Start = setting("auto", "shapes need not be aligned")
+    pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
     part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
     scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
     resolution: Resolution = setting("auto", "docs/performance.md, resolution")

@@ -54,6 +54,11 @@ class RefinedCandidate:
         return self.candidate.landmark_error
 
     @property
+    def hint_error(self) -> float:
+        """That of the candidate."""
+        return self.candidate.hint_error
+
+    @property
     def residual(self) -> float:
         """That of the hypothesis, before any refinement."""
         return self.candidate.hypothesis.alignment.residual

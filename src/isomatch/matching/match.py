@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
+from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
+from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
 from isomatch.matching.connected import match_connected
-from isomatch.matching.hints import Hints
-from isomatch.matching.pair import prepare_pair
+from isomatch.matching.hints import Hints, checked_landmarks
+from isomatch.matching.pair import ShapePair, prepare_pair
+from isomatch.matching.pins import pinned
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
@@ -34,9 +39,9 @@ def match(
         The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
         or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.surfaces.surface_from`.
     landmarks : (m, 2) array_like of int, optional
-        Rows (source vertex, target vertex), m ≥ 3.
+        Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional
-        Target vertex of each source vertex from another method; −1 where unknown.
+        Target vertex of each source vertex from another method; −1 where unknown. It wins where no other map fits better.
     initial_descriptors : two array_likes, optional
         (n_source, q) and (n_target, q) values of functions that should correspond.
     config : Config, optional
@@ -44,7 +49,10 @@ def match(
     seed : int
         Seeds sampling and eigensolver of shapes not yet prepared.
     progress : callable, optional
-        Called with the name of each stage as it starts.
+        Called as ``progress(stage, share)`` when a stage starts, on the thread that called `match`: its name, and the
+        share of the work that is done, which rises from 0 to 1 and is an estimate. A function of the stage alone is
+        called with that. What it raises ends the match and reaches the caller as it is. `show_progress` is such a
+        function.
 
     Returns
     -------
@@ -77,10 +85,35 @@ def match(
     'CONVERGED'
     """
     timer = StageTimer(progress)
-    with serial_blas():
-        timer.start("prepare")
-        pair = prepare_pair(source, target, config, seed)
-        given = landmarks, initial_map, initial_descriptors
-        if pair.oriented and (pair.source.others or pair.target.others):
-            return match_components(pair, *given, timer, seed)
-        return match_connected(pair, Hints.of(pair, *given), timer, seed)
+
+    def matched() -> MatchResult:
+        with serial_blas():
+            timer.start("prepare")
+            pair = prepare_pair(source, target, config, seed, timer)
+            result = match_prepared(pair, (landmarks, initial_map, initial_descriptors), timer, seed)
+        timer.reach("done", 1.0)
+        return result
+
+    return in_background(matched)
+
+
+def match_prepared(
+    pair: ShapePair,
+    given: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
+    timer: StageTimer,
+    seed: int,
+) -> MatchResult:
+    """Match two prepared shapes, given landmarks, an initial map and descriptors."""
+    landmarks, tolerance = given[0], pair.config.pin
+    if tolerance is not None and landmarks is None:
+        raise SettingError(f"pin = {tolerance}, but no landmarks were given that could be held")
+    if pair.oriented and (pair.source.others or pair.target.others):
+        result = match_components(pair, *given, timer, seed)
+    else:
+        result = match_connected(pair, Hints.of(pair, *given), timer, seed)
+    if tolerance is None or landmarks is None:
+        return result
+    timer.start("pins")
+    sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
+    held = pinned(pair, result, checked_landmarks(landmarks, *sizes), tolerance)
+    return replace(held, timings=timer.stop())

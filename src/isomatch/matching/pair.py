@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
-from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError, SettingError
+from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.smooth_shape import SmoothShape
+from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
 from isomatch.surfaces import SurfaceLike
 
 
@@ -167,6 +168,7 @@ def prepare_pair(
     target: SurfaceLike | PreparedShape,
     config: Config | None = None,
     seed: int = 0,
+    timer: StageTimer | None = None,
 ) -> ShapePair:
     """Prepare what is not yet prepared, both at once; by default with the settings of what is.
 
@@ -174,6 +176,8 @@ def prepare_pair(
     ----------
     source, target, config, seed
         As for `match`.
+    timer : StageTimer, optional
+        Told how far the preparation is.
 
     Returns
     -------
@@ -190,22 +194,29 @@ def prepare_pair(
     sides = [("source", source), ("target", target)]
     ready = [shape.requested for _, shape in sides if isinstance(shape, PreparedShape)]
     settings = config or next(iter(ready), Config())
-    prepared = parallel_map(lambda side: _prepared(*side, settings, seed), sides)
-    return ShapePair(prepared[0], prepared[1], settings)
+    shares = [0.0, 0.0]
+
+    def prepared(number: int) -> PreparedShape:
+        side, shape = sides[number]
+
+        def reach(stage: str, share: float) -> None:
+            shares[number] = share
+            if timer:
+                timer.reach(f"prepare: {stage}", MATCHING["components"] * sum(shares) / 2)
+
+        return _prepared(side, shape, settings, seed, reach)
+
+    first, second = parallel_map(prepared, range(2))
+    return ShapePair(first, second, settings)
 
 
-def _prepared(side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int) -> PreparedShape:
+def _prepared(
+    side: str, shape: SurfaceLike | PreparedShape, config: Config, seed: int, progress: Progress
+) -> PreparedShape:
     if isinstance(shape, PreparedShape):
-        in_full = config.resolution == "full" and shape.detail is None and not shape.others
-        used_config = replace(shape.requested, resolution="full") if in_full else shape.requested
-        if name := used_config.differs_in_preparation(config):
-            used, asked = getattr(shape.requested, name), getattr(config, name)
-            raise SettingError(
-                f"{side} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
-                "with the settings of the match"
-            )
+        shape.require_prepared_for(config, side)
         return shape
     try:
-        return prepare(shape, config, seed)
+        return prepare(shape, config, seed, progress=progress)
     except (MeshError, MemoryBudgetError, NotConvergedError) as error:
         raise type(error)(f"{side}: {error}") from error

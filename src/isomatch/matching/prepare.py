@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isomatch._arrays import Float32Array, FloatArray, IntArray
 from isomatch._cached import cached_property
+from isomatch._interruption import in_background
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
@@ -19,7 +21,7 @@ from isomatch.correspondence import (
     SignedPoints,
 )
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import MeshError, NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
     MetricSpace,
@@ -34,8 +36,9 @@ from isomatch.matching.config import Config
 from isomatch.matching.extremities import extremal_points
 from isomatch.matching.levels import Level, full_level, levels_of
 from isomatch.matching.orientation import orientation_of
+from isomatch.matching.prepared_file import read_prepared, write_prepared
 from isomatch.matching.smooth_shape import SmoothShape
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.stage_timer import PREPARATION, Progress, StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
 from isomatch.surfaces import Graph, Surface, SurfaceLike, Transfer, capped, check, surface_from
 
@@ -111,6 +114,51 @@ class PreparedShape(SmoothShape):
             cloud="points",
         )
 
+    def save(self, path: str | Path) -> None:
+        """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
+        """
+        write_prepared(Path(path), self)
+
+    @classmethod
+    def load(cls, path: str | Path, config: Config | None = None) -> PreparedShape:
+        """Read what `save` wrote; matches are the same to the last bit.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+        config : Config, optional
+            Settings of the matches to come: a shape prepared otherwise is refused here.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), damaged, holds something else, or was written by an isomatch that
+            prepared shapes in another way.
+        SettingError
+            If the shape was prepared with other settings than ``config``.
+        """
+        found: PreparedShape = read_prepared(Path(path), cls)
+        if config:
+            found.require_prepared_for(config, str(path))
+        return found
+
+    def require_prepared_for(self, config: Config, what: str) -> None:
+        """Raise `SettingError`, about ``what``, if the shape was prepared with other settings than a match asks for."""
+        in_full = config.resolution == "full" and self.detail is None and not self.others
+        used_config = replace(self.requested, resolution="full") if in_full else self.requested
+        if name := used_config.differs_in_preparation(config):
+            used, asked = getattr(self.requested, name), getattr(config, name)
+            raise SettingError(
+                f"{what} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
+                "with the settings of the match"
+            )
+
     @property
     def seconds(self) -> float:
         """Time the preparation took."""
@@ -131,10 +179,13 @@ class PreparedShape(SmoothShape):
             return 1.0 / self.scale
         return float(self.body.vertex_areas @ self.average_distance)
 
+    def distance(self, a: IntArray, b: IntArray) -> FloatArray:
+        """Low-rank geodesic distances between vertices of two lists (q,), in √area; O(k) a pair."""
+        return np.where(a == b, 0.0, np.maximum(self.distances.distance(a, b), 0.0))
+
     def mean_distance(self, a: IntArray, b: IntArray) -> float:
-        """Mean low-rank geodesic distance between vertices of two lists, in √area; O(k) a pair."""
-        apart = np.maximum(self.distances.distance(a, b), 0.0)
-        return float(np.where(a == b, 0.0, apart).mean())
+        """Mean of these distances."""
+        return float(self.distance(a, b).mean())
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
         """Low-rank geodesic distances between m vertices, (m, m), in √area."""
@@ -240,6 +291,7 @@ def prepare(
     config: Config | None = None,
     seed: int = 0,
     distances: MetricSpace | None = None,
+    progress: Progress | None = None,
 ) -> PreparedShape:
     """Compute everything about one shape that matching needs.
 
@@ -247,8 +299,8 @@ def prepare(
     ----------
     surface : Mesh, PointCloud, Graph, path_like, tuple or object
         Anything that `surface_from` takes, with one main component; further ones of a mesh are prepared when they are
-        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and spectra alone, which do not tell
-        a shape from its mirror image.
+        needed. Points and graphs have neither an inside nor curvature: maps from or to them rest on distances and
+        spectra alone, which do not tell a shape from its mirror image.
     config : Config, optional
         Settings.
     seed : int
@@ -256,6 +308,8 @@ def prepare(
     distances : (n, n) array, callable or DistanceEngine, optional
         Your own distances between the vertices of ``surface``, in its units, in place of ``config.engine``; see
         `distance_engine`. Finite within the main component.
+    progress : callable, optional
+        Called with the name of each stage and the share that is done; see `match`.
 
     Returns
     -------
@@ -275,14 +329,27 @@ def prepare(
     About 0.35 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 0.5 s for 28 000, which
     are matched on 5 000 of them (``config.resolution``). `match` prepares two shapes at once.
     """
-    timer = StageTimer()
+    return in_background(lambda: _prepare(surface, config or Config(), seed, distances, progress))
+
+
+def _prepare(
+    given: SurfaceLike,
+    config: Config,
+    seed: int,
+    distances: MetricSpace | None,
+    progress: Progress | None,
+) -> PreparedShape:
+    timer = StageTimer(progress, PREPARATION)
     timer.start("body")
-    config, surface = config or Config(), surface_from(surface)
+    surface = surface_from(given)
     generator(seed)  # refuses what is no seed
     if distances is None:
-        return _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
-    found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
-    return _prepared(surface, found, config, seed, timer, distances)
+        prepared = _prepared(surface, body_of(surface, config.preparation), config, seed, timer)
+    else:
+        found = body_of(surface, replace(config.preparation, sheet_distance=np.inf, most_components=0))
+        prepared = _prepared(surface, found, config, seed, timer, distances)
+    timer.reach("done", 1.0)
+    return prepared
 
 
 def _prepared(

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.config import Orientation
+from isomatch.matching.config import Config, Orientation
 from isomatch.matching.hints import Hints
 from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
@@ -19,6 +19,7 @@ from isomatch.matching.select import Selection
 from isomatch.surfaces import Graph, Surface
 
 MOST_NAMED = 5  # landmarks in a note
+COVERAGE_RADIUS = Config().outcome.coverage_radius
 
 
 def measure_quality(
@@ -74,12 +75,12 @@ def measure_quality(
     )
 
 
-def covered_share(body: Surface, images: IntArray, radius: float) -> float:
-    """Share of the area of a body within a radius, along edges, of images (q,); 0 without images."""
+def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:
+    """Coverage: share of the area of a surface within a radius, in √area along edges, of images (q,)."""
     if not len(images):
         return 0.0
-    gap, _ = distance_along_edges_to_nearest(body, np.unique(images))
-    return float(body.vertex_areas[gap < radius].sum() / body.area)
+    gap, _ = distance_along_edges_to_nearest(surface, np.unique(images))
+    return float(surface.vertex_areas[gap <= radius * np.sqrt(surface.area)].sum() / surface.area)
 
 
 def edge_stretch(
@@ -105,9 +106,7 @@ def edge_stretch(
 
 def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:
     """Distance between the images under a map (n_s,) and those known (q, 2), source and target vertex: (q,), in √area."""
-    image = target_vertex[known[:, 0]]
-    apart = np.maximum(pair.target.distances.distance(image, known[:, 1]), 0.0)
-    return np.where(image == known[:, 1], 0.0, apart)
+    return pair.target.distance(target_vertex[known[:, 0]], known[:, 1])
 
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints) -> list[str]:
@@ -121,7 +120,8 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
         f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in zip(hints.given[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
-    return [f"the map contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
+    which = "the map" if pair.config.pin is None else "the map before it was bent"
+    return [f"{which} contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
 
 
 def outcome_of(

@@ -2,16 +2,48 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from functools import partial
-from typing import Any
+from html import escape
+from pathlib import Path
+from typing import Any, cast
 
+import numpy as np
+
+from isomatch._array_file import ArrayFormat, Stored, save_arrays
+from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
-from isomatch.correspondence import Correspondence
+from isomatch._settings import Settings
+from isomatch.bases import LaplaceBasis
+from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap, wrap
+from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
+from isomatch.surfaces import Mesh, SurfaceLike
+
+MAP_ARRAYS = {
+    "vertices": Stored("integer", ("n",)),
+    "faces": Stored("integer", ("n", 3)),
+    "barycentric": Stored("float", ("n", 3)),
+}
+HALF_TRUSTED = 0.05  # expected error, in √area, of a confidence of one half
+FORMAT = ArrayFormat(
+    what="a match result",
+    writer="MatchResult.save",
+    version=1,  # raise it when earlier versions of isomatch could not read the files
+    arrays={
+        **MAP_ARRAYS,
+        "n_target": Stored("integer"),
+        "source_hash": Stored("text"),
+        "target_hash": Stored("text"),
+        **{f"alternative_{name}": Stored(a.kind, ("a", *a.shape)) for name, a in MAP_ARRAYS.items()},
+        "expected_error": Stored("float", ("n",)),
+        "about": Stored("text"),
+    },
+)
 
 
 class Outcome(Enum):
@@ -36,12 +68,13 @@ _ADVICE = {
     ),
     Outcome.LOW_CONFIDENCE: (
         "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
-        "three to five landmark pairs at extremities, or check that both shapes are complete and of one kind."
+        "three to five landmark pairs at extremities, or start = 'pose' if the shapes are roughly aligned in space; or "
+        "check that both shapes are complete and of one kind."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
         "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
-        "is meant."
+        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
     ),
     Outcome.PARTIAL: (
         "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
@@ -147,6 +180,22 @@ def _itself(found: Correspondence) -> Correspondence:
     return found
 
 
+_PLAIN = ("timings", "notes", "engine", "origin", "reason", "seed", "symmetries")
+
+
+def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
+    """Make the settings of `match`, or of a baseline that is loaded; nothing that a file names is imported."""
+    kinds = [Settings]
+    for kind in kinds:
+        kinds.extend(kind.__subclasses__())
+        if kind.__name__ == name:
+            made: Any = kind.from_dict(values)
+            return cast(MatchSettings, made)
+    raise FormatError(
+        f"its settings {name!r} are not known; first import the method that made it, such as isomatch.baselines.BASELINES"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class MatchResult:
     """Result of `match`, or of a baseline.
@@ -159,6 +208,9 @@ class MatchResult:
         How it ended.
     quality : Quality
         Measures without ground truth.
+    expected_error : (n_source,) array of float
+        Estimate of the geodesic error of each vertex's image, in √area of the target; nan where unmatched. Calibrated for
+        maps that are right as a whole; where a rival map was found, the chance that it is right counts too.
     alternatives : tuple of Alternative
         Distinct other maps, best first.
     timings : dict of str to float
@@ -183,6 +235,7 @@ class MatchResult:
     map: Correspondence
     outcome: Outcome
     quality: Quality
+    expected_error: FloatArray
     alternatives: tuple[Alternative, ...]
     timings: dict[str, float]
     notes: tuple[str, ...]
@@ -192,6 +245,122 @@ class MatchResult:
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
+
+    @property
+    def confidence(self) -> FloatArray:
+        """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""
+        return 1 / (1 + self.expected_error / HALF_TRUSTED)
+
+    def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
+        """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
+
+        Parameters
+        ----------
+        source, target : Mesh, or what `mesh_from` takes
+            The surfaces that were matched.
+
+        Raises
+        ------
+        MapError
+            If they are others.
+        """
+        return wrap(self.map, source, target).mesh
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to an ``.npz`` file, the maps of the alternatives too; `Correspondence.load` reads its map.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
+        """
+        stacked = {}
+        for name in MAP_ARRAYS:
+            own = getattr(self.map, name)
+            others = [getattr(other.map, name) for other in self.alternatives]
+            stacked[f"alternative_{name}"] = np.array(others, dtype=own.dtype).reshape(-1, *own.shape)
+        about = {
+            **{name: getattr(self, name) for name in _PLAIN},
+            "outcome": self.outcome.name,
+            "quality": asdict(self.quality),
+            "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
+            "settings": type(self.config).__name__,
+            "config": self.config.to_dict(),
+        }
+        arrays = {
+            **vars(self.map),
+            **stacked,
+            "expected_error": np.nan_to_num(self.expected_error, nan=UNMATCHED),
+            "about": json.dumps(about),
+        }
+        stored = {name: np.array(arrays[name]) for name in FORMAT.arrays}
+        save_arrays(path, FORMAT.version, stored, compressed=True)
+
+    @classmethod
+    def load(cls, path: str | Path) -> MatchResult:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), holds something else, or was written by an isomatch that is
+            too new.
+        """
+        arrays = FORMAT.read(path)
+        others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
+        try:
+            about = json.loads(arrays.pop("about"))
+            errors = arrays.pop("expected_error")
+            found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
+            maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
+            return cls(
+                map=found,
+                outcome=Outcome[about["outcome"]],
+                quality=Quality(**about["quality"]),
+                expected_error=np.where(errors == UNMATCHED, np.nan, errors),
+                alternatives=tuple(
+                    Alternative(partial(_itself, map), *evidence)
+                    for map, evidence in zip(maps, about["alternatives"], strict=True)
+                ),
+                notes=tuple(about["notes"]),
+                symmetries=tuple(about["symmetries"]),
+                config=_settings(about["settings"], about["config"]),
+                **{name: about[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+            )
+        except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
+            raise FormatError(
+                f"{path}: not a match result ({error}); expected a file written by {FORMAT.writer}"
+            ) from None
+
+    def to_functional(
+        self,
+        source: LaplaceBasis | SurfaceLike,
+        target: LaplaceBasis | SurfaceLike,
+        k: int = 50,
+    ) -> FunctionalMap:
+        """Express the map in Laplace–Beltrami functions; see `Correspondence.to_functional`."""
+        return self.map.to_functional(source, target, k)
+
+    def _repr_html_(self) -> str:
+        """Table of the outcome and the quality, and the picture of the map, for notebooks."""
+        rows = {"outcome": f"{self.outcome.name}: {self.outcome.advice}"}
+        rows |= {
+            name: f"{value:.4g}" for name, value in asdict(self.quality).items() if not math.isnan(value)
+        }
+        rows |= {"notes": "; ".join(self.notes)} if self.notes else {}
+        table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
+        return f"<table>{table}</table>{self.map._repr_html_()}"
+
+    def _errors_described(self) -> dict[str, float | None]:
+        """Mean and 95th percentile of the expected error; share of vertices whose confidence is below ½."""
+        known = self.expected_error[np.isfinite(self.expected_error)]
+        if not len(known):
+            return {"mean": None, "p95": None, "below_half": None}
+        return {
+            "mean": float(known.mean()),
+            "p95": float(np.quantile(known, 0.95)),
+            "below_half": float((known > HALF_TRUSTED).mean()),
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""
@@ -205,6 +374,7 @@ class MatchResult:
             "outcome": self.outcome.name,
             "advice": self.outcome.advice,
             "quality": quality,
+            "expected_error": self._errors_described(),
             "alternatives": [
                 {"energy": a.energy, "orientation": a.orientation, "origin": a.origin}
                 for a in self.alternatives

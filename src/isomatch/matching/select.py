@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.matching.config import Orientation, SelectionSettings
+from isomatch.matching.config import Orientation, OutcomeSettings, SelectionSettings
 
 
 class Evidence(Protocol):
@@ -26,6 +26,10 @@ class Evidence(Protocol):
     @property
     def landmark_error(self) -> float:
         """Mean error at the landmarks; 0 without any."""
+
+    @property
+    def hint_error(self) -> float:
+        """How far the map is from what hints say; 0 without any."""
 
 
 class RefinedEvidence(Protocol):
@@ -52,10 +56,23 @@ class RefinedEvidence(Protocol):
         """That of the candidate, before the refinement."""
 
     @property
+    def hint_error(self) -> float:
+        """That of the candidate, before the refinement."""
+
+    @property
     def orientation(self) -> float:
         """That of the candidate, before the refinement."""
 
 
+class Hinted(Protocol):
+    """What can be compared with hints."""
+
+    @property
+    def hint_error(self) -> float:
+        """How far a map is from what hints say, in √area; 0 without hints."""
+
+
+H = TypeVar("H", bound=Hinted)
 C = TypeVar("C", bound=Evidence)
 R = TypeVar("R", bound=RefinedEvidence)
 
@@ -90,7 +107,8 @@ def contenders(order: Sequence[C], orientation: Orientation, settings: Selection
 
     Comparable is meant to the least energy among them, which the first of the ranking need not have. Where limbs touch,
     the orientation of a right map through few functions can be small. The refinement compares normals
-    everywhere, so all that lean to the wanted side are let in.
+    everywhere, so all that lean to the wanted side are let in. One that agrees better with hints than any of these is let
+    in as well, on either side.
     """
     if not order:
         return []
@@ -102,7 +120,17 @@ def contenders(order: Sequence[C], orientation: Orientation, settings: Selection
     ]
     leaning.sort(key=lambda candidate: candidate.energy)
     limit = settings.energy_limit * max(leaning[0].energy, settings.energy_noise)
-    return [c for c in leaning if c.energy <= limit][: settings.most_contenders]
+    kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
+    nearest = nearest_to_hints(order, settings)
+    if not any(c in kept for c in nearest):
+        kept.append(min(nearest, key=lambda c: c.energy))
+    return kept
+
+
+def nearest_to_hints(found: Sequence[H], settings: SelectionSettings) -> list[H]:
+    """Keep those that agree with the hints as well as any, but for a slack; all of them without hints."""
+    limit = min(c.hint_error for c in found) + settings.landmark_slack
+    return [c for c in found if c.hint_error <= limit]
 
 
 def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
@@ -125,7 +153,7 @@ def survivors(
         Whether normals took part in the stage. While they do not, a twisted map may fit well: it neither sets the
         standard nor replaces another.
     both_sides : bool
-        Whether to keep the best of each orientation, however badly it fits.
+        Whether to keep the best of each orientation, however badly it fits. So is the best of those nearest to the hints.
 
     Returns
     -------
@@ -140,7 +168,9 @@ def survivors(
     ] or list(q)
     limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), settings.misfit_noise)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
-    spared = {fits[i].side: i for i in reversed(order)}.values() if both_sides else []
+    spared = [i for i in order if fits[i] in nearest_to_hints(fits, settings)][:1]
+    if both_sides:
+        spared += {fits[i].side: i for i in reversed(order)}.values()
     kept: list[tuple[int, int]] = []
     for i in order:
         if fits[i].misfit > limit and i not in spared:
@@ -169,6 +199,8 @@ class Selection(Generic[R]):
         1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
     reason : str
         One sentence.
+    against : refined candidate, optional
+        That rival.
     """
 
     winner: R
@@ -176,6 +208,7 @@ class Selection(Generic[R]):
     rival: float
     mirrored: float
     reason: str
+    against: R | None = None
 
 
 def select(
@@ -183,9 +216,10 @@ def select(
     eligible: Sequence[bool],
     apart: FloatArray,
     settings: SelectionSettings,
+    bounds: OutcomeSettings,
     n_tried: int,
 ) -> Selection[R]:
-    """Select the eligible candidate of least score.
+    """Select the eligible candidate of least score; of those that tie with it, the one nearest to the hints.
 
     Parameters
     ----------
@@ -197,6 +231,8 @@ def select(
     settings : SelectionSettings
         ``rival_distance`` tells a rival from a variant of the winner. A variant that was not eligible, or a map that
         contradicts the landmarks more than the winner, counts where it is ``clearly_better``.
+    bounds : OutcomeSettings
+        ``tie`` and ``mirror_tie`` say what a tie is.
     n_tried : int
         Candidates that were compared at all, refined or not.
 
@@ -204,14 +240,25 @@ def select(
     -------
     Selection
     """
-    winner = min((i for i in range(len(fits)) if eligible[i]), key=lambda i: fits[i].score)
-    others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: fits[i].score)
     scores = [max(fit.score, settings.score_noise) for fit in fits]
+    may_win = [i for i in range(len(fits)) if eligible[i]]
+    best = min(may_win, key=lambda i: fits[i].score)
+    tied = [
+        i
+        for i in may_win
+        if scores[i] <= (bounds.tie if fits[i].side == fits[best].side else bounds.mirror_tie) * scores[best]
+    ]
+    nearest = nearest_to_hints([fits[i] for i in tied], settings)
+    winner = min((i for i in tied if fits[i] in nearest), key=lambda i: fits[i].score)
+    others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: fits[i].score)
 
     def ratio(rivals: list[int]) -> float:
         if n_tried < 2:
             return np.nan
-        return scores[rivals[0]] / scores[winner] if rivals else np.inf
+        if not rivals:
+            return np.inf
+        ratio = scores[rivals[0]] / scores[winner]
+        return max(1.0, ratio) if eligible[rivals[0]] else ratio  # one that lost to hints ties
 
     def speaks_against(i: int) -> bool:
         differs = apart[i, winner] > settings.rival_distance
@@ -219,9 +266,13 @@ def select(
         better = settings.clearly_better * scores[i] < scores[winner] and apart[i, winner] > settings.same_map
         return (differs and agrees) or better
 
-    rival = ratio([i for i in others if speaks_against(i)])
+    rivals = [i for i in others if speaks_against(i)]
+    rival = ratio(rivals)
     mirrored = ratio([i for i in others if fits[i].side != fits[winner].side])
     reason = f"least misfit × energy^{settings.energy_exponent:g}; {n_tried} candidates, {len(fits)} refined to the end"
+    if winner != best:
+        reason += "; of those that tie, it agrees best with the hints"
     if rival < np.inf:
         reason += f"; the best rival scores {rival:.2f} times as much"
-    return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason)
+    against = fits[rivals[0]] if rivals else None
+    return Selection(fits[winner], tuple(fits[i] for i in others), rival, mirrored, reason, against)

@@ -129,6 +129,12 @@ class SmoothShape:
         values = _require_rows(values, self.body.n_vertices, "body vertices")
         return _lifted(values, self.body_vertex, missing)
 
+    def lift_smooth(self, values: FloatArray) -> FloatArray:
+        """Carry values (n_body,) of a smooth function to the user's vertices (n,); nan for vertices off the body."""
+        if self.detail:
+            values = self.detail.transfer.on_coarse.interpolated(values[:, None])[:, 0]
+        return _lifted(values, (self.detail or self).body_vertex)
+
     def restrict(self, values: AnyArray) -> AnyArray:
         """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
         rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")

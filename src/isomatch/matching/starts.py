@@ -16,7 +16,7 @@ from isomatch.matching.config import SearchSettings
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
-from isomatch.surfaces import Graph
+from isomatch.surfaces import Graph, Surface
 
 
 def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray, str]]:
@@ -59,13 +59,24 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
     sides = (pair.source, pair.source_vertices), (pair.target, pair.target_vertices)
     bodies, shapes = [], []
     for shape, vertices in sides:
-        if isinstance(shape.surface, Graph) or isinstance(shape.body, Graph):
-            raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")
-        bodies.append(shape.body.vertices[vertices])
-        shapes.append(shape.surface.vertices[shape.user_vertex[vertices]])
+        shapes.append(_places(shape.surface)[shape.user_vertex[vertices]])
+        bodies.append(_places(shape.body)[vertices])
     return [
         np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
     ]
+
+
+def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:
+    """Target vertex nearest in space to each of some source vertices (q,), the shapes as they are."""
+    here, there = (_places(shape.surface)[shape.user_vertex] for shape in (source, target))
+    return np.asarray(cKDTree(there).query(here[source_vertex])[1], dtype=np.int64)
+
+
+def _places(surface: Surface) -> FloatArray:
+    """Positions of the vertices (n, 3)."""
+    if isinstance(surface, Graph):
+        raise SettingError("start = 'pose', but a graph has no positions in space; leave it at 'auto'")
+    return surface.vertices
 
 
 def start_from_known(pair: ShapePair, known: IntArray) -> IntArray:

@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib import rc_context
 
 from isomatch import SettingError, __version__
-from isomatch._files import claimed, replaced, write_csv, write_text
+from isomatch._files import claimed, made_folder, replaced, write_csv, write_text
 from isomatch.paper import (
     basis_error,
     basis_vectors,
@@ -73,8 +73,10 @@ def reproduce(
     if unknown:
         raise SettingError(f"unknown item {', '.join(unknown)}; choose from {', '.join(ITEMS)}, all")
     out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    with claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]):
+    with (
+        made_folder(out),
+        claimed(out / PAGE, [] if force else [path for name in names for path in _files(out, name)]),
+    ):
         for name in names:
             with rc_context(STYLE):
                 setting.progress(name)

@@ -1,18 +1,31 @@
-"""A hash of what a surface is made of."""
+"""A hash of what a surface is made of, and the surfaces in use by their hashes."""
 
 from __future__ import annotations
 
 from hashlib import blake2b
+from typing import TYPE_CHECKING
+from weakref import WeakSet
 
 import numpy as np
 
 from isomatch._arrays import AnyArray
 
+if TYPE_CHECKING:
+    from isomatch.surfaces.surface import Surface
 
-def hash_of(kind: str, *arrays: AnyArray) -> str:
-    """32 hexadecimal digits, the same on every machine, for a kind of surface and its arrays of float64 or int64."""
-    found = blake2b(kind.encode(), digest_size=16)
+_IN_USE: WeakSet[Surface] = WeakSet()
+
+
+def hash_of(surface: Surface, *arrays: AnyArray) -> str:
+    """32 hexadecimal digits, the same on every machine, for a surface and its arrays of float64 or int64."""
+    found = blake2b(type(surface).__name__.encode(), digest_size=16)
     for array in arrays:
         found.update(str(array.shape).encode())
         found.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
+    _IN_USE.add(surface)
     return found.hexdigest()
+
+
+def surface_in_use(content_hash: str) -> Surface | None:
+    """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
+    return next((surface for surface in list(_IN_USE) if surface.content_hash == content_hash), None)

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
+from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.errors import DescriptorError
 
 Domain = Literal["point", "corner", "face"]
@@ -32,7 +32,8 @@ class Attribute:
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
         to the largest of their type or as floats from 0 to 1. Labels are (k,) integers or strings, scalars (k,) numbers,
-        normals (k, 3), texture coordinates (k, 2) or (k, 3), with nan at corners that have none.
+        normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
+        lower left of the picture, with nan at corners that have none.
     joints : (k, d) array_like of int, optional
         For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
     names : mapping of int to str
@@ -133,6 +134,20 @@ class Attribute:
         )
 
     @property
+    def plain(self) -> AnyArray:
+        """The values for formats and libraries that know but numbers: codes of labels, one column for each joint."""
+        if self.kind == "weights":
+            return self.dense_weights
+        values = self.coded.values
+        return values.astype(np.uint8) if values.dtype.kind == "b" else values
+
+    @property
+    def fractions(self) -> FloatArray:
+        """Colours as numbers from 0 to 1."""
+        full = 1.0 if self.values.dtype.kind == "f" else np.iinfo(self.values.dtype).max
+        return np.asarray(self.values / full, dtype=np.float64)
+
+    @property
     def n_joints(self) -> int:
         """Number of joints that skinning weights may refer to."""
         used = self.values.shape[1] if self.joints is None else int(self.joints.max(initial=-1)) + 1
@@ -180,6 +195,8 @@ def guessed_kind(name: str, values: AnyArray) -> Kind:
             return "colour"
         if values.dtype.kind == "f" and len(values) and values.min() >= 0 and values.max() <= 1:
             return "colour"
+    if word == "weights":
+        return "weights"
     if width == 3 and word in ("normal", "normals", "nxnynz", "vertex_normals", "point_normals"):
         return "normal"
     if width == 2 and word.replace(" ", "").replace("_", "") in _UV_NAMES:

@@ -87,7 +87,7 @@ class Graph:
     @cached_property
     def content_hash(self) -> str:
         """32 hexadecimal digits that tell these edges, lengths and weights from others, in this order."""
-        return hash_of("Graph", self.edges, self.edge_lengths, self.vertex_areas)
+        return hash_of(self, self.edges, self.edge_lengths, self.vertex_areas)
 
     @cached_property
     def components(self) -> IntArray:

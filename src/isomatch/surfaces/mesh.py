@@ -53,6 +53,12 @@ class Mesh:
     def __repr__(self) -> str:
         return f"Mesh({self.n_vertices} vertices, {self.n_faces} faces)"
 
+    def _repr_html_(self) -> str:
+        """Picture, for notebooks."""
+        from isomatch.surfaces.picture import picture
+
+        return f"<p>{self!r}</p>{picture(self)}"
+
     @property
     def n_vertices(self) -> int:
         """Number of vertices, including those that no face uses."""
@@ -132,7 +138,7 @@ class Mesh:
     @cached_property
     def content_hash(self) -> str:
         """32 hexadecimal digits that tell these vertices and faces from others, in this order."""
-        return hash_of("Mesh", self.vertices, self.faces)
+        return hash_of(self, self.vertices, self.faces)
 
     @property
     def components(self) -> IntArray:

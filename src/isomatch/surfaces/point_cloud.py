@@ -132,7 +132,7 @@ class PointCloud:
     @cached_property
     def content_hash(self) -> str:
         """32 hexadecimal digits that tell these points from others, in this order."""
-        return hash_of("PointCloud", self.vertices)
+        return hash_of(self, self.vertices)
 
     @cached_property
     def components(self) -> IntArray:

@@ -1,12 +1,13 @@
 from isomatch.view.camera import camera_of, turn_to_target
 from isomatch.view.colours import position_colours
-from isomatch.view.measures import Measure, quality_measures
+from isomatch.view.measures import Measure, quality_bounds, quality_measures
 from isomatch.view.panels import arranged_panels, colour_scale
-from isomatch.view.report import write_report
+from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
 from isomatch.view.stills import ValuePanel, draw_map
 from isomatch.view.surface_image import surface_image
 
 __all__ = [
+    "MOST_ALTERNATIVES",
     "Measure",
     "ValuePanel",
     "arranged_panels",
@@ -14,8 +15,10 @@ __all__ = [
     "colour_scale",
     "draw_map",
     "position_colours",
+    "quality_bounds",
     "quality_measures",
     "surface_image",
     "turn_to_target",
+    "write_landmark_picker",
     "write_report",
 ]

@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from isomatch._arrays import FloatArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
@@ -91,13 +91,20 @@ def of_ordinary_size(mesh: Mesh) -> Mesh:
     return mesh if unit == 1.0 else mesh.moved(mesh.vertices / unit)
 
 
+def used_vertices(mesh: Mesh) -> IntArray:
+    """Return the vertices that faces use, in order."""
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.sound_faces] = True
+    return np.flatnonzero(used)
+
+
 def seen_from(camera: FloatArray, mesh: Mesh) -> FloatArray:
     """Transform the vertices to camera coordinates (right, up, towards the viewer), (n, 3).
 
     The surface is scaled to unit area, and the middle of the drawn vertices is at 0.
     """
     points = mesh.vertices @ camera.T / np.sqrt(mesh.area)
-    drawn = points[np.unique(mesh.faces)]
+    drawn = points[used_vertices(mesh)]
     middled: FloatArray = points - (drawn.min(axis=0) + drawn.max(axis=0)) / 2
     return middled
 

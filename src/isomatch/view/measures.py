@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite, isnan
+from operator import attrgetter
 
 from isomatch.matching import Config, MatchResult, Outcome
-
-BOUNDS = Config().outcome
 
 
 @dataclass(frozen=True)
@@ -27,6 +26,8 @@ class Measure:
         Explanation for a reader who has not seen it before.
     most, least : float, optional
         Bound. A value beyond it is, on its own, evidence against the map.
+    most_of, least_of : str
+        Setting of `isomatch.Config` that holds the bound, if it has one.
     """
 
     name: str
@@ -35,6 +36,13 @@ class Measure:
     meaning: str
     most: float | None = None
     least: float | None = None
+    most_of: str = ""
+    least_of: str = ""
+
+    def bounded_by(self, config: Config) -> Measure:
+        """Give the measure with the bound that the settings of a match have."""
+        most, least = (attrgetter(of)(config) if of else None for of in (self.most_of, self.least_of))
+        return replace(self, most=most, least=least)
 
     def value(self, number: float) -> str:
         """Format a value."""
@@ -59,7 +67,7 @@ MEASURES = {
         "0: the same shape; 0.4: correct map of two people",
         "Mean distance between corresponding points when eigenfunctions, signatures, positions and normals are compared "
         "together. 0 for the same shape; about 0.4 for a correct map between two different people.",
-        most=BOUNDS.poor_misfit,
+        most_of="outcome.poor_misfit",
     ),
     "rival": Measure(
         "next best map",
@@ -67,7 +75,7 @@ MEASURES = {
         "1 is a tie; large is clear",
         "How much worse the best different map fits, as a ratio of scores. 1 is a tie, as between the two sides of a "
         "symmetric shape; below 1 the other map fits better; none if no other map came close.",
-        least=BOUNDS.tie,
+        least_of="outcome.tie",
     ),
     "mirrored": Measure(
         "mirror image",
@@ -75,7 +83,7 @@ MEASURES = {
         "1 is a tie; above 1.5 is clear",
         "The same for the best map of opposite orientation. A difference in pose alone can make up to 1.5; none if no "
         "such map came close, or only one orientation was allowed.",
-        least=BOUNDS.mirror_tie,
+        least_of="outcome.mirror_tie",
     ),
     "distortion_mean": Measure(
         "distortion, mean",
@@ -109,7 +117,7 @@ MEASURES = {
         "1: orientation-preserving, −1: reversing",
         "Whether the map preserves orientation. Near 1 it keeps the outer side of the surface outside; near −1 it is a "
         "mirror image, which is correct only if that was wanted; values in between mean a twisted map.",
-        least=BOUNDS.poor_orientation,
+        least_of="outcome.poor_orientation",
     ),
     "residual": Measure(
         "descriptor residual",
@@ -117,7 +125,7 @@ MEASURES = {
         "of √(average distance)",
         "How much the distances from each point to all others differ between the two shapes. If it is large, their "
         "proportions differ or the map is wrong.",
-        most=BOUNDS.poor_residual,
+        most_of="outcome.poor_residual",
     ),
     "stretch": Measure(
         "stretch of edges",
@@ -125,7 +133,7 @@ MEASURES = {
         "mean square; 1 for an isometry",
         "Sum of the squared lengths of the edges' images over that of the edges: 1 if lengths are preserved, more if the "
         "map stretches or tears the surface. A torn edge counts at most four times.",
-        most=BOUNDS.poor_stretch,
+        most_of="outcome.poor_stretch",
     ),
     "stress": Measure(
         "stress of a part",
@@ -133,7 +141,7 @@ MEASURES = {
         "violated distances, relative",
         "How much distances between images leave the intervals in which distances on the whole must lie, given those "
         "along the part. 0.01 for a correct map.",
-        most=Config().parts.poor_stress,
+        most_of="parts.poor_stress",
     ),
     "landmark_error": Measure(
         "landmark error",
@@ -141,14 +149,14 @@ MEASURES = {
         "of √(target area)",
         "Mean geodesic distance on the target between the images of the landmarks and their given positions, relative to "
         "√area.",
-        most=BOUNDS.contradiction,
+        most_of="outcome.contradiction",
     ),
     "initial_map_error": Measure(
         "distance to the initial map",
         "{:.2%}",
         "of √(target area), median",
         "Median geodesic distance on the target between the images and those of the initial map, relative to √area.",
-        most=BOUNDS.contradiction,
+        most_of="outcome.contradiction",
     ),
 }
 
@@ -159,10 +167,24 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
     A measure without a value, such as the landmark error of a match without landmarks, is left out.
     """
     for field, number in asdict(result.quality).items():
-        measure = MEASURES.get(field, Measure(field, "{:.3g}", "", ""))
+        measure = MEASURES.get(field, Measure(field, "{:.3g}", "", "")).bounded_by(_config_of(result))
         against = not measure.holds(number)
         if field == "orientation":  # a mirror image may be wanted; the outcome considers that
             kept = -number if result.config.orientation == "reverse" else number
             against = result.outcome is Outcome.LOW_CONFIDENCE and not measure.holds(kept)
         if not isnan(number):
             yield measure, number, against
+
+
+def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
+    """Give the bounds of the measures of a result, by the name of the field: {"misfit": {"most": 0.6}, …}."""
+    measures = {field: measure.bounded_by(_config_of(result)) for field, measure in MEASURES.items()}
+    return {
+        field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
+        for field, measure in measures.items()
+        if measure.bound
+    }
+
+
+def _config_of(result: MatchResult) -> Config:
+    return result.config if isinstance(result.config, Config) else Config()

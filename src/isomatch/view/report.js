@@ -1,17 +1,23 @@
-// Both shapes in one view: dragging rotates both, the wheel zooms, pointing at the source shows the image of a vertex.
+// Both shapes in one view: dragging rotates both, the wheel zooms, pointing at the source shows the image of a vertex,
+// and clicks place landmarks.
 "use strict";
 (() => {
   const by = (id) => document.getElementById(id);
-  const [canvas, stage, status, which, noted] = ["view", "stage", "status", "which", "noted"].map(by);
+  const [canvas, stage, status, which, layer, checker, wire, turned, picking] =
+    ["view", "stage", "status", "which", "layer", "checker", "wire", "turned", "picking"].map(by);
   const gl = canvas.getContext("webgl2", { antialias: true });
-  if (!gl) { status.textContent += " This browser has no WebGL 2, so only the still picture is shown."; return; }
+  if (!gl) { status.textContent += " This browser has no WebGL 2, so there is no 3D view."; return; }
 
   const KINDS = { index: Uint32Array, faces: Uint32Array, images: Int32Array, vertices: Float32Array,
-    points: Float32Array, normals: Int8Array, colours: Uint8Array };
+    points: Float32Array, normals: Int8Array, colours: Uint8Array, levels: Uint8Array };
   const unpack = (item) => Object.fromEntries(Object.entries(item).map(([key, value]) => [key,
     key in KINDS ? new KINDS[key](Uint8Array.from(atob(value), (c) => c.charCodeAt(0)).buffer) : value]));
   const scene = JSON.parse(by("scene").textContent);
   const shapes = [scene.source, scene.target].map(unpack), maps = scene.maps.map(unpack);
+  maps.forEach((map) => Object.keys(map.layers).forEach((name) => { map.layers[name] = unpack(map.layers[name]); }));
+  const now = () => maps[which.selectedIndex];  // undefined where there is no map
+  const shown = () => now()?.layers[layer.value];  // undefined where colours are those of positions
+  const where = shapes.map((shape) => new Map(Array.from(shape.index, (vertex, k) => [vertex, k])));
 
   const program = gl.createProgram();
   for (const [kind, id] of [[gl.VERTEX_SHADER, "vertex"], [gl.FRAGMENT_SHADER, "fragment"]]) {
@@ -19,24 +25,72 @@
     gl.shaderSource(shader, by(id).textContent.trim()); gl.compileShader(shader); gl.attachShader(program, shader);
   }
   gl.linkProgram(program); if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return; // the still picture remains
-  gl.useProgram(program); gl.enable(gl.DEPTH_TEST); gl.enable(gl.SCISSOR_TEST); gl.clearColor(1, 1, 1, 1);
-  const [uTurn, uCentre, uSize] = ["turn", "centre", "size"].map((name) => gl.getUniformLocation(program, name));
-  const fill = (kind, data) => { gl.bindBuffer(kind, gl.createBuffer()); gl.bufferData(kind, data, gl.STATIC_DRAW); };
-  const drawable = (shape, colours) => {
-    const array = gl.createVertexArray(); gl.bindVertexArray(array);
-    [["position", shape.vertices, gl.FLOAT], ["normal", shape.normals, gl.BYTE],
-      ["colour", colours, gl.UNSIGNED_BYTE]].forEach(([name, values, kind]) => {
-      const at = gl.getAttribLocation(program, name);
-      fill(gl.ARRAY_BUFFER, values); gl.enableVertexAttribArray(at); gl.vertexAttribPointer(at, 3, kind, true, 0, 0);
-    });
-    fill(gl.ELEMENT_ARRAY_BUFFER, shape.faces); return array;
+  gl.useProgram(program); gl.clearColor(0, 0, 0, 0);
+  [gl.DEPTH_TEST, gl.SCISSOR_TEST, gl.BLEND].forEach((switched) => gl.enable(switched));
+  gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+  const [uTurn, uCentre, uSize, uSquares, uLine] = ["turn", "centre", "size", "squares", "line"].map(
+    (name) => gl.getUniformLocation(program, name));
+  const buffer = (kind, data) => {
+    const made = gl.createBuffer(); gl.bindBuffer(kind, made); gl.bufferData(kind, data, gl.STATIC_DRAW); return made;
   };
-  const sources = maps.map((map) => drawable(shapes[0], map.colours)), target = drawable(shapes[1], shapes[1].colours);
+  const edges = (faces) => { // each edge once
+    const seen = new Set();
+    for (let k = 0; k < faces.length; k++) {
+      const a = faces[k], b = faces[k % 3 === 2 ? k - 2 : k + 1]; seen.add(Math.min(a, b) * 2 ** 26 + Math.max(a, b));
+    }
+    return Uint32Array.from([...seen].flatMap((edge) => [Math.floor(edge / 2 ** 26), edge % 2 ** 26]));
+  };
+  const surfaces = shapes.map((shape) => { // one for each pane; a map or a layer replaces colours and places
+    const array = gl.createVertexArray(); gl.bindVertexArray(array);
+    const attribute = (name, kind, values) => {
+      const at = gl.getAttribLocation(program, name), made = buffer(gl.ARRAY_BUFFER, values);
+      gl.enableVertexAttribArray(at); gl.vertexAttribPointer(at, 3, kind, true, 0, 0); return made;
+    };
+    attribute("position", gl.FLOAT, shape.vertices); attribute("normal", gl.BYTE, shape.normals);
+    return { array, colour: attribute("colour", gl.UNSIGNED_BYTE, new Uint8Array(shape.normals.length)),
+      place: attribute("place", gl.FLOAT, shape.vertices), n: shape.faces.length,
+      faces: buffer(gl.ELEMENT_ARRAY_BUFFER, shape.faces) };
+  });
+  const CLAY = [200, 200, 196], GREY = [174, 174, 174], NO_VALUE = 255, LEVELS = 254, NOWHERE = 1e6, SQUARES = 14;
+  const rampColour = (ramp, level) => {
+    const at = level / LEVELS * (ramp.length - 1), k = Math.min(Math.floor(at), ramp.length - 2);
+    return ramp[k].map((low, c) => low + (ramp[k + 1][c] - low) * (at - k));
+  };
+  const plain = (shape) => new Uint8Array(shape.normals.length).map((_, k) => CLAY[k % 3]);
+  const valueOf = ({ low, high, ratio, levels }, vertex) => {
+    const share = levels[vertex] / LEVELS;
+    return ratio ? low * (high / low) ** share : low + (high - low) * share;
+  };
+  const number = (value, { ratio }) => (ratio ? "× " : "") + Number(value.toPrecision(3));
+  const paint = () => {
+    const map = now(), item = shown();
+    let colours = map?.colours ?? plain(shapes[0]);
+    if (item) {
+      const table = Array.from({ length: NO_VALUE + 1 }, (_, k) => (k === NO_VALUE ? GREY : rampColour(item.ramp, k)));
+      colours = Uint8Array.from({ length: colours.length }, (_, k) => table[item.levels[Math.floor(k / 3)]][k % 3]);
+      by("ramp").style.background = `linear-gradient(90deg, ${item.ramp.map((stop) => `rgb(${stop})`)})`;
+      by("low").textContent = "≤ " + number(item.low, item); by("high").textContent = "≥ " + number(item.high, item);
+      by("meaning").textContent = item.meaning;
+    }
+    by("legend").hidden = !item;
+    const put = (held, data) => { gl.bindBuffer(gl.ARRAY_BUFFER, held); gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW); };
+    put(surfaces[0].colour, colours);
+    put(surfaces[1].colour, map && !item ? shapes[1].colours : plain(shapes[1]));
+    if (map) put(surfaces[0].place, map.points.map((x, k) => (map.images[Math.floor(k / 3)] < 0 ? NOWHERE : x)));
+    redraw();
+  };
+  const offer = () => { // the layers of the map that is shown
+    const kept = layer.value;
+    layer.replaceChildren(...["position", ...Object.keys(now()?.layers ?? {})].map((name) => new Option(name)));
+    layer.value = now() && kept in now().layers ? kept : "position"; paint();
+  };
 
   // turn has the rows right, up, towards the viewer; panes are [left, top, width, height] in CSS pixels
   let turn, zoom, pan, panes, scale, queued = false, mark = null, pinned = false;
   const reset = () => { turn = [1, 0, 0, 0, 1, 0, 0, 0, 1]; zoom = 1; pan = [0, 0]; };
-  const turned = (v, i) => [0, 3, 6].map((r) => turn[r] * v[3 * i] + turn[r + 1] * v[3 * i + 1] + turn[r + 2] * v[3 * i + 2]);
+  const rotation = (pane) => (pane || turned.checked ? turn : // rows of turn · filed: the source as in its file
+    turn.map((_, k) => [0, 1, 2].reduce((sum, m) => sum + turn[3 * Math.floor(k / 3) + m] * scene.filed[3 * m + k % 3], 0)));
+  const seen = (r, v, i) => [0, 3, 6].map((k) => r[k] * v[3 * i] + r[k + 1] * v[3 * i + 1] + r[k + 2] * v[3 * i + 2]);
   const rotate = (row, other, angle) => { // points in the direction of row ``other`` move towards ``row``
     const c = Math.cos(angle), s = Math.sin(angle);
     for (let k = 0, [i, j] = [3 * row, 3 * other]; k < 3; k++, i++, j++) {
@@ -61,14 +115,23 @@
     queued = false; if (!canvas.clientWidth) return; // hidden
     const [w, h, ratio] = layout();
     gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.uniformMatrix3fv(uTurn, true, turn); gl.uniform2f(uSize, 2 * scale * zoom / w, 2 * scale * zoom / h);
-    [sources[which.selectedIndex], target].forEach((array, k) => {
+    gl.uniform2f(uSize, 2 * scale * zoom / w, 2 * scale * zoom / h);
+    gl.uniform1f(uSquares, checker.checked && now() ? SQUARES : 0);
+    surfaces.forEach((surface, k) => {
       const [x, y] = screen(k, [0, 0]), [left, top, width, height] = panes[k].map((side) => Math.round(side * ratio));
-      gl.scissor(left, canvas.height - top - height, width - 1, height - 1); // leaves a line between the panes
+      gl.scissor(left, canvas.height - top - height, width, height);
       gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-      gl.uniform2f(uCentre, 2 * x / w - 1, 1 - 2 * y / h);
-      gl.bindVertexArray(array); gl.drawElements(gl.TRIANGLES, shapes[k].faces.length, gl.UNSIGNED_INT, 0);
+      gl.uniformMatrix3fv(uTurn, true, rotation(k)); gl.uniform2f(uCentre, 2 * x / w - 1, 1 - 2 * y / h);
+      gl.bindVertexArray(surface.array);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, surface.faces); gl.drawElements(gl.TRIANGLES, surface.n, gl.UNSIGNED_INT, 0);
+      if (!wire.checked) return;
+      if (!surface.edges) {
+        const ends = edges(shapes[k].faces); surface.nEnds = ends.length; surface.edges = buffer(gl.ELEMENT_ARRAY_BUFFER, ends);
+      }
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, surface.edges); gl.uniform1f(uLine, 0.35);
+      gl.drawElements(gl.LINES, surface.nEnds, gl.UNSIGNED_INT, 0); gl.uniform1f(uLine, 0);
     });
+    pin();
     describe();
   };
   const redraw = () => { if (!queued) { queued = true; requestAnimationFrame(draw); } };
@@ -76,46 +139,50 @@
   // the front vertex among those near the pointer that face the viewer; null if there is none
   const under = (e) => {
     const x = e.offsetX, y = e.offsetY, pane = inside(0, [x, y]) ? 0 : 1, shape = shapes[pane], unit = scale * zoom;
-    const reach = Math.max(9, 1.2 * unit / Math.sqrt(shape.index.length));
+    const reach = Math.max(9, 1.2 * unit / Math.sqrt(shape.index.length)), r = rotation(pane);
     let hit = null, front = -Infinity;
     for (let vertex = 0; vertex < shape.index.length; vertex++) {
-      const p = turned(shape.vertices, vertex), at = screen(pane, p), away = Math.hypot(at[0] - x, at[1] - y);
+      const p = seen(r, shape.vertices, vertex), at = screen(pane, p), away = Math.hypot(at[0] - x, at[1] - y);
       const height = p[2] - 2 * away / unit;
-      if (away > reach || height < front || turned(shape.normals, vertex)[2] <= 0) continue;
+      if (away > reach || height < front || seen(r, shape.normals, vertex)[2] <= 0) continue;
       front = height; hit = { pane, vertex };
     }
     return hit;
   };
-  const place = (dot, pane, points, normals, vertex) => { // hollow if the point is on the far side
-    const at = screen(pane, turned(points, vertex));
-    dot.setAttribute("cx", at[0]); dot.setAttribute("cy", at[1]); dot.classList.toggle("far", turned(normals, vertex)[2] < 0);
+  const place = (dot, pane, points, normals, vertex) => { // "far" if the point is on the far side
+    const r = rotation(pane), at = screen(pane, seen(r, points, vertex));
+    dot.setAttribute("transform", `translate(${at})`); dot.classList.toggle("far", seen(r, normals, vertex)[2] < 0);
     dot.setAttribute("visibility", inside(pane, at) ? "visible" : "hidden");
     return at;
   };
+  const svg = (name, attributes, ...inner) => {
+    const made = document.createElementNS(by("pins").namespaceURI, name);
+    Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value)); made.append(...inner); return made;
+  };
+  const pin = () => by("pins").replaceChildren(...landmarks.rows.flatMap((row, k) => row.flatMap((vertex, pane) => {
+    const at = where[pane].get(vertex); if (at === undefined) return [];
+    const made = svg("g", { class: row.includes(null) ? "pin half" : "pin" }, svg("circle", { r: 8 }), svg("text", {}, k + 1));
+    place(made, pane, shapes[pane].vertices, shapes[pane].normals, at); return [made];
+  })));
   const describe = () => {
     const marks = ["dot0", "dot1", "link"].map(by), [, , link] = marks;
     for (const item of marks) item.setAttribute("visibility", "hidden");
-    if (!mark) { status.textContent = status.dataset.help; return; }
-    const { pane, vertex } = mark, map = maps[which.selectedIndex], image = map.images[vertex];
+    if (!mark) { status.textContent = now() ? status.dataset.help : "Drag to rotate both shapes, use the wheel to zoom."; return; }
+    const { pane, vertex } = mark, map = now(), image = map?.images[vertex], item = shown();
     const own = place(marks[0], pane, shapes[pane].vertices, shapes[pane].normals, vertex);
     status.textContent = `${pane ? "target" : "source"} vertex ${shapes[pane].index[vertex]}`;
-    if (pane) return;
+    if (pane || !map) return;
     if (image >= 0) {
       const goal = place(marks[1], 1, map.points, map.normals, vertex);
       ["x1", "y1", "x2", "y2"].forEach((name, k) => link.setAttribute(name, (k < 2 ? own : goal)[k % 2]));
       if (inside(0, own) && inside(1, goal)) link.setAttribute("visibility", "visible");
       status.textContent += ` → target vertex ${image}${marks[1].classList.contains("far") ? ", on the far side" : ""}`;
     } else status.textContent += " is unmatched";
-    if (pinned) status.textContent += ". Now click the corresponding point on the target to add a landmark.";
+    if (item && item.levels[vertex] !== NO_VALUE) status.textContent += `, ${layer.value} ${number(valueOf(item, vertex), item)}`;
   };
   const click = (hit) => {
-    if (pinned && hit && hit.pane) {
-      noted.value += `${shapes[0].index[mark.vertex]}, ${shapes[1].index[hit.vertex]}\n`; keep();
-    }
-    pinned = Boolean(hit) && hit.pane === 0; mark = hit; redraw();
-  };
-  const keep = () => {
-    by("save").href = "data:text/plain;charset=utf-8," + encodeURIComponent(noted.value); by("landmarks").hidden = false;
+    if (picking.checked && hit) landmarks.add(hit.pane, shapes[hit.pane].index[hit.vertex]);
+    pinned = Boolean(hit) && hit.pane === 0 && !picking.checked; mark = hit; redraw();
   };
   const closer = (factor, x, y) => { // the point at (x, y) from the middle of its pane stays in place
     const next = Math.min(40, Math.max(0.5, zoom * factor));
@@ -144,6 +211,14 @@
   on(canvas, "webglcontextlost", () => stage.classList.remove("usable", "live"));
   on(by("reset"), "click", () => { reset(); redraw(); });
   on(by("flat"), "click", () => { stage.classList.toggle("live"); redraw(); });
-  on(which, "change", redraw); on(window, "resize", redraw); on(noted, "input", keep);
-  which.selectedIndex = 0; reset(); stage.classList.add("usable", "live"); redraw();
+  on(which, "change", offer); on(layer, "change", paint); on(window, "resize", redraw);
+  [checker, wire, turned].forEach((box) => on(box, "change", redraw));
+  const pickingOrNot = () => stage.classList.toggle("picking", picking.checked);
+  on(picking, "change", pickingOrNot); landmarks.changed = redraw;
+  const same = scene.filed[0] + scene.filed[4] + scene.filed[8] > 3 - 1e-6;
+  by("turning").hidden = same || !maps.length;
+  ["layers", "checkers"].forEach((id) => { by(id).hidden = !maps.length; });
+  by("maps").hidden = maps.length < 2; by("flat").hidden = !stage.querySelector("img");
+  which.selectedIndex = 0; turned.checked = false; reset(); pickingOrNot();
+  stage.classList.add("usable", "live"); offer();
 })();

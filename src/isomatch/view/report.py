@@ -14,23 +14,32 @@ from platform import python_version
 from string import Template
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import IntArray, array_of
 from isomatch._files import write_text
 from isomatch.correspondence import Correspondence
+from isomatch.errors import LandmarkError
 from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import lighting
+from isomatch.view.layers import expected_error, user_layers
 from isomatch.view.measures import quality_measures
 from isomatch.view.scene import scene_of
 from isomatch.view.stills import WIDTH, draw_map
 
 STILL_WIDTH = 640  # pixels of the picture of an alternative
 MOST_ALTERNATIVES = 4
+LEAST_TURN = 0.1  # degrees of a turn worth telling
+COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
 # safe for the colour-blind (Okabe & Ito); the text states the outcome as well
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00"}
 _UNDECIDED = "#e69f00"
 _SIDES = ("source", "target")
+_INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}
 _HELPED_BY_LANDMARKS = (Outcome.HINTS_CONTRADICTED, Outcome.SYMMETRY_AMBIGUOUS, Outcome.LOW_CONFIDENCE)
 
 
@@ -43,6 +52,9 @@ def write_report(
     names: tuple[str, str] = _SIDES,
     picture: str | Path | None = None,
     facts: Mapping[str, object] | None = None,
+    layers: Mapping[str, ArrayLike] | None = None,
+    landmarks: ArrayLike | None = None,
+    command: str = COMMAND,
 ) -> None:
     """Write the report of a match: one HTML file that loads nothing from the network.
 
@@ -60,46 +72,170 @@ def write_report(
         PNG file of `draw_map` to embed; by default it is drawn.
     facts : mapping of str to object, optional
         Additional rows for the table about the run.
+    layers : mapping of str to (n_source,) array_like of float, optional
+        Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
+        grey. Positions, the stretch of the edges and, where it is known, the expected error are always there.
+    landmarks : (q, 2) array_like of int, optional
+        Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
+        do not have are left out.
+    command : str
+        Command that matches again with the saved landmarks, to be copied.
 
     Raises
     ------
+    DescriptorError
+        If a layer does not have one number for each source vertex.
+    LandmarkError
+        If landmarks are not pairs of integers.
     UnwritableFileError
         If the file cannot be written.
 
     Notes
     -----
-    A shape of more than 30 000 vertices is simplified in the 3D view, and the report says so; pictures and numbers are
-    those of the full shape. The size is about 75 bytes per shown vertex, plus the pictures.
+    The 3D view shows the source as it lies in its file. Pictures turn it by the rotation that the map implies, under
+    which even a map that exchanges front and back looks right. A shape of more than 30 000 vertices is simplified in the
+    3D view, and the report says so; pictures and numbers are those of the full shape. The size is about 75 bytes per
+    shown vertex and 30 for each alternative, plus the pictures.
     """
     others = result.alternatives[:MOST_ALTERNATIVES]
     maps = {"returned": result.map}
     maps |= {f"alternative {i}": other.map for i, other in enumerate(others, 1)}
-    scene = scene_of(source, target, maps)
+    pairs = _pairs(landmarks, source, target)
+    scene = scene_of(
+        source,
+        target,
+        maps,
+        layers=expected_error(result) | user_layers(layers or {}, source.n_vertices),
+        landmarks=pairs,
+    )
     titles = _title("source", names[0]), _title("target", names[1])
     still = (
         _drawn(source, target, result.map, titles, WIDTH) if picture is None else Path(picture).read_bytes()
     )
-    room = files("isomatch.view")
-    page = Template((room / "report.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"isomatch: {names[0]} → {names[1]}"),
-        colour=_COLOURS.get(result.outcome, _UNDECIDED),
-        headline=escape(_sentence(result.outcome.value)),
-        advice=escape(_advice(result.outcome)),
-        pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, (source, target)))),
-        picture=_png(still),
-        source_name=escape(titles[0]),
-        target_name=escape(titles[1]),
-        maps="".join(f"<option>{escape(name)}</option>" for name in maps),
-        remarks=_paragraphs(_remarks(scene, result)),
+    helped = result.outcome in _HELPED_BY_LANDMARKS
+    details = _template("details.html").substitute(
         quality=_quality(result),
         alternatives=_alternatives(source, target, others),
         notes=_paragraphs(map(_sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
+    )
+    page = _page(
+        (source, target),
+        names,
+        scene,
+        pairs,
+        colour=_COLOURS.get(result.outcome, _UNDECIDED),
+        headline=escape(_sentence(result.outcome.value)),
+        advice=escape(_advice(result.outcome)),
+        picture=f'<img src="{_png(still)}" alt="Source on the left, target on the right; points of the same colour '
+        'correspond.">',
+        plain="Points of the same colour correspond.",
+        maps="".join(f"<option>{escape(name)}</option>" for name in maps),
+        remarks=_paragraphs(_remarks(scene, result)),
+        picking=" checked" if helped else "",
+        unpicked="" if helped or len(pairs) else " hidden",
+        command=escape(command),
+        details=details,
         run=_run(result, facts or {}),
-        scene=json.dumps(scene).replace("<", "\\u003c"),  # so that no text in it can end the element
-        **_lights(),
-        script=(room / "report.js").read_text(encoding="utf-8"),
     )
     write_text(Path(path), page)
+
+
+def write_landmark_picker(
+    path: str | Path,
+    source: Mesh,
+    target: Mesh,
+    reason: str,
+    *,
+    names: tuple[str, str] = _SIDES,
+    facts: Mapping[str, object] | None = None,
+    landmarks: ArrayLike | None = None,
+    command: str = COMMAND,
+) -> None:
+    """Write the report of a match that found no map: both shapes in 3D, to pick landmarks for another match.
+
+    Parameters
+    ----------
+    reason : str
+        Why no map was found.
+    path, source, target, names, facts, landmarks, command
+        As for `write_report`.
+
+    Raises
+    ------
+    LandmarkError
+        If landmarks are not pairs of integers.
+    UnwritableFileError
+        If the file cannot be written.
+    """
+    pairs = _pairs(landmarks, source, target)
+    scene = scene_of(source, target, {}, landmarks=pairs)
+    page = _page(
+        (source, target),
+        names,
+        scene,
+        pairs,
+        colour=_COLOURS[Outcome.LOW_CONFIDENCE],
+        headline="No map was found",
+        advice=escape(_sentence(reason.rstrip(".")) + "."),
+        picture="",
+        plain="Pick landmarks below.",
+        maps="",
+        remarks=_paragraphs(_simplified(scene)),
+        picking=" checked",
+        unpicked="",
+        command=escape(command),
+        details="",
+        run=_table("Run", {**(facts or {}), **_versions()}),
+    )
+    write_text(Path(path), page)
+
+
+def _page(
+    shapes: tuple[Mesh, Mesh],
+    names: tuple[str, str],
+    scene: Mapping[str, Any],
+    landmarks: IntArray,
+    **parts: str,
+) -> str:
+    """Fill the template: what every page has, and the parts that differ, as HTML."""
+    # the list is kept for these shapes and landmarks
+    given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": landmarks.tolist()}
+    return _template("report.html").substitute(
+        **parts,
+        title=escape(f"isomatch: {names[0]} → {names[1]}"),
+        pair=escape(" → ".join(f"{n} ({m.n_vertices:,} vertices)" for n, m in zip(names, shapes))),
+        source_name=escape(_title("source", names[0])),
+        target_name=escape(_title("target", names[1])),
+        given=_json(given),
+        scene=_json(scene),
+        **_lights(),
+        **{name: _text(file) for name, file in _INLINED.items()},
+    )
+
+
+def _text(name: str) -> str:
+    return (files("isomatch.view") / name).read_text(encoding="utf-8")
+
+
+def _template(name: str) -> Template:
+    return Template(_text(name))
+
+
+def _json(value: object) -> str:
+    return json.dumps(value).replace("<", "\\u003c")  # so that no text in it can end the element
+
+
+def _pairs(landmarks: ArrayLike | None, source: Mesh, target: Mesh) -> IntArray:
+    """Return those landmarks whose vertices both shapes have, (q, 2)."""
+    pairs = array_of(
+        np.zeros((0, 2), dtype=np.int64) if landmarks is None else landmarks, "landmarks", LandmarkError
+    )
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise LandmarkError(
+            f"landmarks have shape {pairs.shape} and type {pairs.dtype}; expected rows (source vertex, target vertex)"
+        )
+    inside = (pairs >= 0) & (pairs < [source.n_vertices, target.n_vertices])
+    return np.asarray(pairs[inside.all(axis=1)], dtype=np.int64)
 
 
 def _lights() -> dict[str, str]:
@@ -119,23 +255,27 @@ def _advice(outcome: Outcome) -> str:
 
 
 def _remarks(scene: Mapping[str, Any], result: MatchResult) -> list[str]:
-    """Explain what the view leaves out, and how to give landmarks if they would help."""
-    remarks = []
+    """Explain what the view leaves out, and from which side it shows the source."""
+    remarks = _simplified(scene)
     if not result.map.matched.all():
-        remarks.append(f"Grey: {(~result.map.matched).sum():,} source vertices without an image.")
-    for side in _SIDES:
-        used, shown = scene[side]["n_used"], scene[side]["n_shown"]
-        if shown < used:
-            remarks.append(
-                f"In 3D the {side} is simplified to {shown:,} of its {used:,} vertices; pictures and numbers are those "
-                "of the full shape."
-            )
-    if result.outcome in _HELPED_BY_LANDMARKS:
+        remarks.insert(0, f"Grey: {(~result.map.matched).sum():,} source vertices without an image.")
+    angle = np.degrees(np.arccos(np.clip((np.trace(np.reshape(scene["filed"], (3, 3))) - 1) / 2, -1, 1)))
+    if angle > LEAST_TURN:
         remarks.append(
-            "To give landmarks, click a point on the source in 3D, then the corresponding point on the target. Three to "
-            "five pairs are enough. Save them below, and match again with --landmarks landmarks.txt."
+            f"In 3D the source lies as in its file. The map implies that it faces like the target after a turn of "
+            f"{angle:.0f}°; “turned by the map” and the pictures show it so. Where shapes lie alike in their files, look "
+            "at both: turned by the map, even a map that exchanges front and back looks right."
         )
     return remarks
+
+
+def _simplified(scene: Mapping[str, Any]) -> list[str]:
+    return [
+        f"In 3D the {side} is simplified to {shown:,} of its {used:,} vertices; pictures and numbers are those of the "
+        "full shape."
+        for side in _SIDES
+        if (shown := scene[side]["n_shown"]) < (used := scene[side]["n_used"])
+    ]
 
 
 def _quality(result: MatchResult) -> str:
@@ -153,12 +293,18 @@ def _quality(result: MatchResult) -> str:
 def _alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> str:
     figures = "".join(
         f'<figure><img src="{_png(_drawn(source, target, other.map, _SIDES, STILL_WIDTH))}" '
-        f'alt="Alternative {i}"><figcaption>Alternative {i}, from {escape(other.origin)}: energy {other.energy:.3g}, '
-        f"orientation {other.orientation:.2f}</figcaption></figure>"
+        f'alt="Alternative {i}"><figcaption>Alternative {i}, from {escape(other.origin)}{_evidence(other)}</figcaption>'
+        "</figure>"
         for i, other in enumerate(others, 1)
     )
     return (
         f'<div class="stills">{figures}</div>' if others else "<p>No other map was left to compare with.</p>"
+    )
+
+
+def _evidence(other: Alternative) -> str:
+    return (
+        "" if np.isnan(other.energy) else f": energy {other.energy:.3g}, orientation {other.orientation:.2f}"
     )
 
 
@@ -170,8 +316,7 @@ def _run(result: MatchResult, facts: Mapping[str, object]) -> str:
         "geodesic engine": result.engine,
         "seed": result.seed,
         **{f"{side} onto itself": found for side, found in zip(_SIDES, result.symmetries) if found},
-        "python": python_version(),
-        **{name: _version(name) for name in LIBRARIES},
+        **_versions(),
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
     return (
@@ -210,6 +355,10 @@ def _drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str,
 
 def _png(data: bytes) -> str:
     return "data:image/png;base64," + b64encode(data).decode("ascii")
+
+
+def _versions() -> dict[str, str]:
+    return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
 
 
 def _version(distribution: str) -> str:

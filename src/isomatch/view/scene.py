@@ -12,15 +12,22 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
-from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target
+from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
+from isomatch.view.layers import Layer, stretch
 
 MOST_SHOWN = 30_000  # vertices of one shape
 COARSER = 1.15  # growth of the grid cells from one attempt at simplification to the next
 
 
 def scene_of(
-    source: Mesh, target: Mesh, maps: Mapping[str, Correspondence], most: int = MOST_SHOWN
+    source: Mesh,
+    target: Mesh,
+    maps: Mapping[str, Correspondence],
+    *,
+    layers: Mapping[str, Layer] | None = None,
+    landmarks: IntArray | None = None,
+    most: int = MOST_SHOWN,
 ) -> dict[str, Any]:
     """Collect the data of a report's 3D view.
 
@@ -29,7 +36,11 @@ def scene_of(
     source, target : Mesh
         The two shapes.
     maps : mapping of str to Correspondence
-        Maps source → target by name. The first determines the rotation of the source.
+        Maps source → target by name, if there are any. The first determines the rotation of the source.
+    layers : mapping of str to Layer, optional
+        Values at the source's vertices under the first map. Every map also has the layer ``stretch``.
+    landmarks : (q, 2) array of int, optional
+        Pairs of vertices that are not left out of ``index``.
     most : int
         A shape with more used vertices is simplified: one vertex is kept in each cell of a cubic grid, with its own
         position, colour and image, and the corners of faces move to the vertex of their cell.
@@ -40,39 +51,51 @@ def scene_of(
         Plain values for JSON. ``source`` and ``target``: ``index`` (uint32, the user's index of each shown vertex),
         ``vertices`` (float32 × 3: right, up, towards the viewer; unit area, as in the still picture), ``normals``
         (int8 × 3), ``colours`` (uint8 × 3, target only), ``faces`` (uint32 × 3), ``extent``, and the numbers
-        ``n_shown`` of shown vertices and ``n_used`` of vertices that faces use. ``maps``: for each shown source vertex
-        ``images`` (int32, the user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the
-        precise images, and ``colours``. Arrays are little-endian, in base 64.
+        ``n_shown`` of shown vertices and ``n_used`` of vertices that faces use. ``filed``: the rotation (3 rows) that
+        brings the source back to how it lies in its file. ``maps``: for each shown source vertex ``images`` (int32, the
+        user's index of the target vertex, −1 if unmatched), ``points`` and ``normals`` of the precise images,
+        ``colours``, and the ``layers`` by name, see `Layer.packed`. Arrays are little-endian, in base 64.
     """
     source, target = of_ordinary_size(source), of_ordinary_size(target)
-    camera = camera_of(target)
-    turned = camera @ turn_to_target(source, target, next(iter(maps.values())))
-    shapes = {"source": _Shown(source, turned, most), "target": _Shown(target, camera, most)}
+    camera, first = camera_of(target), next(iter(maps), None)
+    turn = np.eye(3) if first is None else turn_to_target(source, target, maps[first])
+    kept = np.zeros((2, 0), dtype=np.int64) if landmarks is None else landmarks.T
+    from_source = _Shown(source, camera @ turn, most, kept[0])
+    from_target = _Shown(target, camera, most, kept[1])
     colours = position_colours(target)
+    packed = []
+    for name, each in maps.items():
+        known = {"stretch": stretch(source, target, each), **(layers or {} if name == first else {})}
+        packed.append({"name": name, **_packed_map(from_source, from_target, colours, each, known)})
+    filed = camera @ turn.T @ camera.T
+    lying = from_source.points[from_source.index] @ filed.T
+    at_source = from_source.packed()
+    at_source["extent"] = np.maximum(at_source["extent"], 2 * np.abs(lying).max(axis=0)).tolist()
     return {
-        "source": shapes["source"].packed(),
-        "target": {**shapes["target"].packed(), "colours": _colours(colours[shapes["target"].index])},
-        "maps": [
-            {"name": name, **_packed_map(shapes["source"], shapes["target"], colours, correspondence)}
-            for name, correspondence in maps.items()
-        ],
+        "source": at_source,
+        "target": {**from_target.packed(), "colours": _colours(colours[from_target.index])},
+        "filed": filed.ravel().tolist(),
+        "maps": packed,
     }
 
 
 class _Shown:
     """One shape in camera coordinates: all its vertices, and which of them are shown."""
 
-    def __init__(self, mesh: Mesh, camera: FloatArray, most: int) -> None:
+    def __init__(self, mesh: Mesh, camera: FloatArray, most: int, kept: IntArray) -> None:
         self.points = seen_from(camera, mesh)  # (n, 3)
         self.normals = mesh.vertex_normals @ camera.T  # (n, 3)
-        self.n_used = len(np.unique(mesh.sound_faces))
-        self.index, self.faces = _simplified(self.points, mesh.sound_faces, most)
+        used = used_vertices(mesh)
+        self.n_used = len(used)
+        shown, self.faces = _simplified(self.points, mesh.sound_faces, used, most)
+        self.n_shown = len(shown)
+        self.index = np.concatenate([shown, np.setdiff1d(kept, shown)])
 
     def packed(self) -> dict[str, Any]:
         drawn = self.points[self.index]
         return {
             "n_used": self.n_used,
-            "n_shown": len(self.index),
+            "n_shown": self.n_shown,
             "index": _packed(self.index, "<u4"),
             "vertices": _packed(drawn, "<f4"),
             "normals": _normals(self.normals[self.index]),
@@ -82,24 +105,29 @@ class _Shown:
 
 
 def _packed_map(
-    source: _Shown, target: _Shown, colours: FloatArray, correspondence: Correspondence
-) -> dict[str, str]:
+    source: _Shown,
+    target: _Shown,
+    colours: FloatArray,
+    correspondence: Correspondence,
+    layers: Mapping[str, Layer],
+) -> dict[str, Any]:
     points, normals, pulled = (
         correspondence.pull_back(values)[source.index] for values in (target.points, target.normals, colours)
     )
     unmatched = ~correspondence.matched[source.index]
     points[unmatched], normals[unmatched], pulled[unmatched] = 0.0, 0.0, UNMATCHED_GREY
+    ready = {name: layer.packed(source.index) for name, layer in layers.items()}
     return {
         "images": _packed(correspondence.vertices[source.index], "<i4"),
         "points": _packed(points, "<f4"),
         "normals": _normals(normals),
         "colours": _colours(pulled),
+        "layers": {name: {**item, "levels": _packed(item["levels"], "u1")} for name, item in ready.items()},
     }
 
 
-def _simplified(points: FloatArray, faces: IntArray, most: int) -> tuple[IntArray, IntArray]:
-    """Choose at most ``most`` vertices to show; return their indices, and the faces between them in the new indices."""
-    used = np.unique(faces)
+def _simplified(points: FloatArray, faces: IntArray, used: IntArray, most: int) -> tuple[IntArray, IntArray]:
+    """Choose at most ``most`` of the used vertices to show; return them, and the faces between them in new indices."""
     shown, cell = used, np.arange(len(used))
     size = most**-0.5  # side of the cells; the surface has unit area
     while len(shown) > most:

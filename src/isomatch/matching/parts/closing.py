@@ -52,6 +52,7 @@ class ClosedMatch:
         closed = complete_result(self.found, timer, seed, may_stretch=False)
         points, matched = self._opened(closed.map)
         found = self.pair.source.correspondence(self.pair.target, points, matched)
+        errors = closed.expected_error[: self.pair.source.body.n_vertices]
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
         alternatives = tuple(
@@ -60,6 +61,7 @@ class ClosedMatch:
         return replace(
             closed,
             map=found,
+            expected_error=np.where(found.matched, self.pair.source.lift_smooth(errors), np.nan),
             alternatives=alternatives,
             quality=replace(closed.quality, matched=float(found.matched.mean()), coverage=coverage),
             notes=(
@@ -94,14 +96,13 @@ class ClosedMatch:
 
 
 def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatch | None:
-    """Match two shapes with all their holes closed, by what is known of landmarks; None if no map was found."""
+    """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
     source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
-    none = np.zeros((0, 2), dtype=np.int64)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, pair.config)
-    closed = Hints(hints.landmarks, none, nothing, given=hints.given)
+    closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
     try:
         return ClosedMatch(pair, match_complete(capped, closed, timer))
     except NotConvergedError:

@@ -11,11 +11,13 @@ from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, composed, self_maps
 from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.select import nearest_to_hints
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
@@ -38,6 +40,8 @@ class PartFit:
         Mean cosine of the normals.
     local_stress, curvature_mismatch : float
         See `PartRefinement`.
+    hint_error : float
+        Mean distance from the images that hints ask for, in √area of the whole; 0 before the end, and without hints.
     """
 
     pair: PartPair
@@ -47,6 +51,7 @@ class PartFit:
     orientation: float
     local_stress: float
     curvature_mismatch: float
+    hint_error: float = 0.0
 
     @property
     def score(self) -> float:
@@ -64,7 +69,7 @@ class PartMatch:
     ----------
     refining : _Refining
     fits : tuple of PartFit
-        Refined maps, best first.
+        Refined maps: the one selected, then the others, best first.
     scores : tuple of float
         What speaks against each.
     closed : float
@@ -87,7 +92,7 @@ class PartMatch:
         best, whole = self.fits[0], self.pair.whole
         for fit, score in zip(self.fits[1:], self.scores[1:]):
             if whole.mean_distance(fit.image, best.image) > self.pair.config.parts.apart:
-                return score / self.scores[0]
+                return max(1.0, score / self.scores[0])  # one that lost to hints ties
         return np.inf
 
     @cached_property
@@ -109,6 +114,7 @@ def match_part(
     config: Config,
     landmarks: IntArray = NO_LANDMARKS,
     closed: IntArray | None = None,
+    known: IntArray = NO_LANDMARKS,
 ) -> PartMatch:
     """Match a part to a whole.
 
@@ -121,6 +127,8 @@ def match_part(
         Vertices of the bodies of part and whole that correspond.
     closed : (n_part,) array of int, optional
         The map that was found with the holes closed; it is refined and contends as well.
+    known : (q, 2) array of int
+        Vertices of part and whole that correspond by another map. This map contends too, and wins a tie.
 
     Returns
     -------
@@ -137,8 +145,12 @@ def match_part(
     pair = PartPair.of(part, whole, config, landmarks)
     starts = PartStarts(pair, refining.coordinates.signatures, onto_itself)()
     fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
-    if not fits and closed is None:
-        raise NotConvergedError("no map of the part keeps the orientation of the faces; give landmarks")
+    led = _filled(part, known) if len(known) else None
+    if not fits and closed is None and led is None:
+        raise NotConvergedError(
+            "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
+            "the shapes are roughly aligned in space"
+        )
     fits += [
         fit
         for fit in parallel_map(
@@ -154,18 +166,26 @@ def match_part(
     fits.sort(key=_promise)
     fits = fits[: settings.n_contenders]
     measured = None
-    if closed is not None:
-        unit = pair.unit_of(closed[pair.anchors])
-        pair = pair.with_unit(float(np.clip(unit, pair.units[0], pair.units[-1])))
-        measured = refining.measured(pair, closed[part.sample_vertices[: config.n_refine]])
-        fits.append(replace(measured, image=closed[part.sample_vertices[: settings.n_rough]]))
+    for image in (closed, led):
+        if image is not None:
+            unit = pair.unit_of(image[pair.anchors])
+            there = pair.with_unit(float(np.clip(unit, pair.units[0], pair.units[-1])))
+            whole_map = refining.measured(there, image[part.sample_vertices[: config.n_refine]])
+            fits.append(replace(whole_map, image=image[part.sample_vertices[: settings.n_rough]]))
+            measured = whole_map if image is closed else measured
     fits = parallel_map(refining.fine, fits)
+    if led is not None:
+        asked = led[part.sample_vertices[: config.n_refine]]
+        fits = [replace(fit, hint_error=whole.mean_distance(fit.image, asked)) for fit in fits]
     top = max(fit.orientation for fit in fits)
 
     def score(fit: PartFit) -> float:
         return fit.score * (1 if fit.orientation >= 0.5 * top else TWISTED)
 
     fits.sort(key=score)
+    tied = [fit for fit in fits if score(fit) <= settings.tie * score(fits[0])]
+    winner = nearest_to_hints(tied, config.selection)[0]
+    fits.sort(key=lambda fit: fit is not winner)
     return PartMatch(
         refining,
         tuple(fits),
@@ -187,6 +207,15 @@ def _fit(
         refinement.local_stress(image),
         refinement.curvature_mismatch(image),
     )
+
+
+def _filled(part: PreparedShape, known: IntArray) -> IntArray:
+    """Image (n_part,) of each vertex of a part under a map that is known at some: elsewhere that of the nearest one."""
+    _, nearest = distance_along_edges_to_nearest(part.body, np.unique(known[:, 0]))
+    image = np.zeros(part.body.n_vertices, dtype=np.int64)
+    image[known[::-1, 0]] = known[::-1, 1]
+    filled: IntArray = image[nearest]
+    return filled
 
 
 def _promise(fit: PartFit) -> float:

@@ -6,19 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
-from isomatch.matching.pair import ShapePair
+from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
 from isomatch.matching.result import MatchResult, Outcome, Quality
 from isomatch.matching.stage_timer import StageTimer
+from isomatch.matching.starts import nearest_in_pose
 from isomatch.matching.symmetries import describe_symmetries
+from isomatch.matching.vertex_confidence import expected_errors
 
 
 def part_result(pair: ShapePair, hints: Hints, part: Parts, timer: StageTimer, seed: int) -> MatchResult:
@@ -49,10 +51,11 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
     closed = match_closed(pair, hints, timer) if config.parts.close else None
     image = None if closed is None else closed.image_of(part)
     timer.start("parts")
+    known = _known(pair, hints)
     if part == "source":
-        found = match_part(source, target, config, hints.landmarks, image)
+        found = match_part(source, target, config, hints.landmarks, image, known)
     else:
-        found = match_part(target, source, config, hints.landmarks[:, ::-1], image)
+        found = match_part(target, source, config, hints.landmarks[:, ::-1], image, known[:, ::-1])
     if closed is not None and found.closed < config.parts.closed_score:
         with_caps = closed.result(hints, timer, seed)
         if with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
@@ -66,16 +69,21 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         points = target.index.points(of_whole, of_part)
         covered, area = _covered(found, points.corners[:, 0])
         matched = np.ones(len(of_part), dtype=bool)
+        errors = _expected_errors(found, points)
     else:
         points = target.index.points(of_part, of_whole)
         covered, area = _covered(found, source.index.vertices(of_whole, of_part))
         matched = covered
+        onto_whole = source.index.points(of_whole, of_part)
+        errors = _expected_errors(found, onto_whole)[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
     quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
+    in_full = source.correspondence(target, points, matched)
     return MatchResult(
-        map=source.correspondence(target, points, matched),
+        map=in_full,
         outcome=_outcome(found, quality),
         quality=quality,
+        expected_error=np.where(in_full.matched, source.lift_smooth(errors), np.nan),
         alternatives=(),
         timings=timer.stop(),
         notes=(
@@ -86,7 +94,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=source.distances.engine,
-        origin="landmarks" if len(hints.landmarks) else "anchors",
+        origin=_origin(found, hints),
         reason=f"fits best of {len(found.fits)} maps of a part refined to the end",
         config=config,
         seed=seed,
@@ -94,10 +102,30 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
     )
 
 
+def _known(pair: ShapePair, hints: Hints) -> IntArray:
+    """Pairs of vertices (q, 2) known beside landmarks: by the initial map, or by the pose."""
+    if len(hints.known) or pair.config.start != "pose":
+        return hints.known
+    vertices = np.arange(pair.source.body.n_vertices)
+    return np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
+
+
+def _origin(found: PartMatch, hints: Hints) -> str:
+    if len(hints.known) and found.fits[0].hint_error <= found.pair.config.outcome.contradiction:
+        return "initial map"
+    return "landmarks" if len(hints.landmarks) else "anchors"
+
+
 def _closed_result(result: MatchResult, note: str) -> MatchResult:
     """Take the map with the holes closed; it is no surer than a part's."""
     outcome = Outcome.PARTIAL if result.outcome is Outcome.CONVERGED else result.outcome
     return replace(result, outcome=outcome, notes=(*result.notes, note))
+
+
+def _expected_errors(found: PartMatch, points: PrecisePoints) -> FloatArray:
+    """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
+    pair, unit = SmoothPair(found.pair.part, found.pair.whole, found.pair.config), found.pair.unit
+    return unit * expected_errors(pair, points, unit=unit)
 
 
 def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:
@@ -128,9 +156,12 @@ def _quality(
     on_user = np.zeros(source.surface.n_vertices, dtype=bool)
     on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
     unit = found.pair.unit if source is found.pair.part else 1 / found.pair.unit
-    landmark_error = np.nan
+    landmark_error, initial_map_error = np.nan, np.nan
     if len(hints.landmarks):
         landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
+    known = hints.known[matched[hints.known[:, 0]]]
+    if len(known):
+        initial_map_error = float(np.median(distances_to_hints(pair, image, known)))
     return Quality(
         misfit=best.misfit,
         rival=found.rival,
@@ -150,14 +181,15 @@ def _quality(
         coverage=coverage,
         matched=float(on_user.mean()),
         landmark_error=landmark_error,
-        initial_map_error=np.nan,
+        initial_map_error=initial_map_error,
         stress=best.stress,
     )
 
 
 def _outcome(found: PartMatch, quality: Quality) -> Outcome:
     settings, best = found.pair.config.parts, found.fits[0]
-    if quality.landmark_error > found.pair.config.outcome.contradiction:
+    bound = found.pair.config.outcome.contradiction
+    if quality.landmark_error > bound or quality.initial_map_error > bound:
         return Outcome.HINTS_CONTRADICTED
     if (
         not np.isfinite(found.scores[0])

@@ -14,13 +14,13 @@ Parts = Part | Literal["both"]
 def part_of(pair: ShapePair, hints: Hints) -> Parts | None:
     """Tell which shape is a part, if one is, or both.
 
-    A part has a long boundary. Only the joint refinements of maps that preserve the orientation know of parts, without an
-    initial map or descriptors.
+    A part has a long boundary. Only the joint refinements of maps that preserve the orientation know of parts, without
+    descriptors.
     """
     config = pair.config
     if config.part == "none" or not pair.oriented:
         return None
-    if not (config.looks_further and hints.only_landmarks and config.start == "auto"):
+    if not config.looks_further or hints.functions[0].shape[1]:
         return None
     if config.part != "auto":
         return config.part

@@ -88,14 +88,14 @@ def write_columns(
     """Make properties of the attributes of an element, with those of corners as lists of the faces."""
     columns: list[Cells] = []
     for attribute in attributes:
-        values = attribute.coded.values
+        values = attribute.plain
         if attribute.domain == "corner" and domain == "face":
             name = names.get(
                 (attribute.name, "corner"), (_CORNER_UV if attribute.kind == "uv" else attribute.name,)
             )
             columns.append(_list_of_faces(name[0], values, sizes))
         elif attribute.domain == domain:
-            members = names.get((attribute.name, domain)) or _members(attribute)
+            members = names.get((attribute.name, domain)) or _members(attribute, values)
             columns += [cells(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
     return columns
 
@@ -112,11 +112,11 @@ def _numbered(single: Mapping[str, Property]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _members(attribute: Attribute) -> list[str]:
+def _members(attribute: Attribute, values: AnyArray) -> list[str]:
     """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
-    if attribute.values.ndim == 1:
+    if values.ndim == 1:
         return [attribute.name]
-    width = attribute.values.shape[1]
+    width = values.shape[1]
     for name, _, members in _GROUPS:
         if name == attribute.name and len(members) == width:
             return list(members)

@@ -11,10 +11,13 @@ import numpy as np
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
 from isomatch._cached import cached_property
 from isomatch.errors import FormatError
-from isomatch.surfaces.io._scan import POWERS, field_of_words, normalise, parse, select
+from isomatch.surfaces.io._scan import POWERS, count_plain_lines, field_of_words, normalise, parse, select
 from isomatch.surfaces.polygons import spans
 
 EXPORT_AGAIN = "correct the line or export the file again"
+
+LONGEST_HEAD = 2**16
+"""Bytes at the start of a file that may have comments without all of it being searched for them."""
 
 _WORD = re.compile(rb"[^ \n]*")
 _COPIED = np.array([32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256)], np.uint8)
@@ -192,6 +195,18 @@ def read_lines(
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
     octets = octets_of(data.removeprefix(b"\xef\xbb\xbf"))
+    head = data.find(b"\n", data.rfind(b"#", 0, LONGEST_HEAD)) + 1 if data[:1] == b"#" else 0
+    if b"\\" in data[:head] or b"\r" in data[:head]:
+        head = 0
+    n_lines = -1 if lower else count_plain_lines(octets[head:])
+    if n_lines >= 0 and head:
+        first = read_lines(name, data[:head], before, continued)
+        n_head = data.count(b"\n", 0, head)
+        rest = read_lines(name, data[head:], before + n_head, continued)
+        joined = np.concatenate([first.data, rest.data]), np.concatenate([first.numbers, rest.numbers])
+        return TextLines(name, read_only(joined[0]), joined[1], before)
+    if n_lines >= 0:
+        return TextLines(name, octets, np.arange(before + 1, before + n_lines + 1), before)
     lines = np.zeros(len(octets) + 2, dtype=np.uint8)
     numbers = np.zeros(len(lines) // 2, dtype=np.int64)  # a line that is kept has a byte and a newline
     sizes = normalise(octets, _LOWER if lower else _COPIED, continued, lines, numbers, before + 1)

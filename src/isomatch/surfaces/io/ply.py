@@ -80,10 +80,8 @@ def read_contents(data: bytes, name: str) -> Contents:
 
 def keeps(attribute: Attribute) -> bool:
     """Whether PLY has a place for an attribute: a property, or a list of numbers of the corners of each face."""
-    return (
-        attribute.kind != "weights"
-        and holds(attribute.coded.values)
-        and (attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1)
+    return holds(attribute.coded.values) and (
+        attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
     )
 
 

@@ -1,39 +1,22 @@
-"""Formats that other packages read: the package, its errors, and files for those that read nothing else."""
+"""Errors of files whose readers do not name them, and files for readers of other packages."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
-from isomatch.errors import FormatError, IsomatchError, MissingDependencyError
-
-
-def package(module: str, extra: str, what: str) -> Any:
-    """Import a module of an optional package.
-
-    Raises
-    ------
-    MissingDependencyError
-        If the package is not installed; the message names the extra.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        name = module.partition(".")[0]
-        raise MissingDependencyError(
-            f"{what} needs the package {name}; pip install 'isomatch[{extra}]'"
-        ) from None
+from isomatch.errors import FormatError, IsomatchError
 
 
 @contextmanager
 def reading(name: str, what: str) -> Iterator[None]:
     """Name the file in whatever error its contents raise: a reader of another package has no list of them."""
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     except (IsomatchError, MemoryError):
         raise
     except Exception as error:

@@ -47,7 +47,12 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
         source[order],
         number[first],
         tuple(
-            a.at(corner[order], "point") if a.domain == "corner" else a.at(source[order]) for a in attributes
+            a.at(corner[order], "point")
+            if a.domain == "corner"
+            else a.at(source[order])
+            if a.domain == "point"
+            else a
+            for a in attributes
         ),
     )
 

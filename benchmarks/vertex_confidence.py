@@ -1,0 +1,139 @@
+"""Does the expected error of a vertex tell where a map is wrong? Plain ingredients, and what the result returns.
+
+    python benchmarks/vertex_confidence.py --data DIR -o OUT [SET ...]
+
+writes ``vertex_confidence.csv`` (one row for each map) and prints tables. The *capture* of a measure is the error that
+the tenth of the vertices trusted least contains, over that of the tenth that is truly worst: 1 is perfect, and trust at
+random captures the mean error over that of the worst tenth. The settings of the expected error were chosen on faust_r and
+creatures; the other sets judge.
+"""
+
+from __future__ import annotations
+
+import csv
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+import isomatch
+from isomatch import MatchResult, Mesh
+from isomatch.datasets import DamageChoice, benchmark_set
+from isomatch.evaluation import geodesic_errors
+from studies import asked_for, damaged_creatures, in_parallel
+
+SEED = 5
+COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6}
+HARD = ("noise", "stretch", "cut", "holes")  # creatures, four pairs each
+N_POINTS = 500
+WORST = 0.1  # share of the vertices
+SMOOTHED = 0.1  # √area: the radius over which the plain ingredients are averaged
+BINS = 5
+
+Job = tuple[str, str, tuple[str, str]]
+
+
+def jobs(data: str, kinds: list[str]) -> list[Job]:
+    """Draw the pairs of each set; those asked for, or all."""
+    drawn = []
+    for name in kinds or [*COUNTS, *HARD]:
+        if name in COUNTS:
+            pairs = benchmark_set(name, data).chosen(COUNTS[name], SEED).pairs
+        else:
+            pairs = tuple((name, str(i)) for i in range(4))
+        drawn += [(data, name, pair) for pair in pairs]
+    return drawn
+
+
+def judged(job: Job) -> dict[str, Any]:
+    """Match one pair; capture of each measure, and mean errors, true and expected, in bins of the expected one."""
+    data, name, names = job
+    if name in COUNTS:
+        pair = benchmark_set(name, data).load(*names)
+    elif name in ("cut", "holes"):
+        whole = damaged_creatures("none", int(names[1]))
+        pair = DamageChoice.parse({"cut": "cut:0.3", "holes": "holes:0.1"}[name])(whole, SEED).given
+    else:
+        pair = damaged_creatures(name, int(names[1]))
+    found = isomatch.match(pair.source, pair.target)
+    chosen = np.random.default_rng(1).choice(len(pair.truth), min(N_POINTS, len(pair.truth)), replace=False)
+    rows = pair.truth[np.sort(chosen)]
+    errors = geodesic_errors(pair.target, found.map, rows)
+    known = np.isfinite(errors)
+    rows, errors = rows[known], errors[known]
+    expected = found.expected_error[rows[:, 0]]
+    measures = {"expected error": expected, "random": None, **ingredients(pair.source, pair.target, found)}
+    row = {"set": name, "pair": "-".join(names), "outcome": found.outcome.name}
+    row |= {"error": errors.mean(), "expected": expected.mean()}
+    for measure, values in measures.items():
+        if measure == "expected error":
+            row[measure] = captured(errors, expected)
+        elif values is None:
+            row[measure] = errors.mean() / np.sort(errors)[-round(WORST * len(errors)) :].mean()
+        else:
+            row[measure] = captured(errors, values[rows[:, 0]])
+    for i, part in enumerate(np.array_split(np.argsort(expected), BINS)):
+        row[f"expected {i}"], row[f"error {i}"] = expected[part].mean(), errors[part].mean()
+    return row
+
+
+def captured(errors: np.ndarray, measure: np.ndarray) -> float:
+    """Error of the tenth that a measure trusts least, over that of the worst tenth."""
+    count = round(WORST * len(errors))
+    return float(errors[np.argsort(-measure, kind="stable")[:count]].sum() / np.sort(errors)[-count:].sum())
+
+
+def ingredients(source: Mesh, target: Mesh, found: MatchResult) -> dict[str, np.ndarray]:
+    """Plain measures (n_source,) of what may be wrong, averaged over the neighbourhood."""
+    images = found.map.pull_back(target.vertices)
+    back = found.map.reversed().pull_back(source.vertices)
+    returned = found.map.pull_back(back)
+    i, j = source.edges.T
+    ratio = np.linalg.norm(images[i] - images[j], axis=1) / np.maximum(source.edge_lengths, 1e-12)
+    ratio /= np.nanmedian(ratio)
+    stretch = np.nan_to_num(np.abs(np.log(np.clip(ratio, 0.1, 10))), nan=np.log(10))
+    torn = (ratio > 2).astype(float)
+    both = np.concatenate([i, j])
+    adjacency = csr_array(
+        (np.ones(2 * len(i)), (both, np.concatenate([j, i]))), shape=(source.n_vertices,) * 2
+    )
+    degree = np.maximum(adjacency.sum(axis=1), 1)
+    plain = {
+        "stretch": np.bincount(both, np.tile(stretch, 2), source.n_vertices) / degree,
+        "torn edges": np.bincount(both, np.tile(torn, 2), source.n_vertices) / degree,
+        "there and back": np.nan_to_num(
+            np.linalg.norm(returned - source.vertices, axis=1), nan=np.nanmax(returned)
+        ),
+        "gap to the next map": np.zeros(source.n_vertices),
+    }
+    if found.alternatives:
+        other = found.alternatives[0].map.pull_back(target.vertices)
+        plain["gap to the next map"] = np.nan_to_num(np.linalg.norm(other - images, axis=1))
+    step = diags_array(1 / degree) @ adjacency
+    count = int(2 * SMOOTHED**2 * source.area / (source.edge_lengths**2).mean())
+    values = np.column_stack(list(plain.values()))
+    for _ in range(count):
+        values = 0.5 * (values + step @ values)
+    return dict(zip(plain, values.T))
+
+
+if __name__ == "__main__":
+    asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, *HARD])
+    results = []
+    with (asked.output / "vertex_confidence.csv").open("w", newline="", encoding="utf-8") as file:
+        for row in in_parallel(judged, jobs(asked.data, asked.kinds)):
+            if not results:
+                writer = csv.DictWriter(file, row)
+                writer.writeheader()
+            results.append(row)
+            writer.writerow({k: round(float(v), 4) if isinstance(v, float) else v for k, v in row.items()})
+            file.flush()
+    columns = [key for key in results[0] if key not in ("set", "pair", "outcome")]
+    shown = [key for key in columns if key[-1] not in "01234"]
+    print("set", "maps", *shown, sep="\t")
+    for name in dict.fromkeys(row["set"] for row in results):
+        mean = {key: np.mean([row[key] for row in results if row["set"] == name]) for key in columns}
+        count = sum(row["set"] == name for row in results)
+        print(name, count, *(f"{mean[key]:.3f}" for key in shown), sep="\t")
+        bins = [f"{100 * mean[f'expected {i}']:.1f} {100 * mean[f'error {i}']:.1f}" for i in range(BINS)]
+        print("  expected and true, × 100:", ", ".join(bins))

@@ -1,0 +1,118 @@
+"""``isomatch choose``: continue with an alternative of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from json import loads
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import isomatch
+from isomatch._files import opened
+from isomatch.cli.inputs import naming_files
+from isomatch.cli.outputs import ResultFolder, say_files, say_result
+from isomatch.cli.terminal import TALK, Talk, part
+from isomatch.errors import FormatError, SettingError
+from isomatch.matching import Alternative
+
+_NEEDED: dict[str, type] = {
+    "source": str,
+    "target": str,
+    "match_again": str,
+    "config": dict,
+    "seed": int,
+    "origin": str,
+    "alternatives": list,
+    "files": dict,
+}
+
+
+def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
+    """Make an alternative the map: refine and measure it, and replace the files of the result.
+
+    The former map becomes alternative 1, and the other alternatives follow.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that isomatch match wrote. The two meshes are read from where they were then.
+    number : int
+        Number of the alternative in the report, from 1.
+    talk : Talk
+        What is told.
+    """
+    results = ResultFolder(folder)
+    record = _record(results.result)
+    n_saved = sum(name.startswith("alternative") for name in record["files"])
+    others = record["alternatives"][:n_saved]
+    if not 1 <= number <= len(others):
+        raise SettingError(
+            f"{folder}: there is no alternative {number}; the result has {len(others) or 'none'} of them"
+        )
+    source, target = Path(record["source"]), Path(record["target"])
+    settings = isomatch.Config.from_dict({**record["config"], "hypotheses": "given"})
+    with talk.progress() as tell, results.claimed(force=True):
+        tell("reading", 0.0)
+        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        n_target = shapes[1].n_vertices
+        former = isomatch.Correspondence.load(results.files["map"], n_target)
+        maps = [
+            isomatch.Correspondence.load(results.alternative(i), n_target) for i, _ in enumerate(others, 1)
+        ]
+        former.check_fits(*shapes)
+        with naming_files(source=source, target=target):
+            result = isomatch.match(
+                *shapes,
+                initial_map=maps[number - 1].vertices,
+                config=settings,
+                seed=record["seed"],
+                progress=part(tell, 0.05, 0.85),
+            )
+        left = [_alternative(each, found) for each, found in zip(others, maps)]
+        del left[number - 1]
+        left.insert(0, _alternative({"origin": f"the map before, {record['origin']}"}, former))
+        chosen = f"alternative {number}, from {others[number - 1]['origin']}"
+        note = f"{chosen}, was chosen and refined; the map before is alternative 1"
+        result = replace(result, alternatives=tuple(left), notes=(note, *result.notes))
+        tell("writing", 0.85)
+        record = results.write(
+            *shapes,
+            result,
+            names=(source.name, target.name),
+            titles=(f"source: {source.name}", f"target: {target.name}"),
+            facts={"source": str(source), "target": str(target), "chosen": chosen},
+            more={name: record[name] for name in ("source", "target", "match_again")},
+            command=record["match_again"],
+        )
+
+    def summary() -> None:
+        say_result(result)
+        say_files(record["files"])
+
+    talk.result(record, summary)
+
+
+def _record(path: Path) -> dict[str, Any]:
+    """Read ``result.json``, and require what a match writes."""
+    with opened(path) as file:
+        text = file.read()
+    try:
+        record = loads(text)
+    except ValueError:
+        record = None
+    known = record if isinstance(record, dict) else {}
+    missing = [name for name, kind in _NEEDED.items() if not isinstance(known.get(name), kind)]
+    if missing:
+        raise FormatError(
+            f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
+        )
+    return known
+
+
+def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> Alternative:
+    energy, orientation = (
+        nan if evidence.get(name) is None else evidence[name] for name in ("energy", "orientation")
+    )
+    return Alternative(lambda: found, energy, orientation, evidence["origin"])

@@ -1,0 +1,107 @@
+"""``isomatch transfer``: carry labels, colours, textures and skinning weights from one file to the other by a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+import isomatch
+from isomatch._files import replaced
+from isomatch.cli.inputs import naming_files
+from isomatch.cli.outputs import claimed_files
+from isomatch.cli.terminal import TALK, Talk, say
+from isomatch.transfer import Labelling, Side
+
+
+def transfer(
+    map_file: Annotated[Path, Parameter(name="MAP")],
+    source: Path,
+    target: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    data: str = "all",
+    to: Side = "source",
+    labels: Labelling = "nearest",
+    bake: int | None = None,
+    force: bool = False,
+    talk: Talk = TALK,
+) -> None:
+    """Carry what one file holds to the other: labels, colours, scalars, textures, normals, skinning weights.
+
+    Polygons, seams, transforms and units of the file that receives stay as they are.
+
+    Parameters
+    ----------
+    map_file : Path
+        Map source -> target of these two files: map.npz, as match writes it, or a text of one 0-based target vertex on
+        each line.
+    source : Path
+        Mesh that the map starts from.
+    target : Path
+        Mesh that the map goes to.
+    output : Path
+        Surface file to write: what receives, with the data of the other. Its own format keeps everything.
+    data : str
+        What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, names of attributes,
+        or all (default).
+    to : str
+        Which of the two receives: source (default) or target.
+    labels : str
+        Labels of points: nearest (default), or majority of the area around each.
+    bake : int
+        Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
+        texture (of a glTF file) or the colours of the other. It is written beside the output as a PNG file too.
+    force : bool
+        Replace an existing file.
+    talk : Talk
+        What is told.
+    """
+    picture = output.with_suffix(".png") if bake else None
+    with talk.progress() as tell, claimed_files(output, picture, force=force):
+        tell("reading", 0.0)
+        assets = isomatch.read_asset(source), isomatch.read_asset(target)
+        n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
+        found = isomatch.Correspondence.load(map_file, n_target)
+        tell("carrying", 0.3)
+        names: tuple[str, ...]
+        counts: dict[str, int]
+        with naming_files(source=source, target=target):
+            if bake:
+                baked = isomatch.bake_texture(found, *assets, bake, to=to)
+                asset, names, counts = baked.asset, ("texture",), {"n_unmatched_texels": baked.unmatched}
+            else:
+                words = [word.strip() for word in data.split(",")]
+                carried = isomatch.carry_attributes(found, *assets, words, to=to, labels=labels)
+                asset, names = carried.asset, carried.names
+                counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
+        tell("writing", 0.8)
+        left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        if picture:
+            with replaced(picture) as file:
+                file.write(baked.png)
+        tell("done", 1.0)
+    record = {
+        "files": [str(path) for path in (output, picture) if path],
+        "to": to,
+        "carried": [name for name in names if name not in left],
+        "left_out": left,
+        **counts,
+    }
+    talk.result(record, lambda: _summary(record, output.suffix))
+
+
+def _summary(record: dict[str, Any], suffix: str) -> None:
+    say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
+    if record["left_out"]:
+        say(f"a {suffix} file has no place for {', '.join(record['left_out'])}")
+    for count, meaning in (
+        ("n_unmatched", "vertices are unmatched and have no value"),
+        ("n_unmatched_texels", "texels are unmatched and grey"),
+        ("n_across_seams", "faces lie across a seam of the texture and were kept on one side"),
+    ):
+        if record.get(count):
+            say(f"{record[count]} {meaning}")
+    say(f"wrote {', '.join(record['files'])}")

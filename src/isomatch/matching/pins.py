@@ -1,0 +1,172 @@
+"""Landmarks that hold: a map is bent smoothly around them, until their images are the vertices they were given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch.correspondence import Correspondence, nearest_points
+from isomatch.errors import some
+from isomatch.matching.config import RefinementSettings
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.result import MatchResult
+from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
+
+TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
+FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
+N_FUNCTIONS = 20  # they tell apart sheets that are near in space
+
+
+def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance: float) -> MatchResult:
+    """Bend a map so that landmarks hold.
+
+    A landmark whose image is within the tolerance of its target stays where it is. That of any other becomes its target
+    vertex, and the map around is moved along, less and less with the distance on the source.
+
+    Parameters
+    ----------
+    pair : ShapePair
+        The two shapes.
+    result : MatchResult
+        Their map, in the users' vertices.
+    landmarks : (m, 2) array of int
+        Source and target vertices of the user.
+    tolerance : float
+        Largest distance in space that is allowed, in √area of the target.
+
+    Returns
+    -------
+    MatchResult
+        With the map, its landmark error, and notes on what was moved. The outcome and the other measures are those of the
+        map before.
+
+    Notes
+    -----
+    Displacements are interpolated by heat kernels of the source, in coordinates of the target in which images are then
+    the nearest points: positions, and a few Laplace–Beltrami functions, so that no other sheet is nearer.
+    """
+    found, target = result.map, pair.target
+    moved = np.zeros(len(landmarks))
+    alone = np.ones(len(landmarks), dtype=bool)
+    for source_part, target_part in product(pair.source.components, target.components):
+        bending = _Bending(source_part, target_part, found, pair.config.refining)
+        on_both = bending.holds(landmarks)
+        if on_both.any():
+            found, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
+            alone &= ~on_both
+    far = alone | (moved > tolerance)
+    rows, images = landmarks[far].T
+    found = _with_images(found, rows, PrecisePoints.at_vertices(images))
+    notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
+    if moved.max() > tolerance:
+        notes[0] += f" by up to {moved.max():.3f} √area"
+    if alone.any():
+        named = some(landmarks[alone, 0])
+        notes.append(
+            f"landmarks at source vertices {named} lie on nothing that is matched to where they lead: they hold alone, "
+            "and the map around them was not bent"
+        )
+    ends = target.body_vertex[np.column_stack([found.vertices[landmarks[:, 0]], landmarks[:, 1]])]
+    apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
+    quality = replace(result.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
+    return replace(result, map=found, quality=quality, notes=(*result.notes, *notes))
+
+
+class _Bending:
+    """The map between two bodies in full, and how it is bent."""
+
+    def __init__(
+        self,
+        source: PreparedShape,
+        target: PreparedShape,
+        found: Correspondence,
+        settings: RefinementSettings,
+    ) -> None:
+        self._source, self._target, self._found, self._settings = source, target, found, settings
+        self._source_vertex, self._target_vertex = ((x.detail or x).body_vertex for x in (source, target))
+        corners = self._target_vertex[found.faces]
+        self._mapped = (self._source_vertex >= 0) & found.matched & (corners >= 0).all(axis=1)
+        self._images = PrecisePoints(corners, found.barycentric)
+
+    def holds(self, landmarks: IntArray) -> BoolArray:
+        """Tell which landmarks have an image on the target's body, and should."""
+        held: BoolArray = self._mapped[landmarks[:, 0]] & (self._target_vertex[landmarks[:, 1]] >= 0)
+        return held
+
+    def bent(self, landmarks: IntArray, tolerance: float) -> tuple[Correspondence, FloatArray]:
+        """Return the map that moves the images of landmarks to their targets, and how far they were (m,), in √area."""
+        body, coordinates = _in_full(self._target), _coordinates(self._target)
+        rows, wanted = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
+        shift = coordinates[wanted] - _at(self._images, rows).interpolated(coordinates)
+        gap = np.linalg.norm(shift if isinstance(body, Graph) else shift[:, :3], axis=1)
+        shift[gap <= tolerance] = 0.0
+        if not shift.any():
+            return self._found, gap
+        weights = _weights(self._source, self._source_vertex[rows], gap.max(), self._settings)
+        touched = np.flatnonzero(self._mapped)
+        touched = touched[weights[self._source_vertex[touched]].any(axis=1)]
+        goals = _at(self._images, touched).interpolated(coordinates)
+        goals += weights[self._source_vertex[touched]] @ shift
+        nearest = cKDTree(coordinates).query(goals)[1]
+        faces = body.faces if isinstance(body, Mesh) else self._target.faces
+        points = nearest_points(coordinates, goals, faces, nearest)
+        user_vertex = (self._target.detail or self._target).user_vertex
+        images = PrecisePoints(user_vertex[points.corners], points.barycentric)
+        return _with_images(self._found, touched, images), gap
+
+
+def _with_images(found: Correspondence, rows: IntArray, images: PrecisePoints) -> Correspondence:
+    """Give some source vertices (m,) other images."""
+    vertices, faces, weights = (x.copy() for x in (found.vertices, found.faces, found.barycentric))
+    vertices[rows], faces[rows], weights[rows] = images.corners[:, 0], images.corners, images.barycentric
+    return Correspondence(vertices, found.n_target, faces, weights, found.source_hash, found.target_hash)
+
+
+def _at(points: PrecisePoints, rows: IntArray) -> PrecisePoints:
+    return PrecisePoints(points.corners[rows], points.barycentric[rows])
+
+
+def _in_full(shape: PreparedShape) -> Surface:
+    """Return the body at the user's resolution."""
+    return shape.detail.transfer.fine if shape.detail else shape.body
+
+
+def _carried(shape: PreparedShape, values: FloatArray) -> FloatArray:
+    """Carry values (n_body, q) to the body in full."""
+    return shape.detail.transfer.on_coarse.interpolated(values) if shape.detail else values
+
+
+def _coordinates(shape: PreparedShape) -> FloatArray:
+    """Coordinates of the vertices of the body in full: positions if there are any, and functions of unit gradient."""
+    body, n = _in_full(shape), N_FUNCTIONS
+    if isinstance(body, Graph):
+        n = len(shape.laplace.values)
+    smooth = shape.laplace.vectors[:, 1:n] / np.sqrt(shape.laplace.values[1:n])
+    if isinstance(body, Graph):
+        return _carried(shape, smooth)
+    return np.hstack([body.vertices, FUNCTION_WEIGHT * _carried(shape, smooth)])
+
+
+def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: RefinementSettings) -> FloatArray:
+    """Weights (n_full, m) with which vertices follow pins: 1 at one, 0 at the others, and far away.
+
+    A bump is so wide that a gap is spread over a slope that turns no face over, but no wider than pins are apart.
+    """
+    phi, spectrum = shape.laplace.vectors, shape.laplace.values
+    places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
+    nearest = places.corners[:, 0]
+    least, most = settings.pin_width
+    width = np.clip(settings.pin_slope * gap, least, most)
+    if len(at) > 1:
+        apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
+        width = min(width, max(apart.min(), 0.5 * least))
+    heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
+    kernel = _carried(shape, heat)
+    weights = kernel @ np.linalg.lstsq(kernel[at], np.eye(len(at)))[0]
+    cut: FloatArray = np.sign(weights) * np.maximum(np.abs(weights) - TAIL, 0.0) / (1 - TAIL)
+    return cut

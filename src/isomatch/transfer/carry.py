@@ -1,0 +1,231 @@
+"""What one asset carries, written onto another: labels by nearest or majority, other values by interpolation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from isomatch._arrays import AnyArray, BoolArray, FloatArray
+from isomatch.assets import Asset
+from isomatch.correspondence import Correspondence
+from isomatch.errors import DescriptorError, SettingError
+from isomatch.surfaces import Attribute, Domain, Kind, with_materials_of, with_skin_of
+from isomatch.transfer.bridge import Bridge, columns
+from isomatch.transfer.choices import Labelling, Side
+from isomatch.transfer.rotations import rotations
+from isomatch.transfer.sheets import interpolated_at_corners, is_seamless
+
+_SYNONYMS = {"color": "colour", "texture": "uv", "skin": "weights"}
+GREY = 0.5  # colour of what is unmatched
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What `carry_attributes` returns.
+
+    Parameters
+    ----------
+    asset : Asset
+        The one that receives, with the attributes of the other.
+    names : tuple of str
+        The attributes that were carried.
+    unmatched : int
+        Vertices of its mesh that have no image. They have nan, −1 or an empty text; colours grey, weights of the first
+        joint alone, and their own normals.
+    across_seams : int
+        Its polygons that lie across a seam of the other's texture coordinates; their corners were kept on one side.
+    """
+
+    asset: Asset
+    names: tuple[str, ...]
+    unmatched: int
+    across_seams: int
+
+
+def carry_attributes(
+    correspondence: Correspondence,
+    source: Asset,
+    target: Asset,
+    data: str | Iterable[str] = "all",
+    *,
+    to: Side = "source",
+    labels: Labelling = "nearest",
+) -> Carried:
+    """Carry attributes from one asset to the other.
+
+    Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
+    weights are interpolated at the precise images. Of the weights as many are kept as the other had, and they sum to 1.
+    Normals are turned with the surface. What differs at the corners of one point, as texture coordinates at a seam, is
+    carried to corners, and a polygon takes all its corners from one side. Of labels, and of what polygons have, nothing
+    is averaged.
+
+    Parameters
+    ----------
+    correspondence : Correspondence
+        Source → target, between the points of the two files, as `match` finds it for their paths.
+    source, target : Asset
+        From `read_asset`.
+    data : str or iterable of str
+        Names of attributes, or kinds: ``"label"``, ``"colour"``, ``"scalar"``, ``"vector"``, ``"normal"``, ``"uv"``,
+        ``"weights"``; ``"all"`` for everything.
+    to : {"source", "target"}
+        Which of the two receives. To the target, the map is reversed on the surfaces.
+    labels : {"nearest", "majority"}
+        Labels of points: that of the nearest vertex, or the one with most area around the point. Polygons always have
+        that of most area.
+
+    Returns
+    -------
+    Carried
+
+    Raises
+    ------
+    MapError
+        If the map is one of other surfaces.
+    DescriptorError
+        If there is no such attribute.
+    SettingError
+        If an option is unknown.
+
+    Examples
+    --------
+    >>> from isomatch.surfaces import Attribute, Polygons
+    >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
+    >>> named = square.with_attributes(Attribute("side", "point", "label", ["left", "right", "right", "left"]))
+    >>> half_turn = Correspondence([2, 3, 0, 1], n_target=4)
+    >>> carry_attributes(half_turn, square, named).asset.attribute("side").values.tolist()
+    ['right', 'left', 'left', 'right']
+    """
+    for name, value, options in (("to", to, Side), ("labels", labels, Labelling)):
+        if value not in get_args(options):
+            raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
+    receiver, giver = (source, target) if to == "source" else (target, source)
+    chosen = selected(giver, data)
+    bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
+    asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
+    for attribute in chosen:
+        if attribute.kind == "label" or attribute.domain == "face":
+            new = _on_patches(attribute, bridge, labels)
+        elif attribute.kind == "weights":
+            new = _weights(attribute, bridge)
+        else:
+            new, torn = _interpolated(attribute, bridge)
+            across = max(across, torn)
+        asset = asset.with_attributes(new)
+    kinds = {attribute.kind for attribute in chosen}
+    if "uv" in kinds:
+        middles = bridge.at_thirds.triangle[::3]
+        asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
+    if "weights" in kinds:
+        asset = with_skin_of(asset, giver)
+    names = tuple(attribute.name for attribute in chosen)
+    return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)
+
+
+def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
+    """Return the attributes that have one of these names or kinds; `DescriptorError` for a word that none has."""
+    words = [data] if isinstance(data, str) else list(data)
+    if words == ["all"]:
+        return asset.attributes
+    found: dict[int, Attribute] = {}
+    for word in words:
+        kind = word.lower().removesuffix("s")
+        kind = "weights" if kind == "weight" else _SYNONYMS.get(kind, kind)
+        those = [a for a in asset.attributes if word == a.name or kind == a.kind]
+        if not those:
+            known = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
+            raise DescriptorError(
+                f"nothing to carry is named {word!r} or of that kind ({', '.join(get_args(Kind))}); there is {known}"
+            )
+        found |= {asset.attributes.index(a): a for a in those}
+    return tuple(found[i] for i in sorted(found))
+
+
+def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
+    """Interpolate at points, or at corners if the values at a vertex differ; and count the polygons across a seam."""
+    receiver, across = bridge.receiver, 0
+    domain: Domain = "point"
+    if is_seamless(bridge.giver, attribute):
+        vertex, places = receiver.vertex_of_point, bridge.at_vertices
+        carried = places.interpolated(columns(attribute), places.rows(attribute))[vertex]
+    else:
+        vertex, domain = receiver.vertex_of_corner, "corner"
+        carried, across = interpolated_at_corners(bridge, attribute)
+    if attribute.kind == "normal":
+        turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], carried)
+        length = np.linalg.norm(turned, axis=1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            carried = np.where(length > 0, turned / length, receiver.mesh.vertex_normals[vertex])
+    return attribute.with_values(_in_type(carried, attribute), domain), across
+
+
+def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
+    """Interpolate skinning weights; the smallest are left out, and the others sum to 1."""
+    places = bridge.at_vertices
+    dense = places.interpolated(attribute.dense_weights, places.rows(attribute))
+    dense[~places.found, 0] = 1.0
+    dense = np.nan_to_num(dense)[bridge.receiver.vertex_of_point]
+    dense /= np.maximum(dense.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    if attribute.joints is None:
+        return attribute.with_values(dense, "point")
+    joints, weights = attribute.with_values(dense, "point").strongest(attribute.values.shape[1])
+    return Attribute(attribute.name, "point", "weights", weights, joints, attribute.names)
+
+
+def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
+    """Carry labels, and what polygons have, to the same domain; by the area around each row unless nearest."""
+    receiver = bridge.receiver
+    if attribute.domain == "point" and labels == "nearest":
+        places = bridge.at_vertices
+        return attribute.with_values(
+            _or_none(attribute.values[places.nearest_rows(attribute)], places.found)[receiver.vertex_of_point]
+        )
+    triangles = receiver.polygons.corner_of_triangle.ravel()
+    owner, owner_of_row = {
+        "point": (receiver.mesh.faces.ravel(), receiver.vertex_of_point),
+        "corner": (triangles, np.arange(len(receiver.polygons.corners))),
+        "face": (receiver.polygons.of_corner[triangles], np.arange(len(receiver.polygons))),
+    }[attribute.domain]
+    n_owners = int(owner_of_row.max(initial=-1)) + 1
+    places = bridge.at_thirds
+    area = np.repeat(receiver.mesh.face_areas, 3)[places.found] + np.finfo(float).tiny
+    owner, rows = owner[places.found], places.nearest_rows(attribute)[places.found]
+    if attribute.kind == "label":
+        known, code = np.unique(attribute.values, return_inverse=True)
+        votes = csr_array((area, (owner, code[rows])), shape=(n_owners, len(known)))
+        voted = np.bincount(owner, minlength=n_owners) > 0
+        values = _or_none(known[votes.argmax(axis=1)], voted)
+    else:
+        sums = csr_array((area, (owner, rows)), shape=(n_owners, len(attribute)))
+        with np.errstate(invalid="ignore"):
+            means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
+        values = _in_type(means, attribute)
+    return attribute.with_values(values[owner_of_row])
+
+
+def _or_none(labels: AnyArray, known: BoolArray) -> AnyArray:
+    """Put −1, False or an empty text where nothing is known; unsigned integers become signed ones for that."""
+    if known.all():
+        return labels
+    if labels.dtype.kind == "u":
+        labels = labels.astype(np.int64)
+    labels = labels.copy()
+    labels[~known] = {"i": -1, "b": False, "U": ""}[labels.dtype.kind]
+    return labels
+
+
+def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:
+    """Return interpolated columns in the shape and type of an attribute; integers are rounded."""
+    kind = attribute.values.dtype
+    largest = np.iinfo(kind).max if kind.kind in "iu" else 1
+    if attribute.kind == "colour":
+        values = np.where(np.isnan(values), GREY * largest, values)
+    if kind.kind in "iu" and attribute.kind == "colour":
+        values = np.rint(values)
+    elif kind.kind != "f":
+        kind = np.dtype(np.float64)
+    return values.reshape(len(values), *attribute.values.shape[1:]).astype(kind)

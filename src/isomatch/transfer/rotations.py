@@ -1,0 +1,32 @@
+"""How the surface turns at each vertex from the one that gives to the one that receives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.transfer.bridge import Bridge
+
+
+def rotations(bridge: Bridge) -> FloatArray:
+    """(n_vertices, 3, 3) the rotation from the giver to the receiver that fits best the edges and normals of the faces.
+
+    It is the identity where the map says nothing.
+    """
+    mesh = bridge.receiver.mesh
+    normals = bridge.map.pull_back(bridge.giver.mesh.vertex_normals)
+    frames = []
+    for x, upright in ((mesh.vertices, mesh.vertex_normals), (bridge.image_positions, normals)):
+        a, b, c = (x[mesh.faces[:, k]] for k in range(3))
+        size = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - a, axis=1)
+        normal = upright[mesh.faces].mean(axis=1) * size[:, None]
+        frames.append(np.stack([b - a, c - a, normal], axis=1))  # rows
+    fit = np.nan_to_num(np.einsum("fri,frj->fij", *frames))
+    summed = np.zeros((mesh.n_vertices, 3, 3))
+    for k in range(3):
+        np.add.at(summed, mesh.faces[:, k], fit)
+    summed[(summed == 0).all(axis=(1, 2))] = np.eye(3)
+    u, _, vt = np.linalg.svd(summed)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    turn: FloatArray = u @ vt
+    return turn

@@ -1,0 +1,118 @@
+"""What each format and library carries in and out: the table of ``docs/formats.md``, row by row."""
+
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from made import ATTRIBUTES, POINTS, POLYGONS, whole
+
+from isomatch import Asset, read_asset, read_mesh, write_asset
+from isomatch.surfaces import FORMATS
+
+COLUMNS = ("polygons", "colour", "label", "face label", "scalar", "vector", "normal", "uv", "weights")
+PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
+SUFFIXES = {
+    "OFF": ".off",
+    "OBJ": ".obj",
+    "PLY": ".ply",
+    "STL": ".stl",
+    "glTF": ".gltf",
+    "GLB": ".glb",
+    "VTK": ".vtk",
+    "VTP": ".vtp",
+    "VTU": ".vtu",
+    "GIFTI": ".gii",
+    "FreeSurfer": ".pial",
+}
+OBJECTS = ("trimesh", "PyVista", "meshio", "Open3D")
+
+
+def table():
+    """The rows of the page: name to what it keeps."""
+    rows = [
+        [cell.strip() for cell in line.strip("|\n").split("|")]
+        for line in PAGE.read_text("utf-8").splitlines()
+    ]
+    rows = [row for row in rows if row[0] in {*SUFFIXES, *OBJECTS}]
+    return {
+        row[0]: {column for column, cell in zip(COLUMNS, row[2:]) if cell.startswith("yes")} for row in rows
+    }
+
+
+def kept(found):
+    """Which of the made attributes a surface still has, with the same values at the same corners."""
+    whole_polygons = found.polygons.sizes.tolist() == POLYGONS.sizes.tolist()
+    same = {"polygons"} if whole_polygons else set()
+    for column, given in ATTRIBUTES.items():
+        of_faces = given.domain == "face"
+        named = given.kind in ("label", "scalar", "vector")
+        for attribute in found.attributes:
+            if (
+                attribute.kind != given.kind
+                or (attribute.domain == "face") != of_faces
+                or (named and attribute.name != given.name)
+            ):
+                continue
+            expected, values = at_corners(given, POLYGONS), at_corners(attribute, found.polygons)
+            if not whole_polygons:
+                expected = expected[POLYGONS.of_triangle if of_faces else POLYGONS.corner_of_triangle.ravel()]
+            np.testing.assert_allclose(values[:, : expected.shape[1]], expected, atol=1e-6, err_msg=column)
+            same.add(column)
+    return same
+
+
+def at_corners(attribute, polygons):
+    """The values of the corners or faces as a table of floats."""
+    values = attribute.dense_weights if attribute.kind == "weights" else attribute.values
+    if attribute.kind == "colour" and values.dtype == np.uint8:
+        values = values / 255
+    if attribute.domain == "point":
+        values = values[polygons.corners]
+    return values.reshape(len(values), -1)
+
+
+@pytest.fixture
+def open3d(monkeypatch):
+    """The few classes of Open3D that a mesh is made of."""
+    module = ModuleType("open3d")
+    module.utility = SimpleNamespace(
+        Vector3dVector=lambda values: values,
+        Vector3iVector=lambda values: values,
+        Vector2dVector=lambda values: values,
+    )
+    module.geometry = SimpleNamespace(
+        TriangleMesh=lambda vertices, triangles: SimpleNamespace(vertices=vertices, triangles=triangles)
+    )
+    monkeypatch.setitem(sys.modules, "open3d", module)
+
+
+def test_the_page_lists_every_format_and_library():
+    assert set(table()) == {*SUFFIXES, *OBJECTS}
+    assert set(SUFFIXES.values()) <= set(FORMATS)
+    text = PAGE.read_text("utf-8")
+    assert [suffix for suffix in FORMATS if f"`{suffix}`" not in text] == []
+
+
+@pytest.mark.parametrize("name", SUFFIXES)
+def test_a_file_keeps_what_the_page_says(tmp_path, name):
+    path = tmp_path / f"surface{SUFFIXES[name]}"
+    left = write_asset(path, whole())
+    found = read_asset(path)
+    np.testing.assert_allclose(found.mesh.vertices[found.vertex_of_corner][:3], POINTS[[0, 1, 2]], atol=1e-6)
+    assert kept(found) == table()[name]
+    lost = {column for column, a in ATTRIBUTES.items() if a in left}
+    assert lost == set(ATTRIBUTES) - table()[name]
+    assert read_mesh(path).n_faces == 7
+    assert write_asset(path, found) == ()
+    assert kept(read_asset(path)) == table()[name]
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_an_object_keeps_what_the_page_says(name, open3d):
+    given = getattr(whole(), f"to_{name.lower()}")()
+    found = Asset.from_object(given)
+    assert kept(found) == table()[name]
+    assert found.mesh.n_vertices == 7
+    assert found.mesh.n_faces == 7

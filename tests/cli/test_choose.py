@@ -1,0 +1,125 @@
+"""Alternatives are saved beside the map, and one of them can be made the map."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import isomatch
+from isomatch.cli import main
+from isomatch.datasets import example_pair
+from isomatch.matching import Alternative
+
+QUICK = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shapes")
+    for name, creature in zip(("source", "target"), example_pair()):
+        isomatch.write_mesh(folder / f"{name}.ply", creature.mesh)
+    (folder / "quick.toml").write_text(QUICK)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def matched(shapes, tmp_path_factory):
+    """Folder of a match with two alternatives: all vertices to one, and the map itself."""
+    folder = tmp_path_factory.mktemp("matched")
+    match = isomatch.match
+
+    def with_alternatives(source, target, **options):
+        found = match(source, target, **options)
+        maps = isomatch.Correspondence(np.zeros_like(found.map.vertices), target.n_vertices), found.map
+        others = tuple(
+            Alternative(lambda one=one: one, 0.1 + k, 0.5, f"try {k}") for k, one in enumerate(maps)
+        )
+        return isomatch.MatchResult(**{**vars(found), "alternatives": others})
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(isomatch, "match", with_alternatives)
+        ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
+        assert (
+            main(["match", *ends, "-o", str(folder), "--config", str(shapes / "quick.toml"), "--seed", "3"])
+            == 0
+        )
+    return folder
+
+
+@pytest.fixture
+def result(matched, tmp_path):
+    return shutil.copytree(matched, tmp_path / "result")
+
+
+def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, result, capsys):
+    before = json.loads((result / "result.json").read_text())
+    assert before["files"]["alternative_2"] == str(matched / "alternative_2.npz")
+    first, chosen = (isomatch.Correspondence.load(result / f"alternative_{k}.npz") for k in (1, 2))
+    former = isomatch.Correspondence.load(result / "map.npz")
+    capsys.readouterr()
+    assert main(["choose", str(result), "2", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record == json.loads((result / "result.json").read_text())
+    assert "alternative 2, from try 1, was chosen" in record["notes"][0]
+    assert [each["origin"].split(",")[0] for each in record["alternatives"]] == ["the map before", "try 0"]
+    assert [each["energy"] for each in record["alternatives"]] == [None, 0.1]
+    assert record["config"] == {**before["config"], "hypotheses": "given"}
+    for kept in ("seed", "source", "target", "match_again"):
+        assert record[kept] == before[kept]
+    others = [isomatch.Correspondence.load(result / f"alternative_{k}.npz") for k in (1, 2)]
+    np.testing.assert_array_equal(others[0].vertices, former.vertices)
+    np.testing.assert_array_equal(others[1].vertices, first.vertices)
+    target = example_pair()[1].mesh
+    found = isomatch.Correspondence.load(result / "map.npz").vertices
+    moved = np.linalg.norm(target.vertices[found] - target.vertices[chosen.vertices], axis=1)
+    assert np.median(moved) < 0.05 * np.sqrt(target.area)
+    report = (result / "report.html").read_text(encoding="utf-8")
+    assert "<figcaption>Alternative 1, from the map before, extremities</figcaption>" in report
+
+
+def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, capsys):
+    before = {path.name: path.read_bytes() for path in result.iterdir()}
+    capsys.readouterr()
+    for folder, number, said in [
+        (result, "0", "there is no alternative 0; the result has 2"),
+        (result, "3", "there is no alternative 3"),
+        (tmp_path / "nowhere", "1", "result.json: no such file"),
+    ]:
+        assert main(["choose", str(folder), number]) == 1
+        assert said in capsys.readouterr().err
+    for text in ("[]", "{", json.dumps({"source": 3})):
+        (result / "result.json").write_text(text)
+        assert main(["choose", str(result), "1"]) == 1
+        assert "result.json: lacks source, target" in capsys.readouterr().err
+    record = json.loads(before["result.json"])
+    (result / "result.json").write_text(json.dumps({**record, "source": record["target"]}))
+    assert main(["choose", str(result), "1"]) == 1
+    assert "is not a map of this source" in capsys.readouterr().err
+    (result / "result.json").write_bytes(before["result.json"])
+    assert {path.name: path.read_bytes() for path in result.iterdir()} == before
+
+
+def test_a_match_that_finds_no_map_leaves_a_picker(shapes, tmp_path, capsys):
+    (tmp_path / "two.txt").write_text("1, 2\n3, 4\n")
+    ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
+    argv = [
+        "match",
+        *ends,
+        "-o",
+        str(tmp_path / "out"),
+        "--config",
+        str(shapes / "quick.toml"),
+        "--start",
+        "pose",
+    ]
+    assert main([*argv, "--landmarks", str(tmp_path / "two.txt")]) == 1
+    said = capsys.readouterr().err
+    assert "2 landmarks do not fix an alignment" in said
+    assert f"Both shapes are in {tmp_path / 'out' / 'report.html'}" in said
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.html"]
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "No map was found" in report
+    assert '"landmarks": [[1, 2], [3, 4]]' in report
+    assert "--start pose" in report
+    assert "--landmarks landmarks.txt --force</pre>" in report

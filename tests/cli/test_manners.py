@@ -1,0 +1,218 @@
+"""How commands talk: events, silence, progress, and exit codes that scripts can rely on."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import isomatch
+from isomatch.cli import app, main
+from isomatch.datasets import example_pair, ground_truth
+from shapes import icosphere
+
+QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shapes")
+    for name, made in zip("ab", example_pair()):
+        isomatch.write_mesh(folder / f"{name}.ply", made.mesh)
+    truth = ground_truth(*example_pair()).vertices
+    np.savetxt(folder / "truth.txt", truth, fmt="%d")
+    (folder / "quick.toml").write_text(QUICK)
+    return folder
+
+
+@pytest.fixture
+def matching(shapes, tmp_path, monkeypatch):
+    """Run a quick match with more options; exit code."""
+    monkeypatch.chdir(shapes)
+    out = str(tmp_path / "out")
+    return lambda more="": main(f"match a.ply b.ply --config quick.toml --force -o {out} {more}".split())
+
+
+def events_of(said):
+    return [json.loads(line) for line in said.splitlines()]
+
+
+def test_json_lines_give_stages_and_the_result(matching, tmp_path, capsys):
+    assert matching("--json-lines") == 0
+    *stages, result = events_of(capsys.readouterr().out)
+    assert {each["event"] for each in stages} == {"stage"}
+    shares = [each["share"] for each in stages]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert result.pop("event") == "result"
+    assert result == json.loads((tmp_path / "out" / "result.json").read_text())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "distance sphere.off --from 0 --json-lines",
+        "basis sphere.off -o basis.npz --json-lines",
+        "bench --set example --points 50 --methods gdd --jobs 1 -o rows --json-lines",
+    ],
+)
+def test_every_long_command_gives_events(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    isomatch.write_mesh("sphere.off", icosphere(2))
+    assert main(command.split()) == 0
+    *stages, result = events_of(capsys.readouterr().out)
+    assert [each["share"] for each in (stages[0], stages[-1])] == [0.0, 1.0]
+    assert result["event"] == "result"
+
+
+def test_quiet_prints_nothing_and_no_report_writes_none(matching, tmp_path, capsys):
+    assert matching("--quiet --no-report") == 0
+    said = capsys.readouterr()
+    assert said.out == said.err == ""
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert "report.html" not in names
+    assert {"map.npz", "map.png", "map.txt", "result.json"} <= names
+
+
+def test_verbose_writes_the_log(matching, capsys):
+    assert matching("--verbose") == 0
+    assert "ms  refinement" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "code"), [("low-confidence,symmetry-ambiguous", 1), ("ambiguous,low", 1), ("contradicted", 0)]
+)
+def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, monkeypatch, capsys):
+    """A ball has every symmetry."""
+    monkeypatch.chdir(tmp_path)
+    isomatch.write_mesh("a.off", icosphere(3))
+    assert main(f"match a.off a.off --quiet -o out --fail-on {word}".split()) == code
+    said = capsys.readouterr().err
+    assert ("the files are in out" in said) == bool(code)
+    assert (tmp_path / "out" / "result.json").exists()
+
+
+def test_an_unknown_outcome_is_refused_before_the_work(matching, tmp_path, capsys):
+    assert matching("--fail-on sadness") == 1
+    assert "'sadness' is not an outcome; known are hints-contradicted" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_bounds_stand_beside_the_measures(matching, tmp_path, capsys):
+    assert matching() == 0
+    assert "at most 0." in capsys.readouterr().out
+    bounds = json.loads((tmp_path / "out" / "result.json").read_text())["bounds"]
+    assert bounds["misfit"] == {"most": isomatch.Config().outcome.poor_misfit}
+    assert bounds["rival"] == {"least": isomatch.Config().outcome.tie}
+
+
+def test_both_directions(matching, tmp_path, capsys):
+    assert matching("--both --json") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["n_source"] == record["back"]["n_target"]
+    back = isomatch.Correspondence.load(tmp_path / "out" / "map_back.npz")
+    assert back.shape == (record["n_target"], record["n_source"])
+
+
+def test_hypotheses_may_come_from_hints_alone(matching, capsys):
+    assert matching("--hypotheses given") == 1
+    assert "no landmarks, initial map or descriptors" in capsys.readouterr().err
+    assert matching("--hypotheses given --initial-map truth.txt --json") == 0
+    assert json.loads(capsys.readouterr().out)["origin"] == "initial map"
+
+
+def test_completion_knows_the_commands():
+    script = app.generate_completion(shell="bash")
+    assert all(word in script for word in ("match", "evaluate", "--fail-on"))
+
+
+def test_a_folder_is_checked_in_a_table(tmp_path, capsys):
+    isomatch.write_mesh(tmp_path / "good.off", icosphere(3))
+    isomatch.write_mesh(tmp_path / "small.off", icosphere(1))
+    assert main(["check", str(tmp_path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert main(["check", str(tmp_path), "--for", "match"]) == 1
+    assert "1 of 2 meshes are not fit: " in capsys.readouterr().err
+    (tmp_path / "bad.off").write_text("nothing")
+    assert main(["check", str(tmp_path / "good.off"), str(tmp_path / "bad.off"), "--json"]) == 1
+    good, bad = json.loads(capsys.readouterr().out)
+    assert good["ok"]
+    assert not bad["ok"]
+    assert "bad.off" in bad["unreadable"]
+    (tmp_path / "empty").mkdir()
+    assert main(["check", str(tmp_path / "empty")]) == 1
+    assert "no mesh in this folder" in capsys.readouterr().err
+
+
+def evaluated(capsys, command):
+    assert main([*command.split(), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_evaluate_knows_a_perfect_map_and_counts_what_is_missing(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    perfect = evaluated(capsys, "evaluate truth.txt truth.txt a.ply b.ply --points 50")
+    assert (perfect["mean"], perfect["max"], perfect["auc"], perfect["points"]) == (0, 0, 1, 50)
+    truth = np.loadtxt("truth.txt", dtype=int)
+    pairs = np.column_stack([np.arange(40), truth[:40]])
+    np.savetxt(tmp_path / "pairs.txt", pairs, fmt="%d")
+    truth[:20] = -1
+    np.savetxt(tmp_path / "half.txt", truth, fmt="%d")
+    half = evaluated(capsys, f"evaluate {tmp_path}/half.txt {tmp_path}/pairs.txt a.ply b.ply")
+    assert (half["mean"], half["unmatched"], half["auc"], half["points"]) == (0.5, 0.5, 0.5, 40)
+    for name, column in zip(("a.vts", "b.vts"), pairs.T):
+        np.savetxt(tmp_path / name, column + 1, fmt="%d")
+    marks = f"{tmp_path}/a.vts a.ply b.ply --target-marks {tmp_path}/b.vts"
+    assert evaluated(capsys, f"evaluate {tmp_path}/half.txt {marks}") == half | {"truth": f"{tmp_path}/a.vts"}
+    assert main(["evaluate", "truth.txt", "truth.txt", "a.ply", "b.ply", "--points", "20"]) == 0
+    assert "error, mean" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("truth", "complaint"),
+    [
+        ("0 999999\n", "names target vertices"),
+        ("# nothing\n", "no target vertices"),
+        ("x y\n", "is not a pair"),
+    ],
+)
+def test_evaluate_refuses_a_truth_of_other_shapes(truth, complaint, shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    (tmp_path / "truth.txt").write_text(truth)
+    assert main(f"evaluate truth.txt {tmp_path}/truth.txt a.ply b.ply".split()) == 1
+    assert complaint in capsys.readouterr().err
+
+
+def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):
+    monkeypatch.chdir(shapes)
+    assert main(["evaluate", "truth.txt", "truth.txt", "b.ply", "a.ply"]) == 1
+    assert "outside the target's vertices 0…2967" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals of POSIX")
+def test_a_terminal_shows_stage_share_and_time(shapes, tmp_path):
+    import pty
+
+    terminal, end = pty.openpty()
+    argv = [
+        sys.executable,
+        "-m",
+        "isomatch",
+        *["match", "a.ply", "b.ply", "--config", "quick.toml", "-o"],
+        str(tmp_path / "o"),
+    ]
+    with subprocess.Popen(argv, cwd=shapes, stdout=subprocess.DEVNULL, stderr=end):
+        os.close(end)
+        said = b""
+        while True:
+            try:
+                said += os.read(terminal, 4096)
+            except OSError:  # the other end was closed
+                break
+    os.close(terminal)
+    assert b"refinement" in said or b"search" in said or b"prepare" in said
+    assert b"%" in said
+    assert b"0:00:0" in said

@@ -1,0 +1,85 @@
+"""A signal ends any command within a second, at any moment, and leaves nothing behind."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import isomatch
+from isomatch.datasets import creature
+
+SOON = 1.0  # seconds
+TIMES = [2, pytest.param(20, marks=pytest.mark.long)]
+COMMANDS = {
+    "match": "match a.ply b.ply -o out/deep",
+    "match both": "match a.ply b.ply --both -o out",
+    "basis": "basis a.ply --method fmds -o basis.npz",
+    "distance": "distance a.ply --from 1,2,3 -o distances.csv",
+    "bench": "bench --set example --points 50 --jobs 2 -o out",
+    "demo": "demo -o out",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shapes")
+    for name, pose in (("a", 0), ("b", 1)):
+        isomatch.write_mesh(folder / f"{name}.ply", creature(6000, pose=pose).mesh)
+    return folder
+
+
+def interrupted(command, folder, after, number=signal.SIGINT):
+    """Start a command and signal it after some seconds; seconds until it and its workers ended, None if it was done.
+
+    Workers inherit the standard output, so that its end means that they have ended.
+    """
+    argv = [sys.executable, "-m", "isomatch", *command.split()]
+    process = subprocess.Popen(argv, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    time.sleep(after)
+    if process.poll() is not None:
+        process.communicate()
+        return None
+    since = time.perf_counter()
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    seconds = time.perf_counter() - since
+    assert process.returncode == 128 + number, said.decode()
+    assert said.decode().endswith("isomatch: interrupted\n")
+    return seconds
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("times", TIMES)
+def test_a_signal_at_any_moment(name, times, folder):
+    rng = random.Random(f"{name} {times}")
+    before = sorted(folder.rglob("*"))
+    for _ in range(times):
+        number = rng.choice([signal.SIGINT, signal.SIGTERM])
+        seconds = interrupted(COMMANDS[name], folder, rng.uniform(0.4, 2.5 if times < 9 else 6.0), number)
+        if seconds is None:  # done before the signal
+            for path in sorted(set(folder.rglob("*")) - set(before), reverse=True):
+                path.rmdir() if path.is_dir() else path.unlink()
+        else:
+            assert seconds < SOON
+        assert sorted(folder.rglob("*")) == before
+
+
+def test_an_earlier_result_stays_as_it_is(folder, tmp_path):
+    """Files replace earlier ones only when all are complete."""
+    out = tmp_path / "out"
+    out.mkdir()
+    earlier = ("map.npz", "map.txt", "result.json", "map.png", "report.html")
+    for name in earlier:
+        (out / name).write_text("earlier")
+    argv = [sys.executable, "-m", "isomatch", *f"match a.ply b.ply --force -o {out}".split()]
+    with subprocess.Popen(argv, cwd=folder, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
+        while process.poll() is None and not any(path.suffix == ".unfinished" for path in out.iterdir()):
+            time.sleep(0.005)
+        process.send_signal(signal.SIGINT)
+    assert process.returncode == 130
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(earlier, "earlier")

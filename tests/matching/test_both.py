@@ -1,0 +1,56 @@
+"""Both directions in one run: the map there is that of `match`, the map back as good as one found by itself."""
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Outcome, match, match_both
+from isomatch.datasets import ground_truth
+from isomatch.evaluation import cycle_errors, geodesic_errors
+from shapes import icosphere
+
+
+@pytest.fixture(scope="module")
+def both(prepared_example):
+    return match_both(*prepared_example)
+
+
+def errors_of(example, found):
+    truth = ground_truth(*example).vertices
+    return geodesic_errors(example[1].mesh, found.map, np.column_stack([np.arange(len(truth)), truth]), 200)
+
+
+def test_the_map_there_is_that_of_match(both, prepared_example):
+    alone = match(*prepared_example)
+    np.testing.assert_array_equal(both.there.map.vertices, alone.map.vertices)
+    assert both.there.outcome is alone.outcome
+
+
+def test_the_map_back_is_as_good_as_one_found_by_itself(both, example, prepared_example):
+    alone = match(*prepared_example[::-1])
+    errors = [errors_of(example[::-1], found).mean() for found in (both.back, alone)]
+    assert errors[0] < 1.1 * errors[1]
+    assert both.back.outcome is alone.outcome is Outcome.CONVERGED
+
+
+def test_the_maps_are_nearly_inverse(both, example):
+    assert cycle_errors(example[0].mesh, both.there.map, both.back.map, 200).mean() < 0.01
+
+
+def test_the_result_says_what_was_done(both):
+    assert "rivals of it, turned around" in both.back.notes[0]
+    assert "prepare" not in both.back.timings
+
+
+def test_a_symmetric_shape_is_ambiguous_in_both_directions():
+    there, back = match_both(icosphere(3), icosphere(3))
+    assert there.outcome is back.outcome is Outcome.SYMMETRY_AMBIGUOUS
+
+
+def test_hints_are_turned_around(example, prepared_example):
+    truth = ground_truth(*example).vertices
+    landmarks = np.array([(i, truth[i]) for i in range(0, len(truth), 500)])
+    config = Config(hypotheses="given")
+    there, back = match_both(*prepared_example, landmarks=landmarks, initial_map=truth, config=config)
+    assert max(found.quality.landmark_error for found in (there, back)) < 0.03
+    assert max(found.quality.initial_map_error for found in (there, back)) < 0.03
+    assert "found by itself" in back.notes[0]

@@ -1,0 +1,166 @@
+"""Landmarks that are held: exact, within a tolerance, and with a map that follows smoothly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Graph, Mesh, Outcome, PointCloud, SettingError, match, prepare
+from isomatch.datasets import creature, ground_truth, holes
+from isomatch.datasets.organs import organ, organ_truth
+from isomatch.evaluation import torn_edges
+from shapes import icosphere
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    """Two poses of an animal, and the true image of each vertex."""
+    source, target = (creature(2500, pose=i, triangulation=i) for i in (1, 2))
+    return source.mesh, target.mesh, ground_truth(source, target).vertices
+
+
+@pytest.fixture(scope="module")
+def hearts():
+    """Two bent hearts, whose map slides, with true landmarks far from each other."""
+    source, target = (organ("heart", 2000, pose=pose) for pose in (1, 2))
+    truth = organ_truth(source, target).vertices
+    rows = prepare(source.mesh).column_vertices[:5]
+    return source.mesh, target.mesh, truth, np.column_stack([rows, truth[rows]])
+
+
+def stretch_around(source, target, found, rows):
+    """Largest length of the image of an edge at some vertices over its own; lengths in √area."""
+    edges = source.edges[np.isin(source.edges, rows).any(axis=1)]
+    images = found @ target.vertices / np.sqrt(target.area)
+    here = source.vertices / np.sqrt(source.area)
+    mapped, lengths = (np.linalg.norm(x[edges[:, 0]] - x[edges[:, 1]], axis=1) for x in (images, here))
+    return (mapped / lengths).max()
+
+
+def test_held_landmarks_are_exact_and_the_map_follows(hearts):
+    source, target, truth, pairs = hearts
+    led = match(source, target, landmarks=pairs)
+    held = match(source, target, landmarks=pairs, config=Config(pin=0))
+    rows = pairs[:, 0]
+    assert (held.map.vertices[rows] == pairs[:, 1]).all()
+    np.testing.assert_allclose((held.map @ target.vertices)[rows], target.vertices[pairs[:, 1]])
+    assert held.quality.landmark_error == 0 < led.quality.landmark_error
+
+    def error(found):
+        return np.linalg.norm(found @ target.vertices - target.vertices[truth], axis=1).mean()
+
+    overwritten = led.map.vertices.copy()
+    overwritten[rows] = pairs[:, 1]
+    overwritten = type(led.map)(overwritten, target.n_vertices)
+    assert error(held.map) < 0.95 * error(led.map), "what is near a landmark gains too"
+    assert stretch_around(source, target, held.map, rows) < 2
+    assert stretch_around(source, target, overwritten, rows) > 3
+    assert torn_edges(source, target, held.map) < torn_edges(source, target, overwritten)
+
+
+def test_far_from_the_landmarks_nothing_changes(bodies):
+    source, target, truth = bodies
+    rows = np.linalg.norm(source.vertices - source.vertices[0], axis=1).argsort()[:400:100]
+    pairs = np.column_stack([rows, truth[rows]])
+    led, held = (match(source, target, landmarks=pairs, config=Config(pin=pin)).map for pin in (None, 0))
+    changed = (led.barycentric != held.barycentric).any(axis=1)
+    assert changed[rows].any()
+    apart = np.linalg.norm(source.vertices[changed] - source.vertices[0], axis=1)
+    assert apart.max() < 0.7 * np.sqrt(source.area)
+    assert changed.mean() < 0.5
+
+
+def test_within_the_tolerance_nothing_moves(hearts):
+    source, target, _, pairs = hearts
+    led = match(source, target, landmarks=pairs)
+    off = np.linalg.norm((led.map @ target.vertices)[pairs[:, 0]] - target.vertices[pairs[:, 1]], axis=1)
+    off /= np.sqrt(target.area)
+    loose = match(source, target, landmarks=pairs, config=Config(pin=float(off.max() + 1e-6)))
+    np.testing.assert_array_equal(loose.map.barycentric, led.map.barycentric)
+    tolerance = float(np.sort(off)[2:4].mean())
+    held = match(source, target, landmarks=pairs, config=Config(pin=tolerance))
+    images = (held.map @ target.vertices)[pairs[:, 0]]
+    now = np.linalg.norm(images - target.vertices[pairs[:, 1]], axis=1) / np.sqrt(target.area)
+    assert (now[off > tolerance] == 0).all()
+    assert (now < tolerance).all()
+    assert any("5 landmarks are held, 2 of them by bending" in note for note in held.notes)
+
+
+@pytest.mark.parametrize("resolution", ["full", "fast"])
+def test_landmarks_are_held_at_every_resolution(bodies, resolution):
+    source, target = (creature(5000, pose=i, triangulation=i) for i in (3, 4))
+    rows = np.arange(100, 5000, 900)
+    rows = rows[rows < source.mesh.n_vertices]
+    pairs = np.column_stack([rows, ground_truth(source, target).vertices[rows]])
+    config = Config(resolution=resolution, pin=0)
+    held = match(source.mesh, target.mesh, landmarks=pairs, config=config)
+    assert (held.map.vertices[rows] == pairs[:, 1]).all()
+    assert held.outcome is Outcome.CONVERGED
+    assert stretch_around(source.mesh, target.mesh, held.map, rows) < 3
+    assert held.timings["pins"] > 0
+
+
+@pytest.mark.parametrize("part", ["source", "target"])
+def test_landmarks_of_parts_are_held(bodies, part):
+    source, target, truth = bodies
+    damaged = holes(source if part == "source" else target, 0.15, seed=4)
+    if part == "source":
+        shapes, known = (damaged.mesh, target), truth[damaged.original]
+    else:
+        shapes, known = (source, damaged.mesh), damaged.damaged_vertex[truth]
+    rows = np.flatnonzero(known >= 0)[100::500]
+    rows = rows[np.unique(known[rows], return_index=True)[1]]
+    pairs = np.column_stack([rows, known[rows]])
+    held = match(*shapes, landmarks=pairs, config=Config(pin=0))
+    assert (held.map.vertices[rows] == known[rows]).all()
+    assert held.outcome is Outcome.PARTIAL
+
+
+def test_landmarks_of_components_are_held(bodies):
+    source, target, truth = bodies
+    ball = icosphere(2)
+
+    def with_ball(mesh):
+        vertices = np.vstack([mesh.vertices, 0.1 * ball.vertices + [0, 0, 2]])
+        return Mesh(vertices, np.vstack([mesh.faces, ball.faces + mesh.n_vertices]))
+
+    rows = np.arange(50, 2000, 400)
+    one = [source.n_vertices + 5, target.n_vertices + 5]
+    crossed = [source.n_vertices + 7, truth[7]]
+    pairs = np.vstack([np.column_stack([rows, truth[rows]]), one, crossed])
+    held = match(with_ball(source), with_ball(target), landmarks=pairs, config=Config(pin=0))
+    assert (held.map.vertices[pairs[:, 0]] == pairs[:, 1]).all()
+    assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
+
+
+def test_landmarks_of_points_and_graphs_are_held(bodies):
+    source, target, truth = bodies
+    rows = np.arange(50, 2000, 400)
+    pairs = np.column_stack([rows, truth[rows]])
+    config = Config(pin=0)
+    clouds = PointCloud(source.vertices), PointCloud(target.vertices)
+    assert (match(*clouds, landmarks=pairs, config=config).map.vertices[rows] == truth[rows]).all()
+    graphs = [
+        Graph(len(m.vertices), m.edges, np.linalg.norm(np.diff(m.vertices[m.edges], axis=1)[:, 0], axis=1))
+        for m in (source, target)
+    ]
+    assert (match(*graphs, landmarks=pairs, config=config).map.vertices[rows] == truth[rows]).all()
+
+
+def test_landmarks_that_contradict_the_map_are_named(bodies):
+    source, target, truth = bodies
+    rows = prepare(source).column_vertices[:6]
+    pairs = np.column_stack([rows, truth[rows]])
+    pairs[:2, 1] = pairs[[1, 0], 1]
+    held = match(source, target, landmarks=pairs, config=Config(pin=0))
+    assert held.outcome is Outcome.HINTS_CONTRADICTED
+    assert (held.map.vertices[rows] == pairs[:, 1]).all()
+    (note,) = [note for note in held.notes if "before it was bent contradicts" in note]
+    assert all(f"{i} → {j}" in note for i, j in pairs[:2])
+
+
+def test_bad_pins(bodies):
+    with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
+        match(*bodies[:2], config=Config(pin=0))
+    with pytest.raises(SettingError, match="pin = -1 is not a number of at least 0"):
+        replace(Config(), pin=-1)

@@ -1,0 +1,142 @@
+"""Results and prepared shapes in files: what is read equals what was written, and what is neither is refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import (
+    Config,
+    Correspondence,
+    FormatError,
+    Graph,
+    MatchResult,
+    MissingFileError,
+    PointCloud,
+    PreparedShape,
+    SettingError,
+    match,
+    prepare,
+)
+from isomatch.baselines import BASELINES
+from shapes import icosphere
+
+LevelSettings = type(Config().levels)
+
+
+@pytest.fixture(scope="module")
+def result(prepared_example):
+    return match(*prepared_example)
+
+
+def assert_same_map(one, other):
+    assert one.n_target == other.n_target
+    assert (one.source_hash, one.target_hash) == (other.source_hash, other.target_hash)
+    for name in ("vertices", "faces", "barycentric"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def assert_same(one, other):
+    assert_same_map(one.map, other.map)
+    assert json.dumps(one.to_dict()) == json.dumps(other.to_dict())
+    assert (one.config, one.outcome) == (other.config, other.outcome)
+    assert len(one.alternatives) == len(other.alternatives)
+    for a, b in zip(one.alternatives, other.alternatives):
+        assert_same_map(a.map, b.map)
+
+
+def test_a_result_is_read_as_it_was_written(tmp_path, result):
+    assert result.alternatives
+    result.save(tmp_path / "result.npz")
+    assert_same(MatchResult.load(tmp_path / "result.npz"), result)
+    assert_same_map(Correspondence.load(tmp_path / "result.npz"), result.map)
+
+
+def test_a_result_without_alternatives_and_of_other_settings(tmp_path, result):
+    odd = replace(result, alternatives=(), config=Config(rank=30), notes=("source: a → b",))
+    odd.save(tmp_path / "result.npz")
+    assert_same(MatchResult.load(tmp_path / "result.npz"), odd)
+    of_baseline = replace(result, config=BASELINES["zoomout"].config)
+    of_baseline.save(tmp_path / "result.npz")
+    assert MatchResult.load(tmp_path / "result.npz").config == of_baseline.config
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"about": "{"}, r"not a match result \(Expecting"),
+        ({"about": "{}"}, r"not a match result \('outcome'\)"),
+        ({"about": None}, "it has no array 'about'"),
+        ({"vertices": np.zeros(3, dtype=int)}, "faces has shape"),
+        ({"n_target": 1}, "mapped outside the target"),
+        ({"format_version": 2}, "has format version 2, .* upgrade isomatch"),
+    ],
+)
+def test_what_is_no_result(tmp_path, result, change, message):
+    path = tmp_path / "result.npz"
+    result.save(path)
+    with np.load(path) as stored:
+        arrays = {name: value for name, value in {**stored, **change}.items() if value is not None}
+    np.savez(path, **arrays)
+    with pytest.raises(FormatError, match=rf"result\.npz: .*{message}"):
+        MatchResult.load(path)
+
+
+def test_settings_are_only_those_of_methods(tmp_path, result):
+    path = tmp_path / "result.npz"
+    result.save(path)
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    about = json.loads(str(arrays["about"]))
+    for settings in ("os.system", "Nobody"):
+        np.savez(path, **{**arrays, "about": json.dumps({**about, "settings": settings})})
+        with pytest.raises(FormatError, match=r"its settings .* are not known; first import"):
+            MatchResult.load(path)
+    with pytest.raises(MissingFileError):
+        MatchResult.load(tmp_path / "nothing.npz")
+
+
+@pytest.mark.parametrize(
+    "config", [Config(), Config(levels=LevelSettings(matched=1000, polished=2000))], ids=["full", "levels"]
+)
+def test_matches_of_shapes_read_from_files_are_the_same(tmp_path, example, config):
+    shapes = [prepare(made.mesh, config) for made in example]
+    for side, shape in enumerate(shapes):
+        shape.save(tmp_path / f"{side}.npz")
+    read = [PreparedShape.load(tmp_path / f"{side}.npz", config) for side in range(2)]
+    assert_same(*(replace(match(*pair), timings={}) for pair in (shapes, read)))
+    assert (read[0].notes, read[0].seed, read[0].timings) == (shapes[0].notes, 0, shapes[0].timings)
+    if config.levels.matched == 1000:
+        assert read[0].refining.fine is read[0].finer.refining.coarse.mesh, "what is shared stays shared"
+
+
+def test_points_and_graphs_in_files(tmp_path):
+    points = PointCloud(icosphere(3).vertices)
+    lattice = np.arange(100).reshape(10, 10)
+    edges = [
+        *zip(lattice[:-1].ravel(), lattice[1:].ravel()),
+        *zip(lattice[:, 1:].ravel(), lattice[:, :-1].ravel()),
+    ]
+    for surface in (points, Graph(100, edges, np.ones(len(edges)))):
+        prepare(surface).save(tmp_path / "shape.npz")
+        assert PreparedShape.load(tmp_path / "shape.npz").surface.content_hash == surface.content_hash
+
+
+def test_what_is_no_prepared_shape(tmp_path, prepared_example, result):
+    path = tmp_path / "shape.npz"
+    prepared_example[0].save(path)
+    with pytest.raises(SettingError, match=r"shape\.npz was prepared with rank = 50, the match asks for 20"):
+        PreparedShape.load(path, Config(rank=20))
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    np.savez(path, **{**arrays, "array_0": arrays["array_0"] + 1})
+    with pytest.raises(FormatError, match="it was changed after it was written"):
+        PreparedShape.load(path)
+    for version, message in ((0, "prepared in another way"), (2, "upgrade isomatch")):
+        np.savez(path, **{**arrays, "format_version": version})
+        with pytest.raises(FormatError, match=message):
+            PreparedShape.load(path)
+    result.save(path)
+    with pytest.raises(FormatError, match=r"shape\.npz: not a prepared shape \(it has no array 'digest'\)"):
+        PreparedShape.load(path)
