@@ -119,6 +119,7 @@ def statistics(
             "notes": notes,
         }
         into.finish(record)
+        tell("done", 1.0)
 
     def summary() -> None:
         _say(model, record)
