@@ -30,6 +30,7 @@ ROOMS = (
     "datasets",
     "baselines",
     "evaluation",
+    "statistics",
     "view",
     "collections",
 )
