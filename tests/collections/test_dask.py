@@ -52,4 +52,4 @@ def test_a_scheduler_that_is_lost_ends_the_run_in_one_line():
             raise OSError("Timed out")
 
     with pytest.raises(InputError, match="run again to continue"):
-        _n_threads_of(Client())
+        _n_threads_of(Client())()

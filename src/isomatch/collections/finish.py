@@ -55,9 +55,10 @@ def finish(
         job = WrapJob(layout, template, collection.path_of(template), suffix)
         todo = [plan for plan in _planned(collection, rows, template) if not _is_written(job, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
-        for plan, line in workers_of(executor, jobs).completed(tasks):
-            lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
-            yield lines[plan.name]
+        with workers_of(executor, jobs) as workers:
+            for plan, line in workers.completed(tasks):
+                lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
+                yield lines[plan.name]
         write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 from isomatch._packages import package
@@ -18,6 +19,7 @@ from isomatch._workers import begin_worker, worker_processes
 from isomatch.errors import InputError
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
+ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again
 LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
 
 
@@ -171,10 +173,12 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
         If Dask is not installed.
     """
     count = jobs or n_threads()
-    kind, _, address = executor.partition(":") if isinstance(executor, str) else ("", "", "")
     if not isinstance(executor, str):
-        yield Workers(partial(nullcontext, executor), lambda: count)
-    elif kind == "local" and not address:
+        given = nullcontext(executor)
+        yield Workers(lambda: given, lambda: count)
+        return
+    kind, _, address = executor.partition(":")
+    if kind == "local" and not address:
         with Workers(
             partial(worker_processes, count), lambda: count, max(1, n_threads() // count)
         ) as workers:
@@ -182,7 +186,9 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
     elif kind == "dask" and address:
         with (
             _dask_client(address) as client,
-            Workers(partial(_dask_executor, client), lambda: jobs or _n_threads_of(client)) as workers,
+            Workers(
+                partial(_dask_executor, client), (lambda: jobs) if jobs else _n_threads_of(client)
+            ) as workers,
         ):
             yield workers
     else:
@@ -199,11 +205,17 @@ def _dask_client(address: str) -> Any:
         raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
 
 
-def _n_threads_of(client: Any) -> int:
-    try:
-        return sum(client.nthreads().values()) or 1  # none have come yet
-    except OSError:
-        raise InputError(LOST) from None
+def _n_threads_of(client: Any) -> Callable[[], int]:
+    """Count the threads of a cluster, to which workers come and go; it is asked now and then."""
+
+    @lru_cache(maxsize=1)
+    def count(_: float) -> int:
+        try:
+            return sum(client.nthreads().values()) or 1  # none have come yet
+        except OSError:
+            raise InputError(LOST) from None
+
+    return lambda: count(time.monotonic() // ASKED)
 
 
 @contextmanager
