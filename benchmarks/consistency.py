@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 from isomatch import Mesh, write_mesh
@@ -67,8 +67,11 @@ def matched(study: Study, folder: Path) -> Collection:
             write_mesh(shapes / f"{name}.ply", study.mesh(name))
     collection = Collection.create(folder / "all", shapes, pairs="all")
     for event in collection.run(jobs=1):
-        print(folder.name, event.what, event.name, event.done, "of", event.of, event.record["state"], flush=True)
+        print(
+            folder.name, event.what, event.name, event.done, "of", event.of, event.record["state"], flush=True
+        )
     return collection
+
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "consistency.csv")

@@ -36,12 +36,13 @@ def inconsistency(readings: FloatArray) -> FloatArray:
     triangles = _triangles(readings)
     known = np.isfinite(triangles)
     errors = np.where(known, triangles, 0.0)
-    trust = np.ones(errors.shape[:2])
+    found: FloatArray = np.full(errors.shape[:2], np.nan)
+    trust = np.ones_like(found)
     for sharpness in SHARPNESS:
         weights = np.where(known, trust[:, :, None] * trust[None, :, :], 0.0)
         total = weights.sum(axis=1)
         with np.errstate(invalid="ignore"):
-            found: FloatArray = (weights * errors).sum(axis=1) / total
+            found = (weights * errors).sum(axis=1) / total
         trust = trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
     return found
 

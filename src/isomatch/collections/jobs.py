@@ -70,14 +70,14 @@ class Job:
 
     def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
         """Match pairs, unless that was done; return their rows."""
-        return [_row(partial(self._matched, plan)) for plan in plans]
+        return [row_of(partial(self._matched, plan)) for plan in plans]
 
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
         if entry.path.exists():
             found = entry.path.stat()
             stat = {"size": found.st_size, "changed": found.st_mtime_ns}
-        return stat | _row(partial(self._prepared, entry))
+        return stat | row_of(partial(self._prepared, entry))
 
     def _prepared(self, entry: Entry) -> Record:
         surface = surface_from(entry.path)
@@ -101,7 +101,7 @@ class Job:
         earlier = _maps_if_whole(file)
         if earlier and earlier.record["key"] == plan.key:
             return earlier.record
-        source, target = (_loaded(str(self.layout.prepared(key)), self.config) for key in plan.shapes)
+        source, target = (loaded_shape(str(self.layout.prepared(key)), self.config) for key in plan.shapes)
         found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
@@ -125,7 +125,7 @@ def _unsureness(record: Record) -> tuple[int, float]:
     ] or 0.0
 
 
-def _row(work: Callable[[], Record]) -> Record:
+def row_of(work: Callable[[], Record]) -> Record:
     """Do something and say when; what cannot be done is a row with the reason."""
     start = time.perf_counter()
     try:
@@ -156,5 +156,6 @@ def _loaded_if_whole(file: Path, config: Config) -> PreparedShape | None:
 
 
 @lru_cache(LOADED)
-def _loaded(file: str, config: Config) -> PreparedShape:
+def loaded_shape(file: str, config: Config) -> PreparedShape:
+    """Read a prepared shape; a process keeps some."""
     return PreparedShape.load(file, config)
