@@ -20,7 +20,6 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.errors import InputError
 from isomatch.matching import Outcome
 
 MOST_ROUNDS = 3
@@ -65,14 +64,12 @@ def agree(
     Parameters
     ----------
     collection : Collection
-        Its pairs must make triangles, as all do.
+        Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none.
     executor, jobs, time_limit
         As for `Collection.run`.
 
     Raises
     ------
-    InputError
-        If no three shapes are all matched with one another.
     UnwritableFileError
         If a run of the collection goes on, or the folder cannot be written.
 
@@ -152,13 +149,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     for name, result in workers.completed(tasks, late):
         if not isinstance(result, Exception) and "readings" in result:
             readings[:, :, number[name]] = result["readings"]
-    found = inconsistency(readings)
-    if np.isnan(found).all() and not late():
-        raise InputError(
-            f"{job.collection.folder}: no three shapes are all matched with one another, so no map can be compared with "
-            "others; match them with pairs = 'all'"
-        )
-    return found
+    return inconsistency(readings)
 
 
 def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:
