@@ -20,9 +20,10 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair, tiles_of
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Outcome
+from isomatch.matching import Config, Outcome
 
 MOST_ROUNDS = 3
+UNSURE = 0.25  # weight of a map that its own match does not trust
 MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
 
 
@@ -149,7 +150,22 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     for name, result in workers.completed(tasks, late):
         if not isinstance(result, Exception) and "readings" in result:
             readings[:, :, number[name]] = result["readings"]
-    return inconsistency(readings)
+    prior = np.ones(readings.shape[:2])
+    for pair in done:
+        a, b = (number[name] for name in pair)
+        prior[a, b] = prior[b, a] = _prior(rows.pairs[pair], job.collection.config)
+    return inconsistency(readings, prior)
+
+
+def _prior(row: Record, config: Config) -> float:
+    """Weight of a map by its own evidence: less if it has low confidence, or not the orientation that is wanted."""
+    outcomes = row.get("agreement", {}).get("outcomes") or [
+        row[side]["outcome"] for side in ("there", "back")
+    ]
+    wanted = {"preserve": 1, "reverse": -1, "any": 0}[config.orientation]
+    turned = any(wanted * (row[side]["quality"]["orientation"] or 0.0) < 0 for side in ("there", "back"))
+    unsure = set(outcomes) & {"LOW_CONFIDENCE", "HINTS_CONTRADICTED"}
+    return UNSURE if turned or unsure else 1.0
 
 
 def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:

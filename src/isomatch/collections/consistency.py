@@ -12,7 +12,7 @@ CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure
 SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area
 
 
-def inconsistency(readings: FloatArray) -> FloatArray:
+def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> FloatArray:
     """Estimate how far each map of a collection is from the right one.
 
     Parameters
@@ -20,6 +20,8 @@ def inconsistency(readings: FloatArray) -> FloatArray:
     readings : (n, n, n) array of float
         At (a, b, c): mean distance, in √(area of c), between the images of samples of a under a → b → c and under a → c;
         nan where a map is missing.
+    prior : (n, n) array of float, optional
+        Weight of the maps of each pair beforehand, symmetric; by default all are equal.
 
     Returns
     -------
@@ -37,13 +39,14 @@ def inconsistency(readings: FloatArray) -> FloatArray:
     known = np.isfinite(triangles)
     errors = np.where(known, triangles, 0.0)
     found: FloatArray = np.full(errors.shape[:2], np.nan)
-    trust = np.ones_like(found)
+    given = np.ones_like(found) if prior is None else prior
+    trust = given
     for sharpness in SHARPNESS:
         weights = np.where(known, trust[:, :, None] * trust[None, :, :], 0.0)
         total = weights.sum(axis=1)
         with np.errstate(invalid="ignore"):
             found = (weights * errors).sum(axis=1) / total
-        trust = trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
+        trust = given * trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
     return found
 
 

@@ -140,6 +140,9 @@ class CycleJob:
             }
         if any(each.outcome is Outcome.HINTS_CONTRADICTED for each in found):
             return {"refused": f"the composition over {over} changes when it is refined"}
+        side = {"preserve": 1, "reverse": -1, "any": 0}[config.orientation]
+        if any(side * each.quality.orientation < 0 for each in found):
+            return {"refused": f"the composition over {over} does not {config.orientation} the orientation"}
         worst = float(np.nanmax([0.0, *(1 / each.quality.rival for each in found)]))
         if worst > config.outcome.tie:
             return {
