@@ -1,5 +1,7 @@
 """A small collection of creatures with a wrong map: found, replaced, and written so that nothing is done twice."""
 
+import csv
+import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,10 +10,16 @@ import numpy as np
 import pytest
 
 from isomatch import write_mesh
+from isomatch._workers import worker_processes
+from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
+from isomatch.collections import collection as collection_module
 from isomatch.collections.consistency import CONTRADICTED
+from isomatch.collections.cycles import CycleJob
+from isomatch.collections.workers import Workers
 from isomatch.datasets import creature, ground_truth
+from isomatch.errors import InputError
 from isomatch.matching import PreparedShape, match_both
 
 pytest.importorskip("skimage")
@@ -147,6 +155,8 @@ def test_a_star_has_no_triangles(right, tmp_path):
     assert agreed(star) == []
     assert star.rows() == before
     assert agreement_of(before).compared == 0
+    with pytest.raises(InputError, match="no three shapes"):
+        command_line("agree", star.folder, "--jobs", 1)
 
 
 def test_shapes_that_are_mirrored_together_are_named():
@@ -158,3 +168,43 @@ def test_shapes_that_are_mirrored_together_are_named():
     rows = Rows(pairs={(a, b): row((a, b)) for i, a in enumerate(names) for b in names[i + 1 :]})
     assert agreement_of(rows).turned == ["m"]
     assert agreement_of(rows).contradicted == []
+
+
+@pytest.fixture
+def in_threads(monkeypatch):
+    """Local workers that need not be started."""
+    for module in (agreement_module, collection_module):
+        monkeypatch.setattr(module, "workers_of", lambda *_: Workers(lambda: ThreadPoolExecutor(1), 1))
+
+
+def test_jobs_travel_to_processes(right):
+    job = CycleJob(right, {name: row["key"] for name, row in right.rows().shapes.items()})
+    (here,) = job.images([WRONG])
+    with worker_processes(1) as executor:
+        (there,) = executor.submit(job.images, [WRONG]).result()
+    np.testing.assert_array_equal(here["images"], there["images"])
+
+
+def command_line(*words):
+    command, bound, _ = collect.parse_args([str(word) for word in words], exit_on_error=False)
+    command(*bound.args, **bound.kwargs)
+
+
+def test_command_replaces_and_tells(spoilt, in_threads, capsys):
+    command_line("agree", spoilt.folder, "--jobs", 1, "--json")
+    said = json.loads(capsys.readouterr().out)["agreement"]
+    assert said == {"compared": 6, "contradicted": [], "replaced": [list(WRONG)], "turned": []}
+    with spoilt.layout.table.open() as file:
+        lines = {(line["source"], line["target"]): line for line in csv.DictReader(file)}
+    assert lines[WRONG]["replaced_by"] in ("w > x > y", "w > z > y")
+    assert float(lines[WRONG]["inconsistency_before"]) > CONTRADICTED > float(lines[WRONG]["inconsistency"])
+
+
+def test_all_pairs_are_made_to_agree_unless_refused(spoilt, in_threads, capsys):
+    shapes = spoilt.folder.parent / "list.csv"
+    shapes.write_text("path\n" + "".join(f"{entry.path}\n" for entry in spoilt.shapes))
+    words = (shapes, "-o", spoilt.folder, "--pairs", "all", "--jobs", 1, "--json")
+    command_line(*words, "--no-agree")
+    assert json.loads(capsys.readouterr().out)["agreement"]["compared"] == 0
+    command_line(*words)
+    assert json.loads(capsys.readouterr().out)["agreement"]["replaced"] == [list(WRONG)]
