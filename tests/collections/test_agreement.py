@@ -208,3 +208,18 @@ def test_all_pairs_are_made_to_agree_unless_refused(spoilt, in_threads, capsys):
     assert json.loads(capsys.readouterr().out)["agreement"]["compared"] == 0
     command_line(*words)
     assert json.loads(capsys.readouterr().out)["agreement"]["replaced"] == [list(WRONG)]
+
+
+def test_maps_of_a_shape_that_was_lost_are_left_out(right, tmp_path):
+    shutil.copytree(right.folder, tmp_path / "all")
+    shapes = []
+    for entry in right.shapes:
+        shapes.append(tmp_path / entry.path.name)
+        shutil.copy(entry.path, shapes[-1])
+    shapes[0].write_text("ply\n")
+    copy = Collection.create(tmp_path / "all", shapes, pairs="all")
+    with ThreadPoolExecutor(1) as executor:
+        list(copy.run(executor))
+    assert copy.rows().shapes["w"]["state"] == "failed"
+    agreed(copy)
+    assert agreement_of(copy.rows()).compared == 3

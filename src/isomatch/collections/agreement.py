@@ -104,7 +104,9 @@ def agree(
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        _write(ledger, job, _measured(job, ledger, workers, late))
+        found = _measured(job, ledger, workers, late)
+        if not late():
+            _write(ledger, job, found)
 
 
 def agreement_of(rows: Rows) -> Agreement:
@@ -128,7 +130,12 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     """Inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
     number = {name: i for i, name in enumerate(names)}
-    done = [pair for pair, row in rows.pairs.items() if row["state"] == "done"]
+    done = [
+        pair
+        for pair, row in rows.pairs.items()
+        if row["state"] == "done"
+        and [row["source_hash"], row["target_hash"]] == [rows.shapes[name].get("hash") for name in pair]
+    ]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, LOADED // 2, max(1, len(done) // workers.count))
     for pair, result in workers.completed([Task(tuple(tile), job.images) for tile in tiles], late):
@@ -136,12 +143,9 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
             continue
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = result["images"]
-        if (
-            "replaced_by" in result["record"] and "replaced_by" not in rows.pairs[pair]
-        ):  # by a run that was killed
-            ledger.put_pair(
-                pair, _after(rows.pairs[pair], {"time": time.time(), **result["record"]}, len(names))
-            )
+        saved = {"time": time.time(), **result["record"]}
+        if "replaced_by" in saved and "replaced_by" not in rows.pairs[pair]:  # by a run that was killed
+            ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))
     readings = np.full((len(names),) * 3, np.nan)
     side = -(-len(names) // workers.count)  # the images travel with each task
     tasks = [
