@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +13,8 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch.cli.inputs import read_config
 from isomatch.cli.terminal import TALK, Talk, say, say_table
-from isomatch.collections import Collection, finish, state_of, write_table
+from isomatch.collections import Collection, Event, agreement_of, finish, state_of, write_table
+from isomatch.collections import agree as agreeing
 from isomatch.errors import InputError
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
@@ -30,6 +32,7 @@ def run(
     executor: str = "local",
     shard: str = "1/1",
     time_limit: float | None = None,
+    agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     config: Path | None = None,
     seed: int = 0,
     talk: Talk = TALK,
@@ -55,6 +58,9 @@ def run(
         i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other machines.
     time_limit : float
         Seconds after which nothing new is begun.
+    agree : bool
+        Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default only
+        if all pairs are. Maps of shards are compared by that command.
     config : Path
         TOML file with settings; see isomatch.Config.
     seed : int
@@ -72,11 +78,16 @@ def run(
         config=read_config(config) or isomatch.Config(),
         seed=seed,
     )
+    begin = time.monotonic()
     with talk.progress() as tell:
         for event in collection.run(executor, jobs, part, time_limit):
-            name = event.name if isinstance(event.name, str) else " and ".join(event.name)
-            what = "prepared" if event.what == "shape" else "matched"
-            tell(f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of)
+            tell(*_told(event))
+        left = None if time_limit is None else max(0.0, begin + time_limit - time.monotonic())
+        complete = part[1] == 1 and "todo" not in _status(collection)["pairs"]
+        if complete and (pairs == "all" if agree is None else agree):
+            tell("comparing maps with compositions of others", 1.0)
+            for event in agreeing(collection, executor, jobs, left):
+                tell(*_told(event))
         if part[1] == 1:
             for line in finish(collection, executor, jobs):
                 tell(f"written in the topology of the template: {line['name']}", 1.0)
@@ -115,9 +126,59 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
     )
 
 
+@collect.command
+def agree(
+    folder: Path,
+    /,
+    *,
+    jobs: int | None = None,
+    executor: str = "local",
+    time_limit: float | None = None,
+    talk: Talk = TALK,
+) -> None:
+    """Find the maps that most others contradict, and replace them by compositions of others, refined.
+
+    A map from a to c disagrees with those from a to b and b to c if one of the three is wrong; many such triangles tell
+    which. Maps that stay contradicted have low confidence. Run it again to continue, or after adding shapes.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of a collection whose pairs make triangles, as all do; also of one matched in shards.
+    jobs : int
+        Number of maps to replace at a time; by default one for each processor.
+    executor : str
+        local (default), or dask:ADDRESS; as for isomatch collect.
+    time_limit : float
+        Seconds after which nothing new is begun.
+    """
+    collection = Collection.open(folder)
+    with talk.progress() as tell:
+        for event in agreeing(collection, executor, jobs, time_limit):
+            tell(*_told(event))
+        tell("writing", 1.0)
+        finish(collection)
+    if not agreement_of(collection.rows()).compared and time_limit is None:
+        raise InputError(
+            f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
+            "match with --pairs all"
+        )
+    talk.result(_status(collection), lambda: _say_status(collection))
+
+
+def _told(event: Event) -> tuple[str, float]:
+    name = event.name if isinstance(event.name, str) else " and ".join(event.name)
+    what = {"shape": "prepared", "pair": "matched", "agreement": "compared"}[event.what]
+    return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
+
+
 def _ending(record: dict[str, Any]) -> str:
     if record["state"] == "failed":
         return f"failed: {record['error']}"
+    if "replaced_by" in record:
+        return f"replaced by the composition over {record['replaced_by'][1]}"
+    if "refused" in record.get("agreement", {}):
+        return f"contradicted, but not replaced: {record['agreement']['refused']}"
     return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
 
 
@@ -141,6 +202,7 @@ def _status(collection: Collection) -> dict[str, Any]:
         "template": collection.chosen_template(rows),
         "pairs": {"all": len(pairs), **states},
         "outcomes": dict(outcomes),
+        "agreement": agreement_of(rows)._asdict(),
         "failures": failures,
     }
 
@@ -155,6 +217,17 @@ def _say_status(collection: Collection) -> None:
     say_table(
         (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
     )
+    agreement = agreement_of(collection.rows())
+    if agreement.compared:
+        say(
+            f"{agreement.compared} pairs compared with compositions: {len(agreement.contradicted)} contradicted, "
+            f"{len(agreement.replaced)} replaced"
+        )
+    if agreement.turned:
+        say(
+            f"maps to {', '.join(agreement.turned)} mostly reverse the orientation: perhaps mirrored together",
+            "bold red",
+        )
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
     say(f"in {status['folder']}: {collection.layout.page.name}, {collection.layout.table.name}")

@@ -1,3 +1,4 @@
+from isomatch.collections.agreement import Agreement, agree, agreement_of
 from isomatch.collections.collection import Collection, Event, state_of
 from isomatch.collections.finish import finish
 from isomatch.collections.layout import Layout
@@ -6,4 +7,17 @@ from isomatch.collections.map_file import PairMaps
 from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
 
-__all__ = ["Collection", "Entry", "Event", "Layout", "PairMaps", "Rows", "finish", "state_of", "write_table"]
+__all__ = [
+    "Agreement",
+    "Collection",
+    "Entry",
+    "Event",
+    "Layout",
+    "PairMaps",
+    "Rows",
+    "agree",
+    "agreement_of",
+    "finish",
+    "state_of",
+    "write_table",
+]

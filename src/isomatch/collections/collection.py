@@ -32,7 +32,7 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 class Event(NamedTuple):
     """A step of a run: what was done for which shape or pair, its row, and how many of how many are."""
 
-    what: Literal["shape", "pair"]
+    what: Literal["shape", "pair", "agreement"]
     name: str | Pair
     record: Record
     done: int

@@ -80,14 +80,14 @@ class Job:
 
     def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
         """Match pairs, unless that was done; return their rows, as far as there was time."""
-        return [_row(partial(self._matched, plan)) for plan in plans if not self.is_late()]
+        return [row_of(partial(self._matched, plan)) for plan in plans if not self.is_late()]
 
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
         if entry.path.exists():
             found = entry.path.stat()
             stat = {"size": found.st_size, "changed": found.st_mtime_ns}
-        return stat | _row(partial(self._prepared, entry))
+        return stat | row_of(partial(self._prepared, entry))
 
     def _prepared(self, entry: Entry) -> Record:
         surface = surface_from(entry.path)
@@ -113,7 +113,7 @@ class Job:
         if earlier and earlier.record["key"] == plan.key:
             return earlier.record
         start = time.perf_counter()
-        source, target = (_loaded(self.layout.prepared(key), self.config) for key in plan.shapes)
+        source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
         found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
@@ -143,7 +143,7 @@ def _unsureness(record: Record) -> tuple[int, float]:
     ] or 0.0
 
 
-def _row(work: Callable[[], Record]) -> Record:
+def row_of(work: Callable[[], Record]) -> Record:
     """Do something and say when; what cannot be done is a row with the reason."""
     start = time.perf_counter()
     try:
@@ -177,7 +177,7 @@ _shapes = OrderedDict[tuple[Path, Config], tuple[PreparedShape, int]]()  # of th
 _taking = Lock()  # a worker of a cluster may have several threads
 
 
-def _loaded(file: Path, config: Config) -> PreparedShape:
+def loaded_shape(file: Path, config: Config) -> PreparedShape:
     """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
     with _taking:
         found = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)

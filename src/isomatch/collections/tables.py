@@ -21,6 +21,9 @@ COLUMNS = (
     "outcome_back",
     *MEASURES,
     *(f"{name}_back" for name in MEASURES),
+    "inconsistency",
+    "inconsistency_before",
+    "replaced_by",
     "seconds",
     "memory",
     "error",
@@ -57,6 +60,10 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
         if result:
             line[f"outcome{ending}"] = result["outcome"]
             line |= {f"{name}{ending}": result["quality"].get(name) for name in MEASURES}
+    known = record.get("agreement", {})
+    line |= {"inconsistency": known.get("inconsistency"), "inconsistency_before": known.get("before")}
+    if "replaced_by" in record:
+        line["replaced_by"] = " > ".join(record["replaced_by"])
     return line
 
 

@@ -1,0 +1,203 @@
+"""Do cycles of maps tell wrong from right? Wrong maps put into collections, found and replaced.
+
+    python benchmarks/consistency.py --data DIR -o OUT [SET ...]
+
+writes ``consistency.csv``, one row for each set and share of wrong maps. Wrong maps are, by turns, the best that
+reverses the orientation and, where a runner-up of the match turns the shape, that one refined. What is already in
+``OUT`` is not computed again.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
+from isomatch.collections import Collection, PairMaps, agree, agreement_of
+from isomatch.datasets import BenchmarkPair, Creature, creature, ground_truth, remeshed
+from studies import asked_for, mean_error, write_rows
+
+SETS = ("creatures", "faust_r", "tosca_iso_r")
+PEOPLE = tuple(f"tr_reg_{i:03}" for i in (0, 1, 3, 4, 10, 11, 13, 14, 20, 21, 23, 24))
+CATS = tuple(f"cat{i}" for i in range(9))
+BIPEDS = tuple(f"biped{i}" for i in range(1, 9))
+SHARES = (0.0, 0.1, 0.2, 0.3)
+FAILURE = 10.0  # mean error × 100 / √area
+COLUMNS = (
+    *("set", "pairs", "share", "wrong", "mirrored", "wrong_sure", "found", "right_flagged", "replaced"),
+    *("error_before", "error_after", "failures_before", "failures_after", "sure_failures_before"),
+    *("sure_failures_after", "consistency_right", "consistency_wrong"),
+)
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Shapes with the truth between any two of them."""
+
+    names: tuple[str, ...]
+    mesh: Callable[[str], Mesh]
+    pair: Callable[[str, str], BenchmarkPair]
+
+
+def study_of(name: str, data: Path) -> Study:
+    """Shapes of a set."""
+    if name == "creatures":
+        return Study(BIPEDS, lambda shape: biped(shape).mesh, made_pair)
+    shapes = remeshed(data / name)
+    return Study(PEOPLE if name == "faust_r" else CATS, shapes.mesh, shapes.pair)
+
+
+@cache
+def biped(name: str) -> Creature:
+    """Make a creature with two legs that is its own mirror image; its number is pose and triangulation."""
+    number = int(name.removeprefix("biped"))
+    return creature(3000, pose=number, kind="biped", style=1, symmetric=True, triangulation=number)
+
+
+def made_pair(source: str, target: str) -> BenchmarkPair:
+    """Two creatures with their exact truth."""
+    a, b = biped(source), biped(target)
+    image = ground_truth(a, b).vertices
+    return BenchmarkPair(
+        f"{source}-{target}", a.mesh, b.mesh, np.column_stack([np.arange(len(image)), image])
+    )
+
+
+def matched(study: Study, folder: Path) -> Collection:
+    """Match all pairs of a set."""
+    shapes = folder / "shapes"
+    shapes.mkdir(parents=True, exist_ok=True)
+    for name in study.names:
+        if not (shapes / f"{name}.ply").exists():
+            write_mesh(shapes / f"{name}.ply", study.mesh(name))
+    collection = Collection.create(folder / "all", shapes, pairs="all")
+    for event in collection.run(jobs=1):
+        print(folder.name, event.what, event.name, event.done, "of", event.of, flush=True)
+    return collection
+
+
+def prepared(collection: Collection, name: str) -> PreparedShape:
+    """Read a prepared shape."""
+    return PreparedShape.load(collection.layout.prepared(collection.rows().shapes[name]["key"]))
+
+
+def wrong_maps(collection: Collection, pair: Pair, kind: str, file: Path) -> PairMaps:
+    """Find the best mirrored maps of a pair, or refine its runner-up, if there is one that turns the shape."""
+    if file.exists():
+        return PairMaps.load(file)
+    right = collection.maps(*pair)
+    source, target = (prepared(collection, name) for name in pair)
+    image, config = None, replace(collection.config, orientation="reverse")
+    if kind == "turned":
+        turned = [each.map.vertices for each in match(source, target).alternatives if each.orientation > 0]
+        image = max(turned, key=lambda other: moved(target, right, other), default=None)
+        if image is not None and moved(target, right, image) < 1.5 * FAILURE / 100:
+            image = None
+    if image is not None:
+        config = replace(collection.config, hypotheses="given")
+    kind = "mirrored" if image is None else "turned"
+    found = match_both(source, target, initial_map=image, config=config)
+    record = {**right.record, "there": found.there.to_dict(), "back": found.back.to_dict(), "kind": kind}
+    maps = PairMaps(found.there.map, found.back.map, record)
+    file.parent.mkdir(exist_ok=True)
+    maps.save(file)
+    return maps
+
+
+def moved(target: PreparedShape, right: PairMaps, image: np.ndarray) -> float:
+    """Mean distance of the images under another map."""
+    return target.mean_distance(target.body_vertex[right.there.vertices], target.body_vertex[image])
+
+
+def with_wrong_maps(base: Collection, share: float, folder: Path) -> tuple[Collection, dict[Pair, str]]:
+    """Copy a collection and exchange some of its maps; also tell for which pairs, and of what kind."""
+    pairs = sorted(base.rows().pairs)
+    order = np.random.default_rng(0).permutation(len(pairs))[: round(share * len(pairs))]
+    kinds = {}
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(base.folder, folder, ignore=shutil.ignore_patterns("ledger*"))
+    copy = Collection.open(folder)
+    for i, row in enumerate(order):
+        pair = pairs[row]
+        file = base.folder.parent / "wrong" / base.layout.maps(pair).name
+        maps = wrong_maps(base, pair, ("mirrored", "turned")[i % 2], file)
+        maps.save(copy.layout.maps(pair))
+        kinds[pair] = maps.record["kind"]
+        print(folder.name, pair, maps.record["kind"], maps.record["there"]["outcome"], flush=True)
+    list(copy.run(jobs=1))  # makes the ledger from the maps
+    return copy, kinds
+
+
+def errors_of(study: Study, collection: Collection, known: dict[str, float]) -> dict[Pair, float]:
+    """Mean error of the map of each pair; of maps that were judged before, it is known."""
+    found = {}
+    for pair in collection.rows().pairs:
+        there = collection.maps(*pair).there
+        text = f"{pair} {hash(there.vertices.tobytes())}"
+        if text not in known:
+            known[text] = mean_error(study.pair(*pair), there)
+        found[pair] = known[text]
+    return found
+
+
+def measured(name: str, study: Study, folder: Path, share: float, known: dict[str, float]) -> dict[str, Any]:
+    """Errors and outcomes before and after the maps of a collection were brought to agree."""
+    file = folder / f"{share}.json"
+    if file.exists():
+        return dict(json.loads(file.read_text()))
+    base = Collection.open(folder / "all")
+    copy, kinds = with_wrong_maps(base, share, folder / f"wrong_{share}")
+    before, rows_before = errors_of(study, copy, known), copy.rows().pairs
+    for event in agree(copy, jobs=1):
+        tried = event.record
+        print(name, share, event.name, tried["agreement"], tried.get("replaced_by"), flush=True)
+    rows = copy.rows()
+    after, pairs = errors_of(study, copy, known), list(before)
+    first = {pair: rows.pairs[pair]["agreement"]["before"] for pair in pairs}
+    flagged = {pair for pair in pairs if "tried_with" in rows.pairs[pair]["agreement"]}
+    flagged |= set(agreement_of(rows).contradicted)
+    wrong = {pair for pair in pairs if before[pair] > FAILURE}
+
+    def sure(known_rows: dict[Pair, Any], pair: Pair) -> bool:
+        return known_rows[pair]["there"]["outcome"] in ("CONVERGED", "PARTIAL")
+
+    row = {
+        "set": name,
+        "pairs": len(pairs),
+        "share": share,
+        "wrong": len(wrong),
+        "mirrored": sum(kind == "mirrored" for kind in kinds.values()),
+        "wrong_sure": sum(sure(rows_before, pair) for pair in wrong),
+        "found": len(flagged & wrong),
+        "right_flagged": len(flagged - wrong),
+        "replaced": len(agreement_of(rows).replaced),
+        "error_before": float(np.mean(list(before.values()))),
+        "error_after": float(np.mean(list(after.values()))),
+        "failures_before": len(wrong),
+        "failures_after": sum(error > FAILURE for error in after.values()),
+        "sure_failures_before": sum(sure(rows_before, pair) for pair in wrong),
+        "sure_failures_after": sum(sure(rows.pairs, pair) for pair in pairs if after[pair] > FAILURE),
+        "consistency_right": max(first[pair] for pair in pairs if pair not in wrong),
+        "consistency_wrong": min((first[pair] for pair in wrong), default=None),
+    }
+    file.write_text(json.dumps(row))
+    return row
+
+
+if __name__ == "__main__":
+    asked = asked_for(__doc__, "consistency.csv", SETS)
+    rows = []
+    for name in asked.kinds or SETS:
+        study, known = study_of(name, Path(asked.data)), dict[str, float]()
+        matched(study, asked.output / name)
+        rows += [measured(name, study, asked.output / name, share, known) for share in SHARES]
+        print(*rows, sep="\n", flush=True)
+    write_rows(asked.output / "consistency.csv", COLUMNS, rows)

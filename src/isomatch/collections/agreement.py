@@ -1,0 +1,232 @@
+"""Agreement: maps that the others of a collection contradict are found, and replaced where a better one is known."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from isomatch._arrays import FloatArray
+from isomatch.collections.collection import Collection, Event
+from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
+from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
+from isomatch.collections.ledger import Ledger, Rows, writing_ledger
+from isomatch.collections.map_file import Record
+from isomatch.collections.pairs import Pair, tiles_of
+from isomatch.collections.workers import Task, Workers, workers_of
+from isomatch.correspondence import UNMATCHED
+from isomatch.matching import Config, Outcome
+
+MOST_ROUNDS = 3
+TILE = 8  # shapes on either side of a tile of pairs
+UNSURE = 0.25  # weight of a map that its own match does not trust
+MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
+
+
+class Agreement(NamedTuple):
+    """What is known of the agreement of a collection.
+
+    Parameters
+    ----------
+    compared : int
+        Pairs that are in triangles of matched pairs.
+    contradicted : list of two str
+        Those whose maps the others contradict, still.
+    replaced : list of two str
+        Those whose maps were replaced.
+    turned : list of str
+        Shapes whose maps to the others mostly reverse the orientation. Maps that are wrong together agree: of shapes
+        with a symmetry, nothing else tells that all maps to one of them are mirrored or turned.
+    """
+
+    compared: int
+    contradicted: list[Pair]
+    replaced: list[Pair]
+    turned: list[str]
+
+
+def agree(
+    collection: Collection,
+    executor: str | Executor = "local",
+    jobs: int | None = None,
+    time_limit: float | None = None,
+) -> Iterator[Event]:
+    """Find the maps that most others contradict, replace them where that is possible, and yield each that was tried.
+
+    A map is replaced by that composition of two others that agrees with most, refined by a match that starts from it;
+    if it then agrees better, and no other map of the pair fits clearly better than it. A map that stays contradicted
+    has low confidence. The rows of pairs get ``inconsistency``, now and ``before``, and ``replaced_by``. What was done
+    before, also by a run that was killed, is not done again.
+
+    Parameters
+    ----------
+    collection : Collection
+        Pairs that are in no triangle of matched pairs stay as they are: all pairs make triangles, a star none.
+    executor, jobs, time_limit
+        As for `Collection.run`.
+
+    Raises
+    ------
+    UnwritableFileError
+        If a run of the collection goes on, or the folder cannot be written.
+
+    Notes
+    -----
+    For n shapes, 3 n² maps are read in each of up to three rounds, with O(n³) time and memory for triangles.
+    """
+    end = None if time_limit is None else time.monotonic() + time_limit
+
+    def late() -> bool:
+        return end is not None and time.monotonic() > end
+
+    with workers_of(executor, jobs) as workers, writing_ledger(collection.layout.ledger()) as ledger:
+        ledger.rows.merge(collection.rows())
+        job = CycleJob(
+            collection, {name: row["key"] for name, row in ledger.rows.shapes.items() if "key" in row}
+        )
+        for _ in range(MOST_ROUNDS):
+            found = _measured(job, ledger, workers, late)
+            if late():
+                return
+            _write(ledger, job, found)
+            repairs = _repairs(ledger.rows, job, found)
+            n_replaced = 0
+            tasks = [Task((repair,), job.repaired) for repair in repairs]
+            for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
+                row = _after(ledger.rows.pairs[repair.pair], result, len(job.prepared))
+                n_replaced += "replaced_by" in row
+                ledger.put_pair(repair.pair, row)
+                yield Event("agreement", repair.pair, row, count, len(repairs))
+            if not n_replaced:
+                return
+        found = _measured(job, ledger, workers, late)
+        if not late():
+            _write(ledger, job, found)
+
+
+def agreement_of(rows: Rows) -> Agreement:
+    """Sum up the rows of a collection."""
+    compared = {pair: row["agreement"] for pair, row in rows.pairs.items() if "agreement" in row}
+    names = sorted({name for pair in compared for name in pair})
+    orientations = np.full((len(names), len(names)), np.nan)
+    for pair in compared:
+        i, j = map(names.index, pair)
+        orientation = rows.pairs[pair]["there"]["quality"]["orientation"]
+        orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
+    return Agreement(
+        len(compared),
+        [pair for pair, known in compared.items() if known["inconsistency"] > CONTRADICTED],
+        [pair for pair in compared if "replaced_by" in rows.pairs[pair]],
+        [names[i] for i in turned_shapes(orientations)] if names else [],
+    )
+
+
+def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:
+    """Inconsistency (n, n) of all pairs of the prepared shapes."""
+    rows, names = ledger.rows, list(job.prepared)
+    number = {name: i for i, name in enumerate(names)}
+    done = [
+        pair
+        for pair, row in rows.pairs.items()
+        if row["state"] == "done"
+        and [row["source_hash"], row["target_hash"]] == [rows.shapes[name].get("hash") for name in pair]
+    ]
+    images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
+    tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
+    for pair, result in workers.completed([Task(tuple(tile), job.images) for tile in tiles], late):
+        if isinstance(result, Exception) or "images" not in result:  # the next run matches it again
+            continue
+        a, b = (number[name] for name in pair)
+        images[a, b], images[b, a] = result["images"]
+        saved = {"time": time.time(), **result["record"]}
+        if "replaced_by" in saved and "replaced_by" not in rows.pairs[pair]:  # by a run that was killed
+            ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))
+    readings = np.full((len(names),) * 3, np.nan)
+    side = -(-len(names) // workers.count())  # the images travel with each task
+    tasks = [
+        Task(tuple(names[i : i + side]), partial(job.readings, images)) for i in range(0, len(names), side)
+    ]
+    for name, result in workers.completed(tasks, late):
+        if not isinstance(result, Exception) and "readings" in result:
+            readings[:, :, number[name]] = result["readings"]
+    prior = np.ones(readings.shape[:2])
+    for pair in done:
+        a, b = (number[name] for name in pair)
+        prior[a, b] = prior[b, a] = _prior(rows.pairs[pair], job.collection.config)
+    return inconsistency(readings, prior)
+
+
+def _prior(row: Record, config: Config) -> float:
+    """Weight of a map by its own evidence: less if it has low confidence, or not the orientation that is wanted."""
+    outcomes = row.get("agreement", {}).get("outcomes") or [
+        row[side]["outcome"] for side in ("there", "back")
+    ]
+    wanted = {"preserve": 1, "reverse": -1, "any": 0}[config.orientation]
+    turned = any(wanted * (row[side]["quality"]["orientation"] or 0.0) < 0 for side in ("there", "back"))
+    unsure = set(outcomes) & {"LOW_CONFIDENCE", "HINTS_CONTRADICTED"}
+    return UNSURE if turned or unsure else 1.0
+
+
+def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:
+    """Write how far each pair is from the others; those that are contradicted have low confidence."""
+    for a, b, value in _known(job, found):
+        pair = (a, b) if (a, b) in ledger.rows.pairs else (b, a)
+        row = ledger.rows.pairs[pair]
+        known = {"before": value, **row.get("agreement", {})}
+        own = known.get("outcomes") or [row[side]["outcome"] for side in ("there", "back")]
+        agreement = {**known, "inconsistency": value, "outcomes": own}
+        sides = {}
+        for side, outcome in zip(("there", "back"), own):
+            least = Outcome.LOW_CONFIDENCE if value > CONTRADICTED else Outcome.CONVERGED
+            held = min(Outcome[outcome], least, key=list(Outcome).index)
+            sides[side] = {**row[side], "outcome": held.name, "advice": held.advice}
+        new = {**row, **sides, "agreement": agreement}
+        if new != row:
+            ledger.put_pair(pair, {**new, "time": time.time()})
+
+
+def _known(job: CycleJob, found: FloatArray) -> Iterator[tuple[str, str, float]]:
+    names = list(job.prepared)
+    for i, j in np.argwhere(np.triu(np.isfinite(found), 1)):
+        yield names[i], names[j], round(float(found[i, j]), 4)
+
+
+def _repairs(rows: Rows, job: CycleJob, found: FloatArray) -> Sequence[Repair]:
+    """Plan what to do about the pairs that are contradicted and were not yet tried with as many shapes."""
+    names = list(job.prepared)
+    trusted = np.where(found <= CONTRADICTED, trust_in(found), 0.0)
+    repairs = []
+    for a, c in np.argwhere(np.triu(found > CONTRADICTED)):
+        pair = (names[a], names[c]) if (names[a], names[c]) in rows.pairs else (names[c], names[a])
+        paths = trusted[a] * trusted[c]
+        middles = [int(b) for b in np.argsort(-paths)[:MOST_PATHS] if paths[b] > 0]
+        if not middles or rows.pairs[pair]["agreement"].get("tried_with") == len(names):
+            continue
+        outcomes = [_least_sure(rows, pair, names[b]) for b in middles]
+        seed = job.collection.seed + rows.pairs[pair]["attempt"]
+        repairs.append(
+            Repair(pair, tuple(names[b] for b in middles), tuple(paths[middles]), tuple(outcomes), seed)
+        )
+    return repairs
+
+
+def _least_sure(rows: Rows, pair: Pair, middle: str) -> str:
+    legs = [rows.pairs.get((end, middle)) or rows.pairs[middle, end] for end in pair]
+    outcomes = [Outcome[leg[side]["outcome"]] for leg in legs for side in ("there", "back")]
+    return min(outcomes, key=list(Outcome).index).name
+
+
+def _after(row: Record, result: Any, n_shapes: int) -> Record:
+    """Row of a pair after an attempt to replace its map."""
+    agreement = {**row.get("agreement", {}), "tried_with": n_shapes}
+    if isinstance(result, Exception):
+        result = {"refused": f"the worker died ({result})"}
+    if "replaced_by" in result:
+        agreement.pop("outcomes", None)
+        return {**row, **result, "agreement": agreement}
+    reason = result.get("refused") or result["error"]
+    return {**row, "agreement": {**agreement, "refused": reason}, "time": time.time()}

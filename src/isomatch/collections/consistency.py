@@ -1,0 +1,87 @@
+"""Cycles tell wrong maps from right ones: how far each map of a collection is from what the others say together."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+
+CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure; right maps reach half of it
+SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area
+
+
+def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> FloatArray:
+    """Estimate how far each map of a collection is from the right one.
+
+    Parameters
+    ----------
+    readings : (n, n, n) array of float
+        At (a, b, c): mean distance, in √(area of c), between the images of samples of a under a → b → c and under a → c;
+        nan where a map is missing.
+    prior : (n, n) array of float, optional
+        Weight of the maps of each pair beforehand, symmetric; by default all are equal.
+
+    Returns
+    -------
+    (n, n) array of float
+        For each pair, both directions together, in √area; symmetric, nan where the pair is in no triangle.
+
+    Notes
+    -----
+    A right map disagrees with the composition of two others exactly if one of these is wrong, so their average counts
+    each triangle by the trust in its two other maps, exp(−β × their inconsistencies), in rounds of rising β: cycle-edge
+    message passing (Lerman & Shi, *Robust Group Synchronization via Cycle-Edge Message Passing*, FoCM 2022). O(n³) time
+    and memory. Maps that are wrong together, as all of one shape that is mirrored, are consistent.
+    """
+    triangles = _triangles(readings)
+    known = np.isfinite(triangles)
+    errors = np.where(known, triangles, 0.0)
+    found: FloatArray = np.full(errors.shape[:2], np.nan)
+    given = np.ones_like(found) if prior is None else prior
+    trust = given
+    for sharpness in SHARPNESS:
+        weights = np.where(known, trust[:, :, None] * trust[None, :, :], 0.0)
+        total = weights.sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            found = (weights * errors).sum(axis=1) / total
+        trust = given * trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
+    return found
+
+
+def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
+    """Weight of maps with these inconsistencies, from 1 down to 0."""
+    weights: FloatArray = np.exp(-sharpness * inconsistencies)
+    return weights
+
+
+def turned_shapes(orientations: FloatArray) -> IntArray:
+    """Find the shapes that are mirrored against the others, as far as the maps' orientations tell.
+
+    Parameters
+    ----------
+    orientations : (n, n) array of float
+        Orientation of the map of each pair, symmetric: near 1 or −1; nan where not known.
+
+    Returns
+    -------
+    array of int
+        The smaller side if maps between two groups of shapes reverse the orientation and those within them do not.
+    """
+    known = np.nan_to_num(orientations)
+    np.fill_diagonal(known, 1.0)
+    side = np.linalg.eigh(known)[1][:, -1]
+    first, second = np.flatnonzero(side < 0), np.flatnonzero(side >= 0)
+    return min(first, second, key=len)
+
+
+def _triangles(readings: FloatArray) -> FloatArray:
+    """Mean over the six readings of each triangle that are known; nan if none is, or two of its shapes are one."""
+    turned = [readings.transpose(order) for order in permutations(range(3))]
+    known = sum(np.isfinite(each).astype(np.int64) for each in turned)
+    total = sum(np.nan_to_num(each) for each in turned)
+    i = np.arange(len(readings))
+    mean: FloatArray = np.where(known > 0, total / np.maximum(known, 1), np.nan)
+    mean[i, i, :] = mean[i, :, i] = mean[:, i, i] = np.nan
+    return mean

@@ -1,0 +1,225 @@
+"""A small collection of creatures with a wrong map: found, replaced, and written so that nothing is done twice."""
+
+import csv
+import json
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import write_mesh
+from isomatch._workers import worker_processes
+from isomatch.cli.collect import collect
+from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
+from isomatch.collections import agreement as agreement_module
+from isomatch.collections import collection as collection_module
+from isomatch.collections.consistency import CONTRADICTED
+from isomatch.collections.cycles import CycleJob
+from isomatch.collections.workers import Workers
+from isomatch.datasets import creature, ground_truth
+from isomatch.errors import InputError
+from isomatch.matching import PreparedShape, match_both
+
+pytest.importorskip("skimage")
+NAMES = ("w", "x", "y", "z")
+WRONG = ("w", "y")
+
+
+@pytest.fixture(scope="module")
+def creatures():
+    return {
+        name: creature(1500, pose=i + 1, kind="biped", symmetric=True, triangulation=i)
+        for i, name in enumerate(NAMES)
+    }
+
+
+@pytest.fixture(scope="module")
+def right(creatures, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("right")
+    for name, made in creatures.items():
+        write_mesh(folder / f"{name}.ply", made.mesh)
+    collection = Collection.create(folder / "all", folder, pairs="all")
+    with ThreadPoolExecutor(1) as executor:
+        list(collection.run(executor))
+    return collection
+
+
+@pytest.fixture(scope="module")
+def mirrored(right):
+    """The best maps of a pair that reverse the orientation, called right by the match that was asked for them."""
+    rows = right.rows()
+    shapes = [PreparedShape.load(right.layout.prepared(rows.shapes[name]["key"])) for name in WRONG]
+    found = match_both(*shapes, config=replace(right.config, orientation="reverse"))
+    record = {
+        **right.maps(*WRONG).record,
+        "there": found.there.to_dict(),
+        "back": found.back.to_dict(),
+    }
+    return PairMaps(found.there.map, found.back.map, record)
+
+
+@pytest.fixture
+def spoilt(right, mirrored, tmp_path):
+    """A copy of the collection with the wrong map; its ledger is made from the files."""
+    shutil.copytree(right.folder, tmp_path / "all", ignore=shutil.ignore_patterns("ledger*"))
+    copy = Collection.open(tmp_path / "all")
+    mirrored.save(copy.layout.maps(WRONG))
+    with ThreadPoolExecutor(1) as executor:
+        list(copy.run(executor))
+    return copy
+
+
+def agreed(collection):
+    with ThreadPoolExecutor(1) as executor:
+        return list(agree(collection, executor))
+
+
+def error(creatures, collection, pair):
+    truth = ground_truth(creatures[pair[0]], creatures[pair[1]]).vertices
+    points = creatures[pair[1]].rest
+    found = collection.maps(*pair).there.vertices
+    return np.linalg.norm(points[found] - points[truth], axis=1).mean()
+
+
+def test_right_maps_stay(right, tmp_path):
+    shutil.copytree(right.folder, tmp_path / "all")
+    copy = Collection.open(tmp_path / "all")
+    before = copy.rows()
+    assert agreed(copy) == []
+    rows = copy.rows()
+    assert agreement_of(rows) == (6, [], [], [])
+    for pair, row in rows.pairs.items():
+        assert row["agreement"]["inconsistency"] < CONTRADICTED
+        assert {**before.pairs[pair], "time": 0} == {
+            name: 0 if name == "time" else row[name] for name in before.pairs[pair]
+        }
+
+
+def test_the_wrong_map_is_replaced(spoilt, right, creatures):
+    assert error(creatures, spoilt, WRONG) > 0.1
+    (event,) = agreed(spoilt)
+    assert (event.what, event.name) == ("agreement", WRONG)
+    rows = spoilt.rows()
+    row = rows.pairs[WRONG]
+    assert agreement_of(rows) == (6, [], [WRONG], [])
+    assert row["replaced_by"] in (["w", "x", "y"], ["w", "z", "y"])
+    assert row["agreement"]["before"] > CONTRADICTED > row["agreement"]["inconsistency"]
+    assert "contradict" in row["there"]["notes"][0]
+    assert error(creatures, spoilt, WRONG) < 1.2 * error(creatures, right, WRONG) + 0.005
+    assert error(creatures, spoilt, WRONG[::-1]) < 1.2 * error(creatures, right, WRONG[::-1]) + 0.005
+    assert agreed(spoilt) == []
+    assert spoilt.rows() == rows
+    with ThreadPoolExecutor(1) as executor:
+        assert list(spoilt.run(executor)) == []
+
+
+def test_killed_before_the_row_was_written(spoilt):
+    ledger, earlier = spoilt.layout.ledger(), spoilt.folder / "earlier"
+    shutil.copy(ledger, earlier)
+    agreed(spoilt)
+    replaced, stamp = spoilt.rows().pairs[WRONG], spoilt.layout.maps(WRONG).stat().st_mtime_ns
+    shutil.copy(earlier, ledger)
+    assert agreed(spoilt) == []
+    row = spoilt.rows().pairs[WRONG]
+    assert spoilt.layout.maps(WRONG).stat().st_mtime_ns == stamp
+    assert row["replaced_by"] == replaced["replaced_by"]
+    assert row["there"] == replaced["there"]
+
+
+def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
+    own = spoilt.rows().pairs[WRONG]["there"]["outcome"]
+    assert own != "LOW_CONFIDENCE"
+    with monkeypatch.context() as patched:
+        patched.setattr(agreement_module, "MOST_PATHS", 0)
+        assert agreed(spoilt) == []
+    rows = spoilt.rows()
+    assert agreement_of(rows).contradicted == [WRONG]
+    assert rows.pairs[WRONG]["there"]["outcome"] == "LOW_CONFIDENCE"
+    assert rows.pairs[WRONG]["agreement"]["outcomes"][0] == own
+    agreed(spoilt)
+    assert spoilt.rows().pairs[WRONG]["there"]["outcome"] != "LOW_CONFIDENCE"
+
+
+def test_a_star_has_no_triangles(right, tmp_path):
+    (tmp_path / "all" / "maps").mkdir(parents=True)
+    shutil.copytree(right.folder / "prepared", tmp_path / "all" / "prepared")
+    shapes = [entry.path for entry in right.shapes]
+    for name in "xyz":
+        shutil.copy(right.layout.maps(("w", name)), tmp_path / "all" / "maps")
+    star = Collection.create(tmp_path / "all", shapes, pairs="star", template="w")
+    with ThreadPoolExecutor(1) as executor:
+        list(star.run(executor))
+    before = star.rows()
+    assert agreed(star) == []
+    assert star.rows() == before
+    assert agreement_of(before).compared == 0
+    with pytest.raises(InputError, match="no three shapes"):
+        command_line("agree", star.folder, "--jobs", 1)
+
+
+def test_shapes_that_are_mirrored_together_are_named():
+    def row(pair):
+        side = -0.9 if "m" in pair else 0.9
+        return {"there": {"quality": {"orientation": side}}, "agreement": {"inconsistency": 0.02}}
+
+    names = ("a", "b", "m", "n")
+    rows = Rows(pairs={(a, b): row((a, b)) for i, a in enumerate(names) for b in names[i + 1 :]})
+    assert agreement_of(rows).turned == ["m"]
+    assert agreement_of(rows).contradicted == []
+
+
+@pytest.fixture
+def in_threads(monkeypatch):
+    """Local workers that need not be started."""
+    for module in (agreement_module, collection_module):
+        monkeypatch.setattr(module, "workers_of", lambda *_: Workers(lambda: ThreadPoolExecutor(1), 1))
+
+
+def test_jobs_travel_to_processes(right):
+    job = CycleJob(right, {name: row["key"] for name, row in right.rows().shapes.items()})
+    (here,) = job.images([WRONG])
+    with worker_processes(1) as executor:
+        (there,) = executor.submit(job.images, [WRONG]).result()
+    np.testing.assert_array_equal(here["images"], there["images"])
+
+
+def command_line(*words):
+    command, bound, _ = collect.parse_args([str(word) for word in words], exit_on_error=False)
+    command(*bound.args, **bound.kwargs)
+
+
+def test_command_replaces_and_tells(spoilt, in_threads, capsys):
+    command_line("agree", spoilt.folder, "--jobs", 1, "--json")
+    said = json.loads(capsys.readouterr().out)["agreement"]
+    assert said == {"compared": 6, "contradicted": [], "replaced": [list(WRONG)], "turned": []}
+    with spoilt.layout.table.open() as file:
+        lines = {(line["source"], line["target"]): line for line in csv.DictReader(file)}
+    assert lines[WRONG]["replaced_by"] in ("w > x > y", "w > z > y")
+    assert float(lines[WRONG]["inconsistency_before"]) > CONTRADICTED > float(lines[WRONG]["inconsistency"])
+
+
+def test_all_pairs_are_made_to_agree_unless_refused(spoilt, in_threads, capsys):
+    shapes = spoilt.folder.parent / "list.csv"
+    shapes.write_text("path\n" + "".join(f"{entry.path}\n" for entry in spoilt.shapes))
+    words = (shapes, "-o", spoilt.folder, "--pairs", "all", "--jobs", 1, "--json")
+    command_line(*words, "--no-agree")
+    assert json.loads(capsys.readouterr().out)["agreement"]["compared"] == 0
+    command_line(*words)
+    assert json.loads(capsys.readouterr().out)["agreement"]["replaced"] == [list(WRONG)]
+
+
+def test_maps_of_a_shape_that_was_lost_are_left_out(right, tmp_path):
+    shutil.copytree(right.folder, tmp_path / "all")
+    shapes = []
+    for entry in right.shapes:
+        shapes.append(tmp_path / entry.path.name)
+        shutil.copy(entry.path, shapes[-1])
+    shapes[0].write_text("ply\n")
+    copy = Collection.create(tmp_path / "all", shapes, pairs="all")
+    with ThreadPoolExecutor(1) as executor:
+        list(copy.run(executor))
+    assert copy.rows().shapes["w"]["state"] == "failed"
+    agreed(copy)
+    assert agreement_of(copy.rows()).compared == 3
