@@ -8,10 +8,10 @@ import sys
 import time
 
 import pytest
-from small_collections import arrays_of
 
 from isomatch.collections import Collection, PairMaps
 from isomatch.errors import FormatError
+from small_collections import arrays_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 TIMES = [3, pytest.param(20, marks=pytest.mark.long)]
