@@ -6,6 +6,7 @@ from threadpoolctl import threadpool_limits
 from data import real_file
 from isomatch import prepare
 from isomatch.datasets import example_pair, ground_truth
+from small_collections import copied, finished, small  # noqa: F401 - fixtures
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,13 +1,13 @@
-"""Four small creatures in a folder, settings for quick matches, and a collection of all their pairs."""
+"""Small collections: fixtures of the tests in ``collections``, how these run them and compare their maps."""
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
-from small_collections import N, run
 
 import isomatch
-from isomatch.collections import Collection
+from isomatch.collections import Collection, PairMaps
 from isomatch.datasets import example_pair
 from isomatch.surfaces import decimate
 
@@ -15,20 +15,20 @@ QUICK = (
     "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
     "[search]\nflipped = 1\nstart_steps = 2\n"
 )
+N = (260, 270, 280, 290)  # vertices of the shapes
 
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory):
-    """The folder, the file of the settings, and the settings."""
+    """The folder of four creatures, the file of settings for quick matches, and the settings."""
     folder = tmp_path_factory.mktemp("small")
     shapes = folder / "shapes"
     shapes.mkdir()
     for i, n in enumerate(N):
         isomatch.write_mesh(shapes / f"s{i}.ply", decimate(example_pair()[i % 2].mesh, n).mesh)
-    (folder / "quick.toml").write_text(QUICK)
-    return SimpleNamespace(
-        shapes=shapes, settings=folder / "quick.toml", config=isomatch.Config.from_file(folder / "quick.toml")
-    )
+    settings = folder / "quick.toml"
+    settings.write_text(QUICK)
+    return SimpleNamespace(shapes=shapes, settings=settings, config=isomatch.Config.from_file(settings))
 
 
 @pytest.fixture(scope="session")
@@ -44,3 +44,22 @@ def finished(small, tmp_path_factory):
 def copied(finished, tmp_path):
     """A copy of the finished collection."""
     return Collection.open(shutil.copytree(finished, tmp_path / "all"))
+
+
+def run(collection, **options):
+    """Run a collection in this process; its events."""
+    with ThreadPoolExecutor(1) as executor:
+        return list(collection.run(executor, 1, **options))
+
+
+def arrays_of(folder):
+    """Bytes of all maps, by the names of their files."""
+    found = {path.name: PairMaps.load(path) for path in (folder / "maps").iterdir()}
+    return {
+        name: b"".join(
+            part.tobytes()
+            for side in (maps.there, maps.back)
+            for part in (side.vertices, side.faces, side.barycentric)
+        )
+        for name, maps in found.items()
+    }
