@@ -4,7 +4,9 @@ import csv
 import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ from isomatch.errors import InputError
 from isomatch.matching import PreparedShape, match_both
 
 pytest.importorskip("skimage")
+finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function
 NAMES = ("w", "x", "y", "z")
 WRONG = ("w", "y")
 
@@ -173,8 +176,10 @@ def test_shapes_that_are_mirrored_together_are_named():
 @pytest.fixture
 def in_threads(monkeypatch):
     """Local workers that need not be started."""
-    for module in (agreement_module, collection_module):
-        monkeypatch.setattr(module, "workers_of", lambda *_: Workers(lambda: ThreadPoolExecutor(1), 1))
+    for module in (agreement_module, collection_module, finish_module):
+        monkeypatch.setattr(
+            module, "workers_of", lambda *_: nullcontext(Workers(lambda: ThreadPoolExecutor(1), lambda: 1))
+        )
 
 
 def test_jobs_travel_to_processes(right):

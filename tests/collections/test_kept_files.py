@@ -187,10 +187,10 @@ def test_prepared_shapes_stay_in_memory_up_to_so_many_bytes(finished, monkeypatc
     monkeypatch.setattr(jobs, "_shapes", type(jobs._shapes)())
     monkeypatch.setattr(jobs, "LOADED", 3 * max(file.stat().st_size for file in files))
     for i in (0, 1, 2, 1, 0, 3, 1, 2):  # room for three of them: 2 was not used for longest when 3 came
-        jobs._loaded(files[i], config)
+        jobs.loaded_shape(files[i], config)
     assert [files.index(file) for file in reads] == [0, 1, 2, 3, 2]
     monkeypatch.setattr(jobs, "LOADED", 1)
-    jobs._loaded(files[0], config)
+    jobs.loaded_shape(files[0], config)
     assert len(jobs._shapes) == 2  # those of a pair
 
 

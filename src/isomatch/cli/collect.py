@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 from isomatch.cli.inputs import read_config
-from isomatch.cli.terminal import TALK, Talk, say, say_table
+from isomatch.cli.terminal import TALK, Talk, Tell, say, say_table
 from isomatch.collections import Collection, Event, agreement_of, finish, state_of, write_table
 from isomatch.collections import agree as agreeing
 from isomatch.errors import InputError
@@ -89,8 +89,7 @@ def run(
             for event in agreeing(collection, executor, jobs, left):
                 tell(*_told(event))
         if part[1] == 1:
-            for line in finish(collection, executor, jobs):
-                tell(f"written in the topology of the template: {line['name']}", 1.0)
+            _write(collection, executor, jobs, tell)
     talk.result(_status(collection), lambda: _say_status(collection))
 
 
@@ -156,14 +155,18 @@ def agree(
     with talk.progress() as tell:
         for event in agreeing(collection, executor, jobs, time_limit):
             tell(*_told(event))
-        tell("writing", 1.0)
-        finish(collection)
+        _write(collection, executor, jobs, tell)
     if not agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
             "match with --pairs all"
         )
     talk.result(_status(collection), lambda: _say_status(collection))
+
+
+def _write(collection: Collection, executor: str, jobs: int | None, tell: Tell) -> None:
+    for line in finish(collection, executor, jobs):
+        tell(f"written in the topology of the template: {line['name']}", 1.0)
 
 
 def _told(event: Event) -> tuple[str, float]:
