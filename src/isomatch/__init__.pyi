@@ -55,7 +55,7 @@ from isomatch.surfaces import (
     repair,
     write_mesh,
 )
-from isomatch.transfer import carry_attributes
+from isomatch.transfer import bake_texture, carry_attributes
 
 __version__: str
 
@@ -90,6 +90,7 @@ __all__ = [
     "SettingError",
     "UnwritableFileError",
     "Wrapped",
+    "bake_texture",
     "canonical_form",
     "carry_attributes",
     "check",

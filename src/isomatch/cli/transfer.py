@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
+from isomatch._files import replaced
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, say
@@ -24,6 +25,7 @@ def transfer(
     data: str = "all",
     to: Side = "source",
     labels: Labelling = "nearest",
+    bake: int | None = None,
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
@@ -49,30 +51,44 @@ def transfer(
         Which of the two receives: source (default) or target.
     labels : str
         Labels of points: nearest (default), or majority of the area around each.
+    bake : int
+        Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
+        texture (of a glTF file) or the colours of the other. It is written beside the output as a PNG file too.
     force : bool
         Replace an existing file.
     talk : Talk
         What is told.
     """
-    with talk.progress() as tell, claimed_files(output, force=force):
+    picture = output.with_suffix(".png") if bake else None
+    with talk.progress() as tell, claimed_files(output, picture, force=force):
         tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
         found = isomatch.Correspondence.load(map_file, n_target)
-        words = [word.strip() for word in data.split(",")]
         tell("carrying", 0.3)
+        names: tuple[str, ...]
+        counts: dict[str, int]
         with naming_files(source=source, target=target):
-            carried = isomatch.carry_attributes(found, *assets, words, to=to, labels=labels)
+            if bake:
+                baked = isomatch.bake_texture(found, *assets, bake, to=to)
+                asset, names, counts = baked.asset, ("texture",), {"n_unmatched_texels": baked.unmatched}
+            else:
+                words = [word.strip() for word in data.split(",")]
+                carried = isomatch.carry_attributes(found, *assets, words, to=to, labels=labels)
+                asset, names = carried.asset, carried.names
+                counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        left = [attribute.name for attribute in isomatch.write_asset(output, carried.asset)]
+        left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        if picture:
+            with replaced(picture) as file:
+                file.write(baked.png)
         tell("done", 1.0)
     record = {
-        "output": str(output),
+        "files": [str(path) for path in (output, picture) if path],
         "to": to,
-        "carried": [name for name in carried.names if name not in left],
+        "carried": [name for name in names if name not in left],
         "left_out": left,
-        "n_unmatched": carried.unmatched,
-        "n_across_seams": carried.across_seams,
+        **counts,
     }
     talk.result(record, lambda: _summary(record, output.suffix))
 
@@ -81,8 +97,11 @@ def _summary(record: dict[str, Any], suffix: str) -> None:
     say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
     if record["left_out"]:
         say(f"a {suffix} file has no place for {', '.join(record['left_out'])}")
-    if record["n_unmatched"]:
-        say(f"{record['n_unmatched']} vertices are unmatched and have no value")
-    if record["n_across_seams"]:
-        say(f"{record['n_across_seams']} faces lie across a seam of the texture and were kept on one side")
-    say(f"wrote {record['output']}")
+    for count, meaning in (
+        ("n_unmatched", "vertices are unmatched and have no value"),
+        ("n_unmatched_texels", "texels are unmatched and grey"),
+        ("n_across_seams", "faces lie across a seam of the texture and were kept on one side"),
+    ):
+        if record.get(count):
+            say(f"{record[count]} {meaning}")
+    say(f"wrote {', '.join(record['files'])}")

@@ -23,20 +23,12 @@ from isomatch.surfaces import (
     normalised,
 )
 
-ROUNDS = 60  # of mending; seven pairs of FAUST needed 6 to 39, and one of them kept 5 % of its inverted faces
-RINGS, MOST_RINGS = (
-    2,
-    12,
-)  # of vertices around inverted faces, that move with them; more where that does not help
+ROUNDS = 60  # of mending; of seven pairs of people five had no inverted face after fewer
+RINGS = 2  # of vertices around inverted faces, that move with them
+MOST_RINGS = 12  # where fewer do not help
 STEPS = 12  # of the minimisation in each round, before images go back to the surface
 LONGEST = 0.5  # of the median edge, that an image moves in a round
-SHARES = (
-    1.0,
-    0.5,
-    0.25,
-    0.1,
-    0.03,
-)  # of such a move, tried until the energy is less; the last is made anyway
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of it, tried until the energy is less; the last is made anyway
 FLAT = 1e-3  # times the area that a face should have: a face with less is mended too
 
 

@@ -1,3 +1,5 @@
-from isomatch.transfer.carry import Carried, Labelling, Side, carry_attributes
+from isomatch.transfer.bake import Baked, bake_texture
+from isomatch.transfer.carry import Carried, carry_attributes
+from isomatch.transfer.choices import Labelling, Side
 
-__all__ = ["Carried", "Labelling", "Side", "carry_attributes"]
+__all__ = ["Baked", "Carried", "Labelling", "Side", "bake_texture", "carry_attributes"]

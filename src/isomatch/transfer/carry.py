@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -13,13 +13,11 @@ from isomatch._arrays import AnyArray, BoolArray, FloatArray
 from isomatch.assets import Asset
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import Attribute, Domain, Kind
+from isomatch.surfaces import Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.transfer.bridge import Bridge, columns
+from isomatch.transfer.choices import Labelling, Side
 from isomatch.transfer.rotations import rotations
 from isomatch.transfer.sheets import interpolated_at_corners, is_seamless
-
-Labelling = Literal["nearest", "majority"]
-Side = Literal["source", "target"]
 
 _SYNONYMS = {"color": "colour", "texture": "uv", "skin": "weights"}
 GREY = 0.5  # colour of what is unmatched
@@ -118,6 +116,12 @@ def carry_attributes(
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
         asset = asset.with_attributes(new)
+    kinds = {attribute.kind for attribute in chosen}
+    if "uv" in kinds:
+        middles = bridge.at_thirds.triangle[::3]
+        asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
+    if "weights" in kinds:
+        asset = with_skin_of(asset, giver)
     names = tuple(attribute.name for attribute in chosen)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)
 

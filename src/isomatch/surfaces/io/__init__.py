@@ -9,15 +9,20 @@ from isomatch.surfaces.io._by_suffix import (
     write_contents,
     write_mesh,
 )
+from isomatch.surfaces.io.gltf_looks import base_colours, with_materials_of, with_skin_of, with_texture
 from isomatch.surfaces.io.values import read_attributes, write_attribute
 
 __all__ = [
     "FORMATS",
     "MeshFormat",
+    "base_colours",
     "read_attributes",
     "read_contents",
     "read_mesh",
     "read_point_cloud",
+    "with_materials_of",
+    "with_skin_of",
+    "with_texture",
     "write_attribute",
     "write_contents",
     "write_mesh",

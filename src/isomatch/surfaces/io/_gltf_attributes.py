@@ -43,6 +43,8 @@ def read_values(gltf: GltfData, keys: dict[str, int]) -> dict[str, Attribute]:
         values = gltf.array(index)
         if kind in ("uv", "normal", "vector") and values.dtype.kind in "iu":
             values = np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+        if kind == "uv":
+            values = _upside_down(values)
         said = accessor.get("extras")
         said = said if isinstance(said, dict) else {}
         kind = said.get("kind") or kind or guessed_kind(name, values)
@@ -57,6 +59,13 @@ def read_values(gltf: GltfData, keys: dict[str, int]) -> dict[str, Attribute]:
             colors={int(code): tuple(color) for code, color in said.get("colors", {}).items()},
         )
     return found
+
+
+def _upside_down(uv: AnyArray) -> AnyArray:
+    """Turn texture coordinates over: those of glTF start at the top of the picture, ours at the bottom."""
+    turned = np.array(uv)
+    turned[:, 1] = 1 - turned[:, 1]
+    return turned
 
 
 def read_weights(gltf: GltfData, keys: dict[str, int], skin: int | None) -> dict[str, Attribute]:
@@ -164,10 +173,9 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
             ),
         }
     else:
-        values = (
-            np.nan_to_num(values.astype(np.float32)) if attribute.kind == "uv" else values.astype(np.float32)
-        )
-        values = values[:, :2] if attribute.kind == "uv" else values
+        if attribute.kind == "uv":
+            values = np.nan_to_num(_upside_down(values[:, :2]))
+        values = values.astype(np.float32)
     keys[key] = gltf.add_array(values, **properties)
 
 

@@ -45,22 +45,27 @@ def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntAr
 
 def transforms(document: dict[str, Any]) -> dict[int, tuple[Matrix | None, int | None]]:
     """Find matrix and skin of the first node of each mesh; the points of a skin are put by joints, not by the node."""
-    nodes = document.get("nodes", [])
-    below = {child for node in nodes for child in node.get("children", [])}
     found: dict[int, tuple[Matrix | None, int | None]] = {}
-    waiting = [(i, np.eye(4)) for i in range(len(nodes)) if i not in below][::-1]
-    seen: set[int] = set()
-    while waiting:
-        i, above = waiting.pop()
-        if i in seen:
-            continue
-        seen.add(i)
-        node = nodes[i]
-        matrix = above @ _local(node)
+    for i, matrix in node_matrices(document).items():
+        node = document["nodes"][i]
         if "mesh" in node and node["mesh"] not in found:
             placed = "skin" not in node and not np.array_equal(matrix, np.eye(4))
             found[node["mesh"]] = (_as_tuples(matrix) if placed else None, node.get("skin"))
-        waiting += [(child, matrix) for child in reversed(node.get("children", []))]
+    return found
+
+
+def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
+    """(4, 4) where the scene puts each node, parents before their children."""
+    nodes = document.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    found: dict[int, FloatArray] = {}
+    top: FloatArray = np.eye(4)
+    waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
+    while waiting:
+        i, above = waiting.pop()
+        if i not in found:
+            found[i] = above @ _local(nodes[i])
+            waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
     return found
 
 

@@ -106,7 +106,7 @@ def write_gltf(contents: Contents) -> bytes:
 def _written(contents: Contents) -> GltfData:
     document = contents.document
     if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
-        document = _new_document(len(contents.polygons.corner_of_triangle))
+        document = new_document(len(contents.polygons.corner_of_triangle))
         contents = Contents(contents.placed_points, contents.polygons, contents.attributes)
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
     new = [a for a in contents.attributes if not any(a is given for given in document.attributes)]
@@ -148,7 +148,7 @@ def _written(contents: Contents) -> GltfData:
     return gltf
 
 
-def _new_document(n_triangles: int) -> GltfDocument:
+def new_document(n_triangles: int) -> GltfDocument:
     """Make a scene of one mesh without any points."""
     document = {
         "asset": {"version": "2.0", "generator": "isomatch"},

@@ -1,0 +1,168 @@
+"""The colours of one asset as a picture for the texture coordinates of the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray
+from isomatch.assets import Asset
+from isomatch.correspondence import Correspondence
+from isomatch.errors import DescriptorError, SettingError
+from isomatch.surfaces import PrecisePoints, base_colours, rasterise, with_texture
+from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
+from isomatch.transfer.choices import Side
+
+CHUNK = 2**18  # texels at once
+GREY = 0.5  # of what is unmatched
+SIZES = (8, 16384)
+
+
+@dataclass(frozen=True, eq=False)
+class Baked:
+    """What `bake_texture` returns.
+
+    Parameters
+    ----------
+    picture : (size, size, 4) array of uint8
+        Red, green, blue and opacity; row 0 is at the top.
+    asset : Asset
+        The one that receives; written as glTF, it shows the picture.
+    unmatched : int
+        Texels of the surface without an image, which are grey.
+    """
+
+    picture: AnyArray
+    asset: Asset
+    unmatched: int
+
+    @property
+    def png(self) -> bytes:
+        """The picture as a PNG file."""
+        return _png(self.picture)
+
+
+def bake_texture(
+    correspondence: Correspondence, source: Asset, target: Asset, size: int = 1024, *, to: Side = "source"
+) -> Baked:
+    """Paint a texture for the texture coordinates that one asset has, from the texture or the colours of the other.
+
+    Parameters
+    ----------
+    correspondence : Correspondence
+        Source → target, see `carry_attributes`.
+    source, target : Asset
+        From `read_asset`. The one that gives has a texture in its glTF file, or colours.
+    size : int
+        Width and height of the picture in texels.
+    to : {"source", "target"}
+        Which of the two receives.
+
+    Returns
+    -------
+    Baked
+        Texels beside the surface have the colour of the nearest on it, so that no seam shows.
+
+    Raises
+    ------
+    MapError
+        If the map is one of other surfaces.
+    DescriptorError
+        If the one has no texture coordinates, or the other neither texture nor colours.
+    SettingError
+        If the size is not a number of texels.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise SettingError(f"size = {size}; give a number of texels from {SIZES[0]} to {SIZES[1]}")
+    receiver = source if to == "source" else target
+    if not receiver.of_kind("uv"):
+        raise DescriptorError(
+            f"the {to} has no texture coordinates to bake for; carry those of the other instead (uv)"
+        )
+    bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
+    attribute = receiver.of_kind("uv")[0]
+    uv = columns(attribute)[rows_of_corners(receiver, attribute)][receiver.polygons.corner_of_triangle][
+        :, :, :2
+    ]
+    uv -= np.floor(uv.mean(axis=1, keepdims=True))
+    uv = np.where(np.isnan(uv).any(axis=(1, 2), keepdims=True), -1.0, uv).reshape(-1, 2)
+    texels = np.column_stack([uv[:, 0], 1 - uv[:, 1], np.zeros(len(uv))]) * size
+    raster = rasterise(texels, np.arange(len(uv)).reshape(-1, 3), size, size)
+    covered = raster.covered
+    if not covered.any():
+        raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
+    faces, weights = receiver.mesh.faces[raster.face[covered]], raster.barycentric[covered]
+    colours = np.zeros((len(faces), 4))
+    unmatched = 0
+    for first in range(0, len(faces), CHUNK):
+        rows = slice(first, first + CHUNK)
+        places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
+        colours[rows] = np.where(places.found[:, None], _colours(places), [GREY, GREY, GREY, 1.0])
+        unmatched += int((~places.found).sum())
+    picture = np.zeros((size, size, 4))
+    picture[covered] = colours
+    nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+    painted = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
+    return Baked(painted, with_texture(receiver, _png(painted)), unmatched)
+
+
+def _colours(places: Places) -> FloatArray:
+    """(m, 4) colours of a texture, or else of an attribute, at places."""
+    giver = places.asset
+    looks, uv, colour = base_colours(giver.document), giver.of_kind("uv"), giver.of_kind("colour")
+    if looks and uv and any(picture for picture, _ in looks[1]):
+        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))
+        material = np.where(places.found, looks[0][places.triangle], -1)
+        found = np.ones((len(at), 4))
+        for i, (picture, tint) in enumerate(looks[1]):
+            here = material == i
+            found[here] = tint
+            if picture and here.any():
+                found[here] *= _sampled(_pixels(picture), np.nan_to_num(at[here, :2]))
+        return found
+    if not colour:
+        raise DescriptorError(
+            "there is neither a texture in a glTF file nor a colour to bake; give a file that has one"
+        )
+    values = colour[0].values
+    full = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
+    seen = places.interpolated(columns(colour[0]) / full, places.rows(colour[0]))
+    return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
+
+
+def _sampled(pixels: FloatArray, uv: FloatArray) -> FloatArray:
+    """(m, 4) interpolated colours of a picture that repeats beyond its borders."""
+    height, width = pixels.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    s, t = (x - left)[:, None], (y - top)[:, None]
+    total: FloatArray = np.zeros((len(uv), 4))
+    for i, down in ((0, 1 - t), (1, t)):
+        for j, right in ((0, 1 - s), (1, s)):
+            total += down * right * pixels[(top + i) % height, (left + j) % width]
+    return total
+
+
+def _pixels(picture: bytes) -> FloatArray:
+    """(height, width, 4) the pixels of a PNG or JPEG file, 0…1."""
+    from matplotlib.image import imread
+
+    kind = "png" if picture[:4] == b"\x89PNG" else "jpg"
+    pixels = np.asarray(imread(BytesIO(picture), format=kind))
+    pixels = pixels / 255 if pixels.dtype == np.uint8 else pixels.astype(np.float64)
+    if pixels.ndim == 2:
+        pixels = np.repeat(pixels[:, :, None], 3, axis=2)
+    opaque = np.ones((*pixels.shape[:2], 1))
+    return np.concatenate([pixels[:, :, :3], pixels[:, :, 3:] if pixels.shape[2] == 4 else opaque], axis=2)
+
+
+def _png(picture: AnyArray) -> bytes:
+    from matplotlib.image import imsave
+
+    file = BytesIO()
+    imsave(file, picture, format="png")
+    return file.getvalue()

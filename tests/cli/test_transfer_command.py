@@ -1,0 +1,90 @@
+"""``isomatch transfer`` and ``match --as-mesh``, by exit code and artefact."""
+
+import json
+
+import numpy as np
+import pytest
+
+from isomatch import Asset, Correspondence, read_asset, read_mesh, write_asset
+from isomatch.cli import main
+from isomatch.datasets import example_pair
+from isomatch.surfaces import Attribute, Polygons
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A file of quads, the same with data, and the map between them."""
+    points = [[x, y, 0.1 * x * y] for y in range(3) for x in range(3)]
+    corners = [0, 1, 4, 3, 1, 2, 5, 4, 3, 4, 7, 6, 4, 5, 8, 7]
+    plain = Asset(points, Polygons(corners, [4, 4, 4, 4]))
+    write_asset(tmp_path / "source.ply", plain)
+    data = (
+        Attribute("part", "point", "label", np.arange(9) // 3),
+        Attribute("height", "point", "scalar", plain.points[:, 2]),
+    )
+    turned = np.array(points) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+    write_asset(tmp_path / "target.ply", Asset(turned, plain.polygons, data))
+    meshes = [read_mesh(tmp_path / f"{name}.ply") for name in ("source", "target")]
+    hashes = [mesh.content_hash for mesh in meshes]
+    Correspondence(np.arange(9), 9, source_hash=hashes[0], target_hash=hashes[1]).save(tmp_path / "map.npz")
+    return tmp_path
+
+
+def transfer(folder, *more, names=("map.npz", "source.ply", "target.ply")):
+    return main(["transfer", *(str(folder / name) for name in names), "-o", str(folder / "out.ply"), *more])
+
+
+def test_data_is_carried_and_quads_stay(folder, capsys):
+    assert transfer(folder) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "carried to the source: part, height"
+    found, source = read_asset(folder / "out.ply"), read_asset(folder / "source.ply")
+    np.testing.assert_array_equal(found.polygons.sizes, [4, 4, 4, 4])
+    np.testing.assert_array_equal(found.points, source.points)
+    np.testing.assert_array_equal(found.attribute("part").values, np.arange(9) // 3)
+
+
+def test_json_and_force(folder, capsys):
+    assert transfer(folder) == 0
+    capsys.readouterr()
+    assert transfer(folder, "--data", "labels") == 1
+    assert "already exists" in capsys.readouterr().err
+    assert transfer(folder, "--data", "labels", "--json", "--force") == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "files": [str(folder / "out.ply")],
+        "to": "source",
+        "carried": ["part"],
+        "left_out": [],
+        "n_unmatched": 0,
+        "n_across_seams": 0,
+    }
+
+
+def test_a_map_of_other_files_is_refused(folder, capsys):
+    assert transfer(folder, names=("map.npz", "target.ply", "source.ply")) == 1
+    assert "source and target are exchanged" in capsys.readouterr().err
+    assert not (folder / "out.ply").exists()
+
+
+def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
+    for name, creature in zip(("source.obj", "target.ply"), example_pair()):
+        write_asset(tmp_path / name, Asset.of_mesh(creature.mesh))
+    quick = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
+    (tmp_path / "quick.toml").write_text(quick)
+    words = [
+        "match",
+        *(str(tmp_path / name) for name in ("source.obj", "target.ply")),
+        "-o",
+        str(tmp_path / "out"),
+    ]
+    options = [
+        "--config",
+        str(tmp_path / "quick.toml"),
+        "--as-mesh",
+        str(tmp_path / "shared.ply"),
+        "--no-report",
+    ]
+    assert main([*words, *options, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)["as_mesh"]
+    assert record["inverted"] <= record["inverted_before"]
+    shared, source = read_mesh(tmp_path / "shared.ply"), read_mesh(tmp_path / "source.obj")
+    np.testing.assert_array_equal(shared.faces, source.faces)
