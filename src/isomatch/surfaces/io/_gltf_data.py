@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import dataclass
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -104,10 +105,17 @@ def unpacked(data: bytes, name: str) -> GltfData:
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     folder = Path(name).parent
     blob, starts = bytearray(), []
-    for buffer in found.pop("buffers", []):
+    for i, buffer in enumerate(found.pop("buffers", [])):
         blob += b"\0" * (-len(blob) % 4)
         starts.append(len(blob))
-        content = _content(buffer["uri"], folder) if "uri" in buffer else binary
+        content = binary if i == 0 else b""  # only the first may be inside the file
+        if "uri" in buffer:
+            if not buffer["uri"].startswith("data:") and _beside(buffer["uri"], folder) is None:
+                raise FormatError(
+                    f"{name}: its data is in {buffer['uri']!r}, outside of its folder, and is not read; "
+                    "copy that file beside this one, or export as .glb"
+                )
+            content = _content(buffer["uri"], folder)
         if len(content) < buffer["byteLength"]:
             raise FormatError(
                 f"{name}: byte {len(data)}: expected a buffer of {buffer['byteLength']} bytes, found {len(content)}; "
@@ -119,15 +127,11 @@ def unpacked(data: bytes, name: str) -> GltfData:
         view["buffer"] = 0
     gltf = GltfData(found, blob)
     for image in found.get("images", []):
-        if (
-            "uri" in image
-            and not image["uri"].startswith("data:")
-            and (folder / unquote(image["uri"])).is_file()
-        ):
-            uri = image.pop("uri")
-            image.setdefault("name", Path(uri).stem)
-            image["mimeType"] = "image/jpeg" if uri.lower().endswith(("jpg", "jpeg")) else "image/png"
-            image["bufferView"] = gltf.add_bytes(_content(uri, folder))
+        path = _beside(image.get("uri", "data:"), folder)
+        if path is not None and path.is_file():
+            image.setdefault("name", path.stem)
+            image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
+            image["bufferView"] = gltf.add_bytes(_content(image.pop("uri"), folder))
     return gltf
 
 
@@ -177,6 +181,12 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     if _JSON not in found:
         raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
     return found[_JSON], found.get(_BINARY, b"")
+
+
+def _beside(uri: str, folder: Path) -> Path | None:
+    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
+    path = (folder / unquote(uri)).resolve()
+    return path if not uri.startswith("data:") and path.is_relative_to(folder.resolve()) else None
 
 
 def _content(uri: str, folder: Path) -> bytes:
