@@ -16,7 +16,7 @@ def to_trimesh(contents: Contents) -> Any:
     """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
     trimesh = package("trimesh", "io", "a mesh of trimesh")
     split = _at_points(contents)
-    mesh = trimesh.Trimesh(split.placed_points, split.polygons.triangles, process=False)
+    mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
@@ -44,7 +44,7 @@ def to_pyvista(contents: Contents) -> Any:
     sizes = split.polygons.sizes
     starts = np.cumsum(sizes) - sizes
     cells = np.insert(split.polygons.corners, starts, sizes)
-    mesh = pyvista.PolyData(split.placed_points, cells if len(cells) else None)
+    mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
         values = attribute.plain
@@ -70,7 +70,7 @@ def to_meshio(contents: Contents) -> Any:
         for a, b, size in zip(first, stops, sizes[first].tolist())
     ]
     return meshio.Mesh(
-        split.placed_points,
+        split.points,
         blocks,
         point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
         cell_data={
@@ -85,7 +85,8 @@ def to_open3d(contents: Contents) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
     open3d = package("open3d", None, "a mesh of Open3D")
     vector, index = open3d.utility.Vector3dVector, open3d.utility.Vector3iVector
-    mesh = open3d.geometry.TriangleMesh(vector(contents.placed_points), index(contents.polygons.triangles))
+    contents = contents.placed
+    mesh = open3d.geometry.TriangleMesh(vector(contents.points), index(contents.polygons.triangles))
     for attribute in contents.attributes:
         values = attribute.plain
         if attribute.domain == "point" and attribute.kind == "normal":
@@ -102,9 +103,10 @@ def to_open3d(contents: Contents) -> Any:
 
 def _at_points(contents: Contents) -> Contents:
     """Return the same with values of corners at points, of which there are more at seams; names are told apart."""
+    contents = contents.placed
     split = split_at_seams(contents.polygons, len(contents.points), contents.attributes)
     return Contents(
-        contents.placed_points[split.source],
+        contents.points[split.source],
         Polygons(split.corners, contents.polygons.sizes),
         tuple({(a.name, a.domain): a for a in split.attributes}.values()),
     )

@@ -31,11 +31,12 @@ class PrecisePoints(NamedTuple):
         return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
 
     def interpolated(self, values: FloatArray) -> FloatArray:
-        """Interpolate values (n, q) at the vertices: (m, q)."""
+        """Interpolate values (n, q) at the vertices: (m, q); nan counts only where its weight is not 0."""
         weights = self.barycentric.astype(values.dtype)
-        total: FloatArray = weights[:, :1] * values[self.corners[:, 0]]
-        for corner in (1, 2):
-            total += weights[:, corner, None] * values[self.corners[:, corner]]
+        total: FloatArray = np.zeros((len(weights), values.shape[1]), values.dtype)
+        for corner in range(3):
+            used = np.flatnonzero(weights[:, corner])
+            total[used] += weights[used, corner, None] * values[self.corners[used, corner]]
         return total
 
     def interpolation(self, n_vertices: int) -> csr_array:

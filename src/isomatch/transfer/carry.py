@@ -104,7 +104,7 @@ def carry_attributes(
         if value not in get_args(options):
             raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
     receiver, giver = (source, target) if to == "source" else (target, source)
-    chosen = selected(giver, data)
+    chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
     for attribute in chosen:
@@ -115,7 +115,7 @@ def carry_attributes(
         else:
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
-        asset = asset.with_attributes(new)
+        asset = asset.with_attributes(receiver.from_placed(new))
     kinds = {attribute.kind for attribute in chosen}
     if "uv" in kinds:
         middles = bridge.at_thirds.triangle[::3]

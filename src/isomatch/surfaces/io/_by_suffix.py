@@ -39,6 +39,8 @@ class MeshFormat:
         Whether the format has a place for an attribute; by default it has none.
     single : frozenset of str
         Kinds of attributes of which it has only one.
+    has_parts : bool
+        Whether it stores parts and their transforms.
     """
 
     read: Callable[[bytes, str], Mesh]
@@ -47,6 +49,7 @@ class MeshFormat:
     read_contents: Callable[[bytes, str], Contents] | None = None
     keeps: Callable[[Attribute], bool] = lambda attribute: False
     single: frozenset[str] = frozenset()
+    has_parts: bool = False
 
 
 def _with_attributes(
@@ -54,6 +57,7 @@ def _with_attributes(
     write: Callable[..., bytes],
     keeps: Callable[[Attribute], bool] = lambda attribute: False,
     options: frozenset[str] = frozenset(),
+    has_parts: bool = False,
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 
@@ -61,7 +65,7 @@ def _with_attributes(
         contents = read_contents(data, name)
         return Mesh(contents.placed_points, contents.polygons.triangles)
 
-    return MeshFormat(read, write, options, read_contents, keeps)
+    return MeshFormat(read, write, options, read_contents, keeps, has_parts=has_parts)
 
 
 _BINARY = frozenset({"binary"})
@@ -83,8 +87,8 @@ FORMATS: dict[str, MeshFormat] = {
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY),
-    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps),
-    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps),
+    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps, has_parts=True),
+    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps, has_parts=True),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
@@ -281,6 +285,8 @@ def write_contents(
     if binary is not None and "binary" not in mesh_format.options:
         able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
         raise _no_option(path, "binary", able)
+    if not mesh_format.has_parts:
+        contents = contents.placed
     kept: list[Attribute] = []
     left: list[Attribute] = []
     for attribute in contents.attributes:

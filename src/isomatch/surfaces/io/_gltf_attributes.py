@@ -40,9 +40,7 @@ def read_values(gltf: GltfData, keys: dict[str, int]) -> dict[str, Attribute]:
         if key == "POSITION" or kind == "weights":
             continue
         accessor = gltf.json["accessors"][index]
-        values = gltf.array(index)
-        if kind in ("uv", "normal", "vector") and values.dtype.kind in "iu":
-            values = np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+        values = gltf.array(index) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
             values = _upside_down(values)
         said = accessor.get("extras")

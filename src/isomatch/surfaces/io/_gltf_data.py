@@ -47,6 +47,13 @@ class GltfData:
             )
         return values[:, 0] if width == 1 else values
 
+    def numbers(self, index: int) -> AnyArray:
+        """Return the values of an accessor in the units that they stand for: normalized integers as fractions."""
+        values = self.array(index)
+        if values.dtype.kind == "f" or not self.json["accessors"][index].get("normalized"):
+            return values
+        return np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+
     def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
         if "bufferView" not in place:
             if not 0 <= count * width <= _MOST_EMPTY:

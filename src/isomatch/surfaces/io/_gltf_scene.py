@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.surfaces.contents import product
 from isomatch.surfaces.io._gltf_data import GltfData
 
 Matrix = tuple[tuple[float, ...], ...]
@@ -64,7 +65,7 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
     while waiting:
         i, above = waiting.pop()
         if i not in found:
-            found[i] = above @ _local(nodes[i])
+            found[i] = product(above, _local(nodes[i]))
             waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
     return found
 

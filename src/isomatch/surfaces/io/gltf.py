@@ -21,7 +21,7 @@ from isomatch.surfaces.io._gltf_attributes import (
     write_values,
 )
 from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
-from isomatch.surfaces.io._gltf_scene import TRIANGLES, surfaces, transforms, triangles
+from isomatch.surfaces.io._gltf_scene import TRIANGLES, Matrix, surfaces, transforms, triangles
 from isomatch.surfaces.io._reading import reading
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -56,12 +56,12 @@ def _read(gltf: GltfData) -> Contents:
         same = list(places)
         mesh = same[0][0]
         keys = _keys(gltf.json, same[0])
-        points.append(gltf.array(keys["POSITION"]))
+        points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         of_each = [triangles(gltf, gltf.json["meshes"][mesh]["primitives"][i], n) for mesh, i in same]
-        faces += [each + start for each in of_each]
-        start += n
         transform, skin = placed.get(mesh, (None, None))
+        faces += [_outwards(each, transform) + start for each in of_each]
+        start += n
         parts.append(
             Part(str(gltf.json["meshes"][mesh].get("name", "")), n, sum(map(len, of_each)), transform)
         )
@@ -107,7 +107,7 @@ def _written(contents: Contents) -> GltfData:
     document = contents.document
     if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
         document = new_document(len(contents.polygons.corner_of_triangle))
-        contents = Contents(contents.placed_points, contents.polygons, contents.attributes)
+        contents = replace(contents.placed, parts=())
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
     new = [a for a in contents.attributes if not any(a is given for given in document.attributes)]
     removed = {a.name for a in document.attributes} - {a.name for a in contents.attributes}
@@ -141,11 +141,18 @@ def _written(contents: Contents) -> GltfData:
                 for target in primitive.get("targets", []):
                     gather(gltf, target, rows - first_point)
                 indices = faces[first_triangle : first_triangle + n_triangles] - start
+                indices = _outwards(indices, contents.parts[part].transform if contents.parts else None)
                 primitive["indices"] = gltf.add_array(indices.ravel().astype(np.uint32), target=34963)
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
         first_point += int((contents.part_of_point == part).sum())
     return gltf
+
+
+def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
+    """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
+    mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
+    return faces[:, [0, 2, 1]] if mirrored else faces
 
 
 def new_document(n_triangles: int) -> GltfDocument:
