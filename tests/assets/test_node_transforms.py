@@ -11,6 +11,7 @@ from isomatch.transfer import bridge
 TETRAHEDRON = np.float32([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]])
 FACES = np.uint16([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])  # outwards
 SLOPE = np.array([6, 4, 3]) / np.sqrt(61)  # normal of the last face
+ASIDE = np.array([1, 0, 0])
 STRETCHED = {"scale": [1, 2, 5], "rotation": [0.6, 0, 0, 0.8], "translation": [7, 8, 9]}
 MIRRORED = {"scale": [-1, 2, 5], "translation": [7, 8, 9]}
 
@@ -84,8 +85,8 @@ def test_normalized_integers_are_fractions(tmp_path):
 
 def test_a_flat_node_can_be_moved(tmp_path):
     asset = written(tmp_path / "a.glb", {"scale": [1, 1, 0]})
-    moved = asset.moved(asset.mesh.vertices + [1, 0, 0])
-    assert np.allclose(moved.mesh.vertices, asset.mesh.vertices + [1, 0, 0])
+    moved = asset.moved(asset.mesh.vertices + ASIDE)
+    assert np.allclose(moved.mesh.vertices, asset.mesh.vertices + ASIDE)
 
 
 def test_what_has_no_weight_is_not_looked_at():

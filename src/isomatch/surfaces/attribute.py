@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
@@ -186,7 +187,7 @@ def guessed_kind(name: str, values: AnyArray) -> Kind:
     >>> guessed_kind("Normals", np.zeros((5, 3))), guessed_kind("region", np.zeros(5, int))
     ('normal', 'label')
     """
-    word = name.lower().strip("_")
+    word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
     width = values.shape[1] if values.ndim == 2 else 1
     if values.ndim == 1:
         return "label" if values.dtype.kind in "iubU" else "scalar"
@@ -221,6 +222,21 @@ def _frozen(values: AnyArray) -> AnyArray:
     array = np.array(values)
     array.flags.writeable = False
     return array
+
+
+def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
+    """Number those of a name that another of the same domain, or of all, has before: uv, uv_1, uv_2."""
+    found: list[Attribute] = []
+    for attribute in attributes:
+        taken = [other.name for other in found if of_all or other.domain == attribute.domain]
+        name = unused_name(attribute.name, taken)
+        found.append(attribute if name == attribute.name else replace(attribute, name=name))
+    return tuple(found)
+
+
+def unused_name(name: str, taken: Collection[str]) -> str:
+    """Return a name, with the next number if it is taken."""
+    return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
 
 
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:

@@ -115,7 +115,7 @@ class Contents:
 
     @cached_property
     def placed(self) -> Self:
-        """The same without transforms: points, normals and tangents where the surface is, as formats without parts say."""
+        """The same without transforms: points, normals and tangents where the surface is."""
         if all(part.transform is None for part in self.parts):
             return self
         turned = tuple(self._turned(attribute, 1) for attribute in self.attributes)

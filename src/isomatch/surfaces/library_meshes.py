@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._packages import package
+from isomatch.surfaces.attribute import told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -102,11 +103,11 @@ def to_open3d(contents: Contents) -> Any:
 
 
 def _at_points(contents: Contents) -> Contents:
-    """Return the same with values of corners at points, of which there are more at seams; names are told apart."""
+    """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
     contents = contents.placed
     split = split_at_seams(contents.polygons, len(contents.points), contents.attributes)
     return Contents(
         contents.points[split.source],
         Polygons(split.corners, contents.polygons.sizes),
-        tuple({(a.name, a.domain): a for a in split.attributes}.values()),
+        told_apart(split.attributes),
     )

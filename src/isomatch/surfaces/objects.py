@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.errors import MeshError
-from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind
+from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 
@@ -47,7 +47,7 @@ def contents_of(given: object) -> Contents:
     """
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    return Contents(found.points, Polygons(found.corners, found.sizes), tuple(attributes(given, found)))
+    return Contents(found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found)))
 
 
 def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:

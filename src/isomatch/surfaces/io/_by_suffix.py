@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._files import opened, replaced
 from isomatch.errors import DescriptorError, FormatError, InputError
-from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.attribute import Attribute, told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.surfaces.mesh import Mesh
@@ -62,7 +62,7 @@ def _with_attributes(
     """Make a format whose meshes are read with all that the file holds."""
 
     def read(data: bytes, name: str) -> Mesh:
-        contents = read_contents(data, name)
+        contents = _checked(read_contents, data, name)
         return Mesh(contents.placed_points, contents.polygons.triangles)
 
     return MeshFormat(read, write, options, read_contents, keeps, has_parts=has_parts)
@@ -255,10 +255,7 @@ def read_contents(path: str | os.PathLike[str]) -> Contents:
         data = file.read()
     if mesh_format.read_contents is None:
         return Contents.of_mesh(mesh_format.read(data, str(path)))
-    try:
-        return mesh_format.read_contents(data, str(path))
-    except InputError as error:
-        raise FormatError(f"{path}: {error}") from None
+    return _checked(mesh_format.read_contents, data, str(path))
 
 
 def write_contents(
@@ -302,11 +299,18 @@ def write_contents(
         else:
             kept.append(place)
     data = mesh_format.write(
-        with_changes(contents, attributes=tuple(kept)), **({} if binary is None else {"binary": binary})
+        with_changes(contents, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def _checked(read: Callable[[bytes, str], Contents], data: bytes, name: str) -> Contents:
+    try:
+        return read(data, name)
+    except InputError as error:
+        raise FormatError(f"{name}: {error}") from None
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.attribute import Attribute, told_apart
 from isomatch.surfaces.contents import Contents, Part
 from isomatch.surfaces.io._gltf_attributes import (
     gather,
@@ -109,8 +109,9 @@ def _written(contents: Contents) -> GltfData:
         document = new_document(len(contents.polygons.corner_of_triangle))
         contents = replace(contents.placed, parts=())
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
-    new = [a for a in contents.attributes if not any(a is given for given in document.attributes)]
-    removed = {a.name for a in document.attributes} - {a.name for a in contents.attributes}
+    attributes = told_apart(contents.attributes, of_all=True)
+    new = [a for a in attributes if not any(a is given for given in document.attributes)]
+    removed = {a.name for a in document.attributes} - {a.name for a in attributes}
     split = split_at_seams(contents.polygons, len(contents.points), new)
     is_new = not len(document.points)
     is_split = len(split.source) > len(contents.points)
