@@ -60,3 +60,33 @@ def test_only_the_first_buffer_may_be_inside_a_glb(folder):
     (folder / "a.glb").write_bytes(data[:8] + (12 + len(body)).to_bytes(4, "little") + body)
     with pytest.raises(FormatError, match="cut short"):
         read_asset(folder / "a.glb")
+
+
+@pytest.mark.parametrize("n", [10**7, 10**12])
+def test_a_small_file_cannot_claim_much(folder, n):
+    gltf = triangle()
+    keys = gltf.json["meshes"][0]["primitives"][0]["attributes"]
+    for i in range(20):
+        keys[f"_{i}"] = gltf.append("accessors", {"componentType": 5126, "count": n, "type": "SCALAR"})
+    (folder / "a.glb").write_bytes(packed(gltf, binary=True))
+    with pytest.raises(FormatError, match="claims or repeats"):
+        read_asset(folder / "a.glb")
+
+
+def test_extras_of_other_programs_are_left_alone(folder):
+    gltf = triangle()
+    gltf.json["accessors"][0]["extras"] = {"kind": "temperature", "names": 3}
+    gltf.json["meshes"][0]["primitives"][0]["attributes"]["_T"] = 0
+    (folder / "a.glb").write_bytes(packed(gltf, binary=True))
+    assert [a.name for a in read_asset(folder / "a.glb").attributes] == ["t"]
+
+
+def test_every_node_of_the_scene_is_read_and_no_other(folder):
+    nodes = [{"mesh": 0, "translation": [i, 0, 0]} for i in range(3)]
+    gltf = triangle(scenes=[{"nodes": [2]}, {"nodes": [0, 1]}], scene=1, nodes=nodes)
+    (folder / "a.glb").write_bytes(packed(gltf, binary=True))
+    asset = read_asset(folder / "a.glb")
+    assert asset.placed_points[::3, 0].tolist() == [0, 1]
+    write_asset(folder / "b.glb", asset.moved(asset.mesh.vertices + [[0, 0, 1]]))
+    again = read_asset(folder / "b.glb")
+    assert np.allclose(again.placed_points, asset.placed_points + [[0, 0, 1]])

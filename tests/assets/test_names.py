@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from made import POINTS, POLYGONS
 
-from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute, write_contents
+from isomatch import Asset, MeshError, read_asset, read_mesh, write_asset
+from isomatch.surfaces import Attribute, Polygons, write_contents
 
 RISING, FALLING = np.arange(7.0), 7 - np.arange(7.0)
 
@@ -89,3 +89,27 @@ def test_standard_names_twice_in_an_object():
     mesh.point_data["RGB"] = np.zeros((3, 3), np.uint8)
     mesh.point_data["color"] = np.ones((3, 3), np.uint8)
     assert [a.name for a in Asset.from_object(mesh).attributes] == ["color", "color_1"]
+
+
+def test_gltf_keeps_letters_and_numbers_of_names(tmp_path):
+    names = ["Curv", "curv", "color", "uv_1", "Normal"]
+    asset = carrying(*(scalar(name, np.float32(RISING + i)) for i, name in enumerate(names)))
+    write_asset(tmp_path / "a.glb", asset)
+    again = read_asset(tmp_path / "a.glb").with_attributes(scalar("CURV", np.float32(FALLING)))
+    write_asset(tmp_path / "b.glb", again)
+    found = {a.name: a.values for a in read_asset(tmp_path / "b.glb").attributes}
+    assert set(found) == {*names, "CURV"}
+    assert all(np.array_equal(found[name], RISING + i) for i, name in enumerate(names))
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtp", ".ply", ".gii", ".glb"])
+def test_points_without_polygons(tmp_path, suffix):
+    asset = Asset(POINTS, Polygons([], []), (scalar("height"),))
+    if suffix == ".glb":
+        with pytest.raises(MeshError, match="triangles"):
+            write_asset(tmp_path / "a.glb", asset)
+        return
+    write_asset(tmp_path / f"a{suffix}", asset)
+    again = read_asset(tmp_path / f"a{suffix}")
+    assert np.allclose(again.points, POINTS)
+    assert np.array_equal(again.attribute("height").values, RISING)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Literal, get_args
@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._memory import require_memory
 from isomatch.errors import DescriptorError
 
 Domain = Literal["point", "corner", "face"]
@@ -159,6 +160,8 @@ class Attribute:
         """(k, n_joints) float64 skinning weights, one column for each joint."""
         if self.kind != "weights":
             raise DescriptorError(f"attribute {self.name!r} is {self.kind}, not skinning weights")
+        purpose = f"a table of {len(self)} points and {self.n_joints} joints"
+        require_memory(8.0 * len(self) * self.n_joints, purpose, "number the joints from 0, without gaps")
         dense = np.zeros((len(self), self.n_joints))
         joints = np.broadcast_to(np.arange(self.values.shape[1]), self.values.shape)
         rows = np.broadcast_to(np.arange(len(self))[:, None], self.values.shape)
@@ -225,7 +228,7 @@ def _frozen(values: AnyArray) -> AnyArray:
 
 
 def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
-    """Number those of a name that another of the same domain, or of all, has before: uv, uv_1, uv_2."""
+    """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
     found: list[Attribute] = []
     for attribute in attributes:
         taken = [other.name for other in found if of_all or other.domain == attribute.domain]
@@ -234,7 +237,7 @@ def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tupl
     return tuple(found)
 
 
-def unused_name(name: str, taken: Collection[str]) -> str:
+def unused_name(name: str, taken: Container[str]) -> str:
     """Return a name, with the next number if it is taken."""
     return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
 

@@ -70,6 +70,8 @@ def to_meshio(contents: Contents) -> Any:
         ({3: "triangle", 4: "quad"}.get(size, "polygon"), corners[at[a] : at[b]].reshape(-1, size))
         for a, b, size in zip(first, stops, sizes[first].tolist())
     ]
+    if not blocks:  # a file without cells cannot be read
+        blocks = [("vertex", np.arange(len(split.points))[:, None])]
     return meshio.Mesh(
         split.points,
         blocks,
@@ -77,7 +79,7 @@ def to_meshio(contents: Contents) -> Any:
         cell_data={
             a.name: [a.plain[i:j] for i, j in zip(first, stops)]
             for a in split.attributes
-            if a.domain == "face"
+            if a.domain == "face" and len(sizes)
         },
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_MOST_EMPTY = 2**26  # entries of an accessor without data of its own
+_SMALL = 2**24  # entries that any file may claim
+_MOST_REPEATED = 64  # entries for each byte of data
 
 
 @dataclass
@@ -31,6 +32,11 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
+    entries_left: int = field(init=False)
+    """How many may be read: many times those of the bytes, as a small file may refer to them again and again."""
+
+    def __post_init__(self) -> None:
+        self.entries_left = _SMALL + _MOST_REPEATED * len(self.blob)
 
     def array(self, index: int) -> AnyArray:
         """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
@@ -56,8 +62,7 @@ class GltfData:
 
     def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
         if "bufferView" not in place:
-            if not 0 <= count * width <= _MOST_EMPTY:
-                raise FormatError(f"an accessor of {count} entries has no data")
+            self._require_entries(count * width)
             return np.zeros((count, width), kind)
         view = self.json["bufferViews"][place["bufferView"]]
         start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
@@ -67,8 +72,16 @@ class GltfData:
             raise FormatError(f"an accessor refers to byte {end} of {len(self.blob)}")
         if not count:
             return np.zeros((0, width), kind)
+        self._require_entries(count * width)
         rows = np.ndarray((count, width), kind, bytes(self.blob[start:end]), 0, (stride, kind.itemsize))
         return np.array(rows)
+
+    def _require_entries(self, n: int) -> None:
+        self.entries_left -= n
+        if n < 0 or self.entries_left < 0:
+            raise FormatError(
+                f"an accessor of {n} entries claims or repeats more than the {len(self.blob)} bytes of data tell"
+            )
 
     def add_array(self, values: AnyArray, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""

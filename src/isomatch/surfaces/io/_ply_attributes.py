@@ -125,6 +125,7 @@ def _numbered(single: Mapping[str, Property]) -> dict[str, tuple[str, ...]]:
 def _members(attribute: Attribute, values: AnyArray, taken: Collection[str]) -> tuple[str, ...]:
     """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
     width = values.shape[1] if values.ndim == 2 else 1
+    standard: list[tuple[str, ...]]
     if attribute.domain == "corner":
         standard = [(_CORNER_UV,)] if attribute.kind == "uv" else []
     else:
@@ -136,12 +137,9 @@ def _members(attribute: Attribute, values: AnyArray, taken: Collection[str]) -> 
             return members
     stem = re.sub("[^!-~]+", "_", attribute.name) or "_"  # no blanks in PLY, and no letters but of ASCII
     while True:
-        names = (
-            (stem,)
-            if attribute.domain == "corner" or values.ndim == 1
-            else (f"{stem}_{i}" for i in range(width))
-        )
-        members = tuple(names)
+        members = tuple(f"{stem}_{i}" for i in range(width))
+        if attribute.domain == "corner" or values.ndim == 1:
+            members = (stem,)
         if not any(member in taken for member in members):
             return members
         stem += "_"

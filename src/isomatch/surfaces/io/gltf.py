@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.errors import MeshError
 from isomatch.surfaces.attribute import Attribute, told_apart
 from isomatch.surfaces.contents import Contents, Part
 from isomatch.surfaces.io._gltf_attributes import (
@@ -21,7 +22,14 @@ from isomatch.surfaces.io._gltf_attributes import (
     write_values,
 )
 from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
-from isomatch.surfaces.io._gltf_scene import TRIANGLES, Matrix, surfaces, transforms, triangles
+from isomatch.surfaces.io._gltf_scene import (
+    TRIANGLES,
+    Matrix,
+    separate_instances,
+    surfaces,
+    transforms,
+    triangles,
+)
 from isomatch.surfaces.io._reading import reading
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -43,7 +51,9 @@ class GltfDocument:
 def read_contents(data: bytes, name: str) -> Contents:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
-        return _read(unpacked(data, name))
+        gltf = unpacked(data, name)
+        separate_instances(gltf.json)
+        return _read(gltf)
 
 
 def _read(gltf: GltfData) -> Contents:
@@ -108,10 +118,12 @@ def _written(contents: Contents) -> GltfData:
     if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
         document = new_document(len(contents.polygons.corner_of_triangle))
         contents = replace(contents.placed, parts=())
+        if not len(contents.polygons):
+            raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
     attributes = told_apart(contents.attributes, of_all=True)
     new = [a for a in attributes if not any(a is given for given in document.attributes)]
-    removed = {a.name for a in document.attributes} - {a.name for a in attributes}
+    changed = {a.name for a in document.attributes if not any(a is each for each in attributes)}
     split = split_at_seams(contents.polygons, len(contents.points), new)
     is_new = not len(document.points)
     is_split = len(split.source) > len(contents.points)
@@ -123,7 +135,9 @@ def _written(contents: Contents) -> GltfData:
         start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
         rows = split.source[start:stop]
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for mesh, i, _ in places]
-        keys = {key: i for key, i in primitives[0]["attributes"].items() if named(key)[0] not in removed}
+        given = primitives[0]["attributes"]
+        names = named(gltf, given)
+        keys = {key: i for key, i in given.items() if names[key][0] not in changed}
         if is_split:
             gather(gltf, keys, rows - first_point)
         if is_moved:
