@@ -10,6 +10,8 @@ from isomatch.surfaces.io._gltf_data import GltfData, packed
 
 TRIANGLE = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
+UP = np.array([0, 0, 1])
+
 
 def triangle(**more):
     gltf = GltfData({"asset": {"version": "2.0"}}, bytearray())
@@ -87,6 +89,6 @@ def test_every_node_of_the_scene_is_read_and_no_other(folder):
     (folder / "a.glb").write_bytes(packed(gltf, binary=True))
     asset = read_asset(folder / "a.glb")
     assert asset.placed_points[::3, 0].tolist() == [0, 1]
-    write_asset(folder / "b.glb", asset.moved(asset.mesh.vertices + [[0, 0, 1]]))
+    write_asset(folder / "b.glb", asset.moved(asset.mesh.vertices + UP))
     again = read_asset(folder / "b.glb")
-    assert np.allclose(again.placed_points, asset.placed_points + [[0, 0, 1]])
+    assert np.allclose(again.placed_points, asset.placed_points + UP)

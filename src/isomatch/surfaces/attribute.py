@@ -33,7 +33,7 @@ class Attribute:
         What the values mean, which determines how they are carried and written.
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
-        to the largest of their type or as floats from 0 to 1. Labels are (k,) integers or strings, scalars (k,) numbers,
+        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type. Labels are (k,) integers or strings, scalars (k,) numbers,
         normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
         lower left of the picture, with nan at corners that have none.
     joints : (k, d) array_like of int, optional
@@ -144,10 +144,17 @@ class Attribute:
         return values.astype(np.uint8) if values.dtype.kind == "b" else values
 
     @property
+    def full(self) -> float:
+        """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
+        kind = self.values.dtype
+        if kind.kind == "f":
+            return 255.0 if self.values.max(initial=0) > 1 else 1.0
+        return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
+
+    @property
     def fractions(self) -> FloatArray:
         """Colours as numbers from 0 to 1."""
-        full = 1.0 if self.values.dtype.kind == "f" else np.iinfo(self.values.dtype).max
-        return np.asarray(self.values / full, dtype=np.float64)
+        return np.asarray(self.values / self.full, dtype=np.float64)
 
     @property
     def n_joints(self) -> int:

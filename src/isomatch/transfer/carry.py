@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.assets import Asset
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
@@ -60,8 +60,8 @@ def carry_attributes(
     Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
     weights are interpolated at the precise images. Of the weights as many are kept as the other had, and they sum to 1.
     Normals are turned with the surface. What differs at the corners of one point, as texture coordinates at a seam, is
-    carried to corners, and a polygon takes all its corners from one side. Of labels, and of what polygons have, nothing
-    is averaged.
+    carried to corners, and a polygon takes all its corners from one side. Labels
+    are never averaged; other values of polygons are, by area.
 
     Parameters
     ----------
@@ -156,11 +156,17 @@ def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]
         vertex, domain = receiver.vertex_of_corner, "corner"
         carried, across = interpolated_at_corners(bridge, attribute)
     if attribute.kind == "normal":
-        turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], carried)
-        length = np.linalg.norm(turned, axis=1, keepdims=True)
-        with np.errstate(invalid="ignore"):
-            carried = np.where(length > 0, turned / length, receiver.mesh.vertex_normals[vertex])
+        carried = _turned(bridge, carried, vertex)
     return attribute.with_values(_in_type(carried, attribute), domain), across
+
+
+def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
+    """Turn normals as the surface turns at a vertex of the receiver, whose own are those of the unmatched."""
+    turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], normals)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    own = bridge.receiver.mesh.vertex_normals[vertex]
+    with np.errstate(invalid="ignore"):
+        return np.where(length > 0, turned / length, own)
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
@@ -203,6 +209,11 @@ def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attr
         sums = csr_array((area, (owner, rows)), shape=(n_owners, len(attribute)))
         with np.errstate(invalid="ignore"):
             means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
+        if attribute.kind == "normal":
+            polygons = receiver.polygons
+            means = _turned(
+                bridge, means, receiver.vertex_of_corner[np.cumsum(polygons.sizes) - polygons.sizes]
+            )
         values = _in_type(means, attribute)
     return attribute.with_values(values[owner_of_row])
 
@@ -221,9 +232,9 @@ def _or_none(labels: AnyArray, known: BoolArray) -> AnyArray:
 def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:
     """Return interpolated columns in the shape and type of an attribute; integers are rounded."""
     kind = attribute.values.dtype
-    largest = np.iinfo(kind).max if kind.kind in "iu" else 1
     if attribute.kind == "colour":
-        values = np.where(np.isnan(values), GREY * largest, values)
+        grey = attribute.full * np.array([GREY, GREY, GREY, 1.0])
+        values = np.where(np.isnan(values), grey[: values.shape[1]], values)
     if kind.kind in "iu" and attribute.kind == "colour":
         values = np.rint(values)
     elif kind.kind != "f":

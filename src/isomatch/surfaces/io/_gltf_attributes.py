@@ -165,8 +165,8 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
     properties: dict[str, object] = {}
     extras: dict[str, object] = {}
     if attribute.kind == "colour":
-        if values.dtype.kind == "f" or values.dtype.itemsize > 2:
-            values = values.astype(np.float32)
+        if values.dtype.kind not in "u" or values.dtype.itemsize > 2:
+            values = attribute.fractions.astype(np.float32)
         else:
             properties["normalized"] = True
             if values.shape[1] == 3:

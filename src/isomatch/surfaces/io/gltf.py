@@ -142,6 +142,10 @@ def _written(contents: Contents) -> GltfData:
             gather(gltf, keys, rows - first_point)
         if is_moved:
             position = contents.points[rows].astype(np.float32)
+            if not np.isfinite(position).all():
+                raise MeshError(
+                    "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
+                )
             bounds = (
                 {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
                 if len(rows)
