@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -116,13 +116,17 @@ def carry_attributes(
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
         asset = asset.with_attributes(receiver.from_placed(new))
+    names = tuple(attribute.name for attribute in chosen)
+    carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
+    asset = replace(
+        asset, attributes=tuple(carried_first)
+    )  # formats that have but one of a kind write the first
     kinds = {attribute.kind for attribute in chosen}
     if "uv" in kinds:
         middles = bridge.at_thirds.triangle[::3]
         asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
-    names = tuple(attribute.name for attribute in chosen)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)
 
 
