@@ -11,7 +11,7 @@ import isomatch
 PACKAGE = Path(isomatch.__file__).parent
 FOUNDATION = {
     "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
-    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads",
+    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads", "_workers",
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}
@@ -37,10 +37,11 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
+    "collections": MATCHING | {"assets", "view", "collections"},
     "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | TRANSFER | {"view", "statistics", "paper", "cli", "__init__"},
-    "__init__": TRANSFER,
+    "cli": EVALUATION | TRANSFER | {"collections", "statistics", "view", "paper", "cli", "__init__"},
+    "__init__": TRANSFER | {"collections"},
     "__main__": {"_files", "cli"},
 }
 

@@ -30,7 +30,9 @@ ROOMS = (
     "datasets",
     "baselines",
     "evaluation",
+    "statistics",
     "view",
+    "collections",
 )
 OPERATORS = {"__matmul__", "__rmatmul__", "__call__", "__len__", "__getitem__", "__iter__", "__contains__"}
 

@@ -7,6 +7,7 @@ from isomatch.bases import (
     distance_basis,
     laplace_basis,
 )
+from isomatch.collections import Collection
 from isomatch.correspondence import Correspondence, Wrapped, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
@@ -63,6 +64,7 @@ __all__ = [
     "Asset",
     "BothDirections",
     "CanonicalForm",
+    "Collection",
     "Config",
     "Correspondence",
     "DescriptorError",

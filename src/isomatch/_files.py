@@ -8,6 +8,7 @@ import logging
 import os
 import re
 import sys
+import time
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -41,6 +42,7 @@ _LOCKED = (
     errno.EAGAIN,
     errno.EDEADLK,
 )  # what the systems say of a lock that another process holds
+UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
 logger = logging.getLogger(__name__)
 
 
@@ -109,7 +111,7 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
     with writing(path):
         _require_replaceable(path)
         final = path.resolve() if path.exists() else path
-        with _passing(final.with_name(f".isomatch-{token_hex(8)}.unfinished")) as unfinished:
+        with _passing(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
             with _changing:
                 file = unfinished.open("xb")
             with file:
@@ -128,7 +130,7 @@ def staged(folder: Path, last: str) -> Iterator[Path]:
 
     Of earlier files, the one named ``last`` is removed first, and its successor moves last.
     """
-    with writing(folder), _passing(folder / f".isomatch-{token_hex(8)}.unfinished") as unfinished:
+    with writing(folder), _passing(folder / UNFINISHED.format(token_hex(8))) as unfinished:
         with _changing:
             unfinished.mkdir()
         yield unfinished
@@ -176,6 +178,14 @@ def _remove(path: Path) -> None:
     else:
         with suppress(OSError):  # it is not empty
             path.rmdir()
+
+
+def remove_unfinished(paths: Iterable[Path], age: float) -> None:
+    """Remove what killed processes left unfinished, if it is older than so many seconds."""
+    for path in paths:
+        with suppress(FileNotFoundError):
+            if time.time() - path.stat().st_mtime >= age:
+                _remove(path)
 
 
 def abandon_files() -> None:

@@ -13,6 +13,7 @@ from isomatch.cli.basis import basis
 from isomatch.cli.bench import bench
 from isomatch.cli.check import check
 from isomatch.cli.choose import choose
+from isomatch.cli.collect import collect
 from isomatch.cli.demo import demo
 from isomatch.cli.distance import distance
 from isomatch.cli.evaluate import evaluate
@@ -42,6 +43,7 @@ for each in (
     match,
     choose,
     transfer,
+    collect,
     basis,
     distance,
     check,

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import isomatch
+from isomatch import matching
 from isomatch._files import opened
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part
 from isomatch.errors import FormatError, SettingError
-from isomatch.matching import Alternative
 
 _NEEDED: dict[str, type] = {
     "source": str,
@@ -111,8 +111,8 @@ def _record(path: Path) -> dict[str, Any]:
     return known
 
 
-def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> Alternative:
+def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:
     energy, orientation = (
         nan if evidence.get(name) is None else evidence[name] for name in ("energy", "orientation")
     )
-    return Alternative(lambda: found, energy, orientation, evidence["origin"])
+    return matching.Alternative(lambda: found, energy, orientation, evidence["origin"])

@@ -9,12 +9,11 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import datasets, evaluation
+from isomatch import correspondence, datasets, evaluation
 from isomatch._arrays import IntArray
 from isomatch._files import text_lines
 from isomatch.cli.inputs import read_pairs
 from isomatch.cli.terminal import TALK, Talk, say_table
-from isomatch.correspondence import UNMATCHED
 from isomatch.errors import FormatError
 
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
@@ -100,7 +99,7 @@ def _truth(path: Path, n_target: int) -> IntArray:
         if len(first.replace(",", " ").split()) == 2:
             return read_pairs(path, "a pair", "of the source and of the target")
     image = isomatch.Correspondence.load(path, n_target).vertices
-    known = np.flatnonzero(image != UNMATCHED)
+    known = np.flatnonzero(image != correspondence.UNMATCHED)
     return np.column_stack([known, image[known]])
 
 

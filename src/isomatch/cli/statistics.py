@@ -86,8 +86,9 @@ def statistics(
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
+        done = iter(range(len(shapes)))
         geodesic = shape_statistics.geodesic_distortions(
-            shapes, progress=lambda name: tell(f"distances of {name}", 0.3)
+            shapes, progress=lambda name: tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes))
         )
         share = shapes.area_weights if weights == "area" else None
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
@@ -118,6 +119,7 @@ def statistics(
             "notes": notes,
         }
         into.finish(record)
+        tell("done", 1.0)
 
     def summary() -> None:
         _say(model, record)

@@ -13,7 +13,7 @@ import numpy as np
 import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch._arrays import FloatArray
-from isomatch._files import claimed, write_csv, write_text
+from isomatch._files import claimed, made_folder, write_csv, write_text
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.surfaces import Attribute, Contents, Mesh, write_contents, write_mesh
@@ -39,9 +39,8 @@ class StatisticsFolder:
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
         """Create and claim the folder, see `isomatch._files.claimed`; an earlier result has to be forced."""
-        self.folder.mkdir(parents=True, exist_ok=True)
         record = self.folder / RECORD
-        with claimed(record, [] if force else [record]):
+        with made_folder(self.folder), claimed(record, [] if force else [record]):
             yield
 
     def clear(self) -> None:

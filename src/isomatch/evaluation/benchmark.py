@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import lru_cache, partial
-from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
-from threading import Thread
 from typing import TypeAlias
-
-from threadpoolctl import ThreadpoolController
 
 from isomatch._files import made_folder
 from isomatch._threads import n_threads
+from isomatch._workers import begin_worker, worker_processes
 from isomatch.datasets import example_pair
 from isomatch.evaluation.benchmark_run import BenchmarkRun, PairNames
 from isomatch.evaluation.ledger import Row, appending, identity_of, read_rows
@@ -67,18 +62,9 @@ def _new_rows(run: BenchmarkRun, jobs: dict[Job, list[str]]) -> Iterator[Row]:
         for job, endings in jobs.items():
             yield from worker.rows(*job, endings)
         return
-    others = set(active_children())
-    with ProcessPoolExecutor(
-        at_once, mp_context=get_context("spawn"), initializer=_begin, initargs=(run,)
-    ) as pool:
-        try:
-            for future in as_completed([pool.submit(_work, *job, endings) for job, endings in jobs.items()]):
-                yield from future.result()
-        except BaseException:  # such as an interruption, or a caller that wants no more rows
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(active_children()) - others:
-                process.kill()
-            raise
+    with worker_processes(at_once, _begin, (run,)) as pool:
+        for future in as_completed([pool.submit(_work, *job, endings) for job, endings in jobs.items()]):
+            yield from future.result()
 
 
 _worker: _Worker  # of this process, see `_begin`
@@ -87,23 +73,10 @@ _worker: _Worker  # of this process, see `_begin`
 def _begin(run: BenchmarkRun) -> None:
     """Start a worker process: one thread in our loops and in linear algebra, and every compiled loop loaded."""
     global _worker
-    Thread(target=_end_with_parent, daemon=True).start()
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches this process too; the one that started it decides
-    os.environ["ISOMATCH_NUM_THREADS"] = "1"
-    ThreadpoolController().limit(limits=1)
+    begin_worker(1)
     source, target = example_pair()
     match(source.mesh, target.mesh)
     _worker = _Worker(run)
-
-
-def _end_with_parent() -> None:
-    """End this process with the one that started it, which cannot see to it if it is killed."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _work(names: PairNames, base: str, endings: list[str]) -> list[Row]:

@@ -154,17 +154,16 @@ class ShapeModel:
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
         found = generalised_procrustes(shapes.vertices, share, scale)
         mean = found.mean
-        about_mean = found.aligned - mean
+        about_mean, about_centre = found.aligned - mean, mean - share @ mean
         with serial_blas():
             u, values, _ = np.linalg.svd(
                 (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
             )
-            extent = np.sqrt(share @ (mean - share @ mean) ** 2).max()
-            kept = values[: len(shapes) - 1] > LEAST_DEVIATION * extent * np.sqrt(len(shapes))
-            u, values = u[:, : len(kept)][:, kept], values[: len(kept)][kept]
+            least = LEAST_DEVIATION * np.sqrt(len(shapes) * (share @ about_centre**2).max())
+            kept = int((values[: len(shapes) - 1] > least).sum())
+            u, values = u[:, :kept], values[:kept]
             modes = np.tensordot(u.T / values[:, None], about_mean, 1)  # also where a vertex has no weight
-        outward = (mean - share @ mean) * share[:, None]
-        outward *= np.einsum("ij,ij->i", mean - share @ mean, mean - share @ mean)[:, None]
+        outward = share[:, None] * (about_centre**2).sum(axis=1, keepdims=True) * about_centre
         signs = np.where(np.einsum("kij,ij->k", modes, outward) < 0, -1.0, 1.0)
         return cls(
             shapes.names,

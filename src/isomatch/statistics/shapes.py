@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +100,9 @@ class CorrespondedShapes:
             If no mesh is left.
         """
         ordered = dict(sorted(meshes.items()))
-        topologies = {name: (mesh.n_vertices, mesh.faces.tobytes()) for name, mesh in ordered.items()}
+        topologies = {
+            name: (mesh.n_vertices, blake2b(mesh.faces.tobytes()).digest()) for name, mesh in ordered.items()
+        }
         common = max(topologies.values(), key=Counter(topologies.values()).__getitem__, default=None)
         kept, left_out = {}, []
         for name, mesh in ordered.items():

@@ -1,5 +1,5 @@
 from isomatch.view.camera import camera_of, turn_to_target
-from isomatch.view.colours import position_colours
+from isomatch.view.colours import position_colours, to_screen
 from isomatch.view.measures import Measure, quality_bounds, quality_measures
 from isomatch.view.panels import arranged_panels, colour_scale
 from isomatch.view.report import MOST_ALTERNATIVES, write_landmark_picker, write_report
@@ -18,6 +18,7 @@ __all__ = [
     "quality_bounds",
     "quality_measures",
     "surface_image",
+    "to_screen",
     "turn_to_target",
     "write_landmark_picker",
     "write_report",

@@ -1,0 +1,143 @@
+"""How far one driver of a collection goes: its own code on simulated workers, with recorded durations.
+
+Nothing is matched. The driver plans, sends tiles, takes rows and writes the ledger as ever; workers are simulated in
+simulated time, to which the seconds that the driver really needs are added. Run, for instance::
+
+    python benchmarks/collection_scale.py --shapes 1000,10000 --workers 16,256,4096
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import heapq
+import json
+import resource
+import tempfile
+import time
+from concurrent.futures import Executor, Future
+from pathlib import Path
+
+import numpy as np
+
+from isomatch.collections import Collection, jobs, workers
+
+PREPARED_MB, MAP_MB = 9.1, 0.19  # of shapes with 5,000 vertices
+FEATURES = 50
+ROW = {"there": {"outcome": "CONVERGED", "quality": {"misfit": 0.3}}, "back": {}, "text": "x" * 2500}
+
+
+class SimulatedWorkers(Executor):
+    """Workers that take tasks one after the other, in simulated time."""
+
+    def __init__(self, count: int, seconds: np.ndarray) -> None:
+        self.now = self.busy = self.driving = 0.0
+        self.free = [0.0] * count
+        self.ends: list[tuple[float, int, Future, workers.Task]] = []
+        self.seconds = seconds
+        self.sent = 0
+        self.since = time.perf_counter()
+
+    def submit(self, function, task, *_):
+        """Send a task to the worker that is free first."""
+        needed = float(self.seconds[self.sent % len(self.seconds) :][: len(task.items)].sum()) or 1.0
+        start = max(self._clock(), heapq.heappop(self.free))
+        heapq.heappush(self.free, start + needed)
+        self.busy += needed
+        self.sent += len(task.items)
+        future = Future()
+        heapq.heappush(self.ends, (start + needed, self.sent, future, task))
+        return future
+
+    def wait(self, running, return_when):
+        """Go on to the time when the next task ends."""
+        end, _, future, task = heapq.heappop(self.ends)
+        self.now = max(self._clock(), end)
+        future.set_result(task.function(task.items))
+        self.since = time.perf_counter()
+        return argparse.Namespace(done=[future])
+
+    def _clock(self) -> float:
+        """Add what the driver has really needed since the last call."""
+        needed = time.perf_counter() - self.since
+        self.since += needed
+        self.driving += needed
+        self.now += needed
+        return self.now
+
+
+def prepared(job, entries):
+    """Stand for the preparation of shapes."""
+    found = []
+    for entry in entries:
+        stat = entry.path.stat()
+        key = jobs.key_of(job.config, job.seed, entry.name)
+        job.layout.prepared(key).touch()
+        features = np.random.default_rng(int(entry.name[1:])).normal(size=FEATURES).tolist()
+        about = {"size": stat.st_size, "changed": stat.st_mtime_ns, "key": key, "hash": entry.name}
+        found.append(
+            {"state": "done", "time": 0.0, "bytes": int(PREPARED_MB * 1e6), "features": features} | about
+        )
+    return found
+
+
+def matched(job, plans):
+    """Stand for the matches of pairs."""
+    for plan in plans:
+        job.layout.maps(plan.pair).touch()
+    return [{"state": "done", "time": 0.0, "seconds": 1.0, **ROW} for _ in plans]
+
+
+def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path) -> dict[str, float]:
+    """Run a collection of n shapes on so many workers."""
+    shapes = folder / "shapes"
+    if not shapes.exists():
+        shapes.mkdir()
+        for i in range(n):
+            (shapes / f"s{i:06}.off").touch()
+    entries = [shapes / f"s{i:06}.off" for i in range(n)]
+    start = time.perf_counter()
+    made = Collection.create(folder / f"{pairs}_{count}", entries, pairs=pairs)
+    executor = SimulatedWorkers(count, seconds)
+    workers.wait = executor.wait
+    done = sum(event.what == "pair" for event in made.run(executor, count))
+    driver = executor.driving
+    start = time.perf_counter()
+    assert not list(made.run(executor, count))
+    resumed = time.perf_counter() - start
+    return {
+        "shapes": n,
+        "pairs": done,
+        "workers": count,
+        "hours": round(executor.now / 3600, 2),
+        "use": round(executor.busy / (executor.now * count), 3),
+        "driver ms/pair": round(1000 * driver / done, 2),
+        "resume s": round(resumed, 1),
+        "ledger MB": round(made.layout.ledger().stat().st_size / 1e6),
+        "driver MB": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+    }
+
+
+def main() -> None:
+    """Print a line of JSON for each size and number of workers."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--shapes", default="1000")
+    parser.add_argument("--workers", default="16,256,4096")
+    parser.add_argument("--pairs", default="star")
+    parser.add_argument("--table", type=Path, help="pairs.csv of a collection, for its seconds")
+    options = parser.parse_args()
+    seconds = np.random.default_rng(0).lognormal(np.log(3.2), 0.25, 10**6)
+    if options.table:
+        with options.table.open(newline="") as file:
+            seconds = np.array([float(row["seconds"]) for row in csv.DictReader(file) if row["seconds"]])
+    jobs.Job.prepare_shapes, jobs.Job.match_pairs = prepared, matched
+    for n in map(int, options.shapes.split(",")):
+        with tempfile.TemporaryDirectory() as folder:
+            for count in map(int, options.workers.split(",")):
+                print(json.dumps(simulated(n, options.pairs, count, seconds, Path(folder))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

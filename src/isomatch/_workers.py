@@ -1,0 +1,50 @@
+"""Worker processes: few threads each, and an end with the process that started them."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread, current_thread, main_thread
+from typing import Any
+
+from threadpoolctl import ThreadpoolController
+
+
+@contextmanager
+def worker_processes(
+    count: int, initializer: Callable[..., Any] | None = None, arguments: tuple[Any, ...] = ()
+) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool of processes; when an exception ends the block, they are killed at once."""
+    others = set(active_children())
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer, arguments) as pool:
+        try:
+            yield pool
+        except BaseException:  # such as an interruption, or a caller that wants no more
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - others:
+                process.kill()
+            raise
+
+
+@cache
+def begin_worker(threads: int) -> None:
+    """Make this process a worker, once: so many threads in our loops, one in linear algebra."""
+    if parent_process() is not None:
+        Thread(target=_end_with_parent, daemon=True).start()
+        if current_thread() is main_thread():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches it too; its parent decides
+    os.environ["ISOMATCH_NUM_THREADS"] = str(threads)
+    ThreadpoolController().limit(limits=1)
+
+
+def _end_with_parent() -> None:
+    """End this process with the one that started it, which cannot see to it if it is killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,160 @@
+"""``isomatch collect``: a folder of shapes in correspondence, resumable, on one machine or many."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import App, Parameter
+
+import isomatch
+from isomatch.cli.inputs import read_config
+from isomatch.cli.terminal import TALK, Talk, say, say_table
+from isomatch.collections import Collection, finish, state_of, write_table
+from isomatch.errors import InputError
+
+collect = App(name="collect", default_parameter=Parameter(negative=()))
+
+
+@collect.default
+def run(
+    shapes: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    template: str = "auto",
+    pairs: str = "star",
+    jobs: int | None = None,
+    executor: str = "local",
+    shard: str = "1/1",
+    time_limit: float | None = None,
+    config: Path | None = None,
+    seed: int = 0,
+    talk: Talk = TALK,
+) -> None:
+    """Match the shapes of a folder with a template, or with one another; run it again to continue.
+
+    Parameters
+    ----------
+    shapes : str
+        A folder, a quoted pattern such as 'scans/*.vtp', or a list.csv with a column path and perhaps name.
+    output : Path
+        Folder for prepared shapes, maps, pairs.csv, index.html, and the shapes in the topology of the template.
+    template : str
+        Name or file of the template; by default (auto) the shape in the middle of all, by spectra and distances.
+    pairs : str
+        star (default): each shape with the template; all; chain: each with the next; or a CSV file with columns source
+        and target.
+    jobs : int
+        Number of pairs to match at a time; by default one for each processor.
+    executor : str
+        local (default), or dask:ADDRESS, the scheduler of a Dask cluster whose workers see the same files.
+    shard : str
+        i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other machines.
+    time_limit : float
+        Seconds after which nothing new is begun.
+    config : Path
+        TOML file with settings; see isomatch.Config.
+    seed : int
+        Seed of the matches.
+    """
+    place = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", shard)
+    if not place or int(place[1]) > int(place[2]):
+        raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
+    part = int(place[1]) - 1, int(place[2])
+    collection = Collection.create(
+        output,
+        shapes,
+        pairs=pairs,
+        template=None if template == "auto" else template,
+        config=read_config(config) or isomatch.Config(),
+        seed=seed,
+    )
+    with talk.progress() as tell:
+        for event in collection.run(executor, jobs, part, time_limit):
+            name = event.name if isinstance(event.name, str) else " and ".join(event.name)
+            what = "prepared" if event.what == "shape" else "matched"
+            tell(f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of)
+        if part[1] == 1:
+            for line in finish(collection, executor, jobs):
+                tell(f"written in the topology of the template: {line['name']}", 1.0)
+    talk.result(_status(collection), lambda: _say_status(collection))
+
+
+@collect.command
+def status(folder: Path, /, *, talk: Talk = TALK) -> None:
+    """Tell how far a collection is, with the pairs that failed, from the ledgers of all shards; write its tables.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the collection.
+    """
+    collection = Collection.open(folder)
+    write_table(collection.rows(), collection.layout.table)
+    talk.result(_status(collection), lambda: _say_status(collection))
+
+
+@collect.command
+def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK) -> None:
+    """Let the next run match pairs again that failed, or that ended with low confidence.
+
+    Parameters
+    ----------
+    which : str
+        failed, or low: with another seed, and the surer map is kept.
+    folder : Path
+        The folder of the collection.
+    """
+    again = Collection.open(folder).retry(which)
+    talk.result(
+        {"pairs": [list(pair) for pair in again]},
+        lambda: say(f"{len(again)} pairs will be matched again; run isomatch collect as before"),
+    )
+
+
+def _ending(record: dict[str, Any]) -> str:
+    if record["state"] == "failed":
+        return f"failed: {record['error']}"
+    return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
+
+
+def _status(collection: Collection) -> dict[str, Any]:
+    rows = collection.rows()
+    pairs = collection.wanted_pairs(rows)
+    states = Counter(state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
+    outcomes = Counter(
+        rows.pairs[pair]["there"]["outcome"]
+        for pair in pairs
+        if rows.pairs.get(pair, {}).get("state") == "done"
+    )
+    failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
+    failures |= {
+        " and ".join(pair): row["error"] for pair, row in rows.pairs.items() if row["state"] == "failed"
+    }
+    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
+    return {
+        "folder": str(collection.folder),
+        "shapes": {"all": len(collection.shapes), "prepared": prepared},
+        "template": collection.chosen_template(rows),
+        "pairs": {"all": len(pairs), **states},
+        "outcomes": dict(outcomes),
+        "failures": failures,
+    }
+
+
+def _say_status(collection: Collection) -> None:
+    status = _status(collection)
+    shapes, pairs = status["shapes"], status["pairs"]
+    say(
+        f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
+    )
+    say(f"{pairs['all'] - pairs.get('todo', 0)} of {pairs['all']} pairs done")
+    say_table(
+        (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
+    )
+    for name, error in status["failures"].items():
+        say(f"failed: {name}: {error}", "bold red")
+    say(f"in {status['folder']}: {collection.layout.page.name}, {collection.layout.table.name}")

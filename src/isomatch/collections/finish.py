@@ -1,0 +1,83 @@
+"""What a run leaves to work with and to look at: surfaces in one topology, tables, and a page."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from io import StringIO
+from typing import Any
+
+from isomatch._files import write_csv
+from isomatch.collections.collection import Collection
+from isomatch.collections.ledger import Rows
+from isomatch.collections.page import write_page
+from isomatch.collections.tables import write_table
+from isomatch.collections.workers import Task, workers_of
+from isomatch.collections.wrapped import PlannedSurface, WrapJob
+
+COLUMNS = ("name", "key", "inverted_before", "inverted", "extended", "error")
+AT_ONCE = 4  # surfaces of a task
+
+
+def finish(
+    collection: Collection,
+    executor: str | Executor = "local",
+    jobs: int | None = None,
+    suffix: str = ".ply",
+) -> Iterator[dict[str, Any]]:
+    """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
+
+    A shape is written if it is matched with the template, in either direction, and only if its map is another than
+    before. In place of what has no image, the surface around it continues; see `isomatch.wrap`.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection.
+    executor, jobs
+        As for `Collection.run`.
+    suffix : str
+        Format of the surfaces.
+
+    Yields
+    ------
+    dict
+        For each surface that is written: its name, the key of the map, the numbers of inverted faces before and after
+        they were mended, and of vertices without image; or the error that prevented it.
+    """
+    layout, rows = collection.layout, collection.rows()
+    template = collection.chosen_template(rows)
+    lines = {line["name"]: line for line in _known_lines(collection)}
+    if template is not None:
+        for folder in ("corresponded", "thumbnails"):
+            (layout.folder / folder).mkdir(exist_ok=True)
+        job = WrapJob(layout, template, collection.path_of(template), suffix)
+        todo = [plan for plan in _planned(collection, rows, template) if not _is_written(job, plan, lines)]
+        tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
+        with workers_of(executor, jobs) as workers:
+            for plan, line in workers.completed(tasks):
+                lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
+                yield lines[plan.name]
+        write_csv(layout.shapes_table, lines.values(), COLUMNS)
+    write_table(rows, layout.table)
+    write_page(collection, rows, template, lines)
+
+
+def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
+    plans = [PlannedSurface(template, collection.path_of(template), None, "template")]
+    for pair, record in rows.pairs.items():
+        if template in pair and record["state"] == "done":
+            name = pair[0] if pair[1] == template else pair[1]
+            plans.append(PlannedSurface(name, collection.path_of(name), pair, record["key"]))
+    return plans
+
+
+def _is_written(job: WrapJob, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
+    known = lines.get(plan.name, {}).get("key") == plan.key
+    return known and job.layout.corresponded(plan.name, job.suffix).exists()
+
+
+def _known_lines(collection: Collection) -> list[dict[str, Any]]:
+    path = collection.layout.shapes_table
+    return list(csv.DictReader(StringIO(path.read_text(encoding="utf-8")))) if path.exists() else []

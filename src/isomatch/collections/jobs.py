@@ -1,0 +1,187 @@
+"""The jobs of a collection, as worker processes run them: from files to files, each with a row for the ledger."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
+
+from isomatch._limits import peak_memory
+from isomatch.collections.layout import Layout, key_of
+from isomatch.collections.map_file import PairMaps, Record
+from isomatch.collections.pairs import Pair
+from isomatch.collections.shapes import Entry
+from isomatch.collections.template import features_of
+from isomatch.errors import FormatError
+from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
+from isomatch.surfaces import surface_from
+
+LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+
+
+class PlannedPair(NamedTuple):
+    """A pair to match.
+
+    Parameters
+    ----------
+    pair : (str, str)
+        Names of the shapes.
+    key : str
+        Identifies the match.
+    shapes : (str, str)
+        Keys of the prepared shapes.
+    hashes : (str, str)
+        ``content_hash`` of the surfaces.
+    attempt : int
+        Added to the seed.
+    """
+
+    pair: Pair
+    key: str
+    shapes: tuple[str, str]
+    hashes: tuple[str, str]
+    attempt: int
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all jobs of a run share.
+
+    Parameters
+    ----------
+    layout : Layout
+        The folder.
+    config : Config
+        Settings of the matches.
+    seed : int
+        Their seed.
+    end : float
+        Time, in seconds since the epoch, after which nothing new is begun.
+    """
+
+    layout: Layout
+    config: Config
+    seed: int
+    end: float = math.inf
+
+    def is_late(self) -> bool:
+        """Whether nothing new is to be begun."""
+        return time.time() > self.end
+
+    def prepare_shapes(self, entries: Sequence[Entry]) -> list[Record]:
+        """Read and prepare shapes, unless that was done; return their rows."""
+        return [self._row_of_shape(entry) for entry in entries]
+
+    def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
+        """Match pairs, unless that was done; return their rows, as far as there was time."""
+        return [_row(partial(self._matched, plan)) for plan in plans if not self.is_late()]
+
+    def _row_of_shape(self, entry: Entry) -> Record:
+        stat: Record = {}
+        if entry.path.exists():
+            found = entry.path.stat()
+            stat = {"size": found.st_size, "changed": found.st_mtime_ns}
+        return stat | _row(partial(self._prepared, entry))
+
+    def _prepared(self, entry: Entry) -> Record:
+        surface = surface_from(entry.path)
+        key = key_of(self.config, self.seed, surface.content_hash)
+        file = self.layout.prepared(key)
+        shape = _loaded_if_whole(file, self.config)
+        if shape is None:
+            shape = prepare(surface, self.config, self.seed)
+            shape.save(file)
+        return {
+            "key": key,
+            "hash": surface.content_hash,
+            "bytes": file.stat().st_size,
+            "n_vertices": surface.n_vertices,
+            "area": float(surface.vertex_areas.sum()),
+            "features": features_of(shape),
+            "notes": list(shape.notes),
+        }
+
+    def _matched(self, plan: PlannedPair) -> Record:
+        file = self.layout.maps(plan.pair)
+        earlier = _maps_if_whole(file)
+        if earlier and earlier.record["key"] == plan.key:
+            return earlier.record
+        start = time.perf_counter()
+        source, target = (_loaded(self.layout.prepared(key), self.config) for key in plan.shapes)
+        found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
+        record = {
+            "key": plan.key,
+            "source_hash": plan.hashes[0],
+            "target_hash": plan.hashes[1],
+            "there": _summary(found.there),
+            "back": _summary(found.back),
+            "seconds": time.perf_counter() - start,
+            "memory": peak_memory(),
+        }
+        maps = PairMaps(found.there.map, found.back.map, record)
+        if plan.attempt and earlier and _unsureness(earlier.record) <= _unsureness(record):
+            maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
+        maps.save(file)
+        return maps.record
+
+
+def _summary(result: MatchResult) -> Record:
+    """Describe a result, without the settings, which are those of the collection."""
+    return {name: value for name, value in result.to_dict().items() if name != "config"}
+
+
+def _unsureness(record: Record) -> tuple[int, float]:
+    there = record["there"]
+    return [outcome.name for outcome in Outcome][::-1].index(there["outcome"]), there["quality"][
+        "misfit"
+    ] or 0.0
+
+
+def _row(work: Callable[[], Record]) -> Record:
+    """Do something and say when; what cannot be done is a row with the reason."""
+    start = time.perf_counter()
+    try:
+        record = work()
+        return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
+    except Exception as error:  # whatever it is becomes a row with its reason; nothing ends a run
+        reason = f"{type(error).__name__}: {error}"
+        return {
+            "state": "failed",
+            "time": time.time(),
+            "error": reason,
+            "seconds": time.perf_counter() - start,
+        }
+
+
+def _maps_if_whole(file: Path) -> PairMaps | None:
+    try:
+        return PairMaps.load(file)
+    except FormatError:  # none, or one that a full disk cut short
+        return None
+
+
+def _loaded_if_whole(file: Path, config: Config) -> PreparedShape | None:
+    try:
+        return PreparedShape.load(file, config)
+    except FormatError:
+        return None
+
+
+_shapes = OrderedDict[tuple[Path, Config], tuple[PreparedShape, int]]()  # of this process, last used last
+_taking = Lock()  # a worker of a cluster may have several threads
+
+
+def _loaded(file: Path, config: Config) -> PreparedShape:
+    """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
+    with _taking:
+        found = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
+        _shapes[file, config] = found
+        while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
+            _shapes.popitem(last=False)
+    return found[0]

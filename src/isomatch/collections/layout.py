@@ -1,0 +1,96 @@
+"""The folder of a collection, and what identifies its contents."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import blake2b
+from importlib.metadata import version
+from pathlib import Path
+
+from isomatch._files import UNFINISHED, remove_unfinished
+from isomatch.collections.pairs import Pair
+from isomatch.collections.shapes import BETWEEN
+from isomatch.matching import Config
+
+OLD = 3600.0  # seconds; files are written in a few
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each file of a collection is.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    """
+
+    folder: Path
+
+    @property
+    def plan(self) -> Path:
+        """What the collection consists of, and its settings."""
+        return self.folder / "collection.json"
+
+    @property
+    def table(self) -> Path:
+        """One line for each pair."""
+        return self.folder / "pairs.csv"
+
+    @property
+    def shapes_table(self) -> Path:
+        """One line for each shape in the topology of the template."""
+        return self.folder / "shapes.csv"
+
+    @property
+    def page(self) -> Path:
+        """The page to look at."""
+        return self.folder / "index.html"
+
+    def prepared(self, key: str) -> Path:
+        """Return the path of the prepared shape with a key."""
+        return self.folder / "prepared" / f"{key}.npz"
+
+    def maps(self, pair: Pair) -> Path:
+        """Return the path of the maps of a pair, both directions."""
+        return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
+
+    def corresponded(self, name: str, suffix: str = ".ply") -> Path:
+        """Return the path of a shape's surface in the topology of the template."""
+        return self.folder / "corresponded" / f"{name}{suffix}"
+
+    def report(self, pair: Pair) -> Path:
+        """Return the path of the report of a pair."""
+        return self.folder / "reports" / f"{BETWEEN.join(pair)}.html"
+
+    def thumbnail(self, name: str) -> Path:
+        """Return the path of a small picture of a shape."""
+        return self.folder / "thumbnails" / f"{name}.png"
+
+    def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
+        """Return the path of the ledger of a shard (index from 0, count)."""
+        index, count = shard
+        return self.folder / ("ledger.sqlite" if count == 1 else f"ledger_{index + 1}_of_{count}.sqlite")
+
+    def ledgers(self) -> list[Path]:
+        """Find the ledgers of all shards."""
+        return sorted(self.folder.glob("ledger*.sqlite"))
+
+    def remove_unfinished(self, shard: tuple[int, int]) -> None:
+        """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
+        # these first: whoever writes what is found has a ledger by now
+        found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        remove_unfinished(found, 0.0 if self.ledgers() == [self.ledger(shard)] else OLD)
+
+
+def key_of(config: Config, seed: int, *hashes: str) -> str:
+    """Identify what is computed from surfaces with these hashes, by these settings and this version."""
+    text = json.dumps([_settings(config), seed, *hashes])
+    return blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+@lru_cache
+def _settings(config: Config) -> str:
+    return json.dumps([version("isomatch"), config.to_dict()], sort_keys=True)

@@ -1,0 +1,159 @@
+"""The ledger of a collection: a row for each shape and each pair, in SQLite, written by the one process that runs it."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from isomatch._files import claimed
+from isomatch.collections.map_file import Record
+from isomatch.collections.pairs import Pair
+from isomatch.errors import FormatError, UnwritableFileError
+
+PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
+_TABLES = """
+CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS pairs (source TEXT, target TEXT, record TEXT NOT NULL, PRIMARY KEY (source, target));
+"""
+
+
+@dataclass
+class Rows:
+    """What is known of the shapes and of the pairs of a collection, by name."""
+
+    shapes: dict[str, Record] = field(default_factory=dict)
+    pairs: dict[Pair, Record] = field(default_factory=dict)
+
+    def merge(self, other: Rows) -> None:
+        """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one."""
+        _merge(self.shapes, other.shapes)
+        _merge(self.pairs, other.pairs)
+
+
+K = TypeVar("K")
+
+
+def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
+    for name, record in theirs.items():
+        if name not in mine or _rank(record) > _rank(mine[name]):
+            mine[name] = record
+
+
+def _rank(record: Record) -> tuple[bool, float]:
+    return record["state"] == "done", record["time"]
+
+
+class Ledger:
+    """A ledger that is open for writing; `rows` are what it holds."""
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._connection, self._path = connection, path
+        self.rows = _rows(connection, path)
+
+    def put_shape(self, name: str, record: Record) -> None:
+        """Write the row of a shape."""
+        self.rows.shapes[name] = record
+        self._put("INSERT OR REPLACE INTO shapes VALUES (?, ?)", name, record)
+
+    def put_pair(self, pair: Pair, record: Record) -> None:
+        """Write the row of a pair."""
+        self.rows.pairs[pair] = record
+        self._put("INSERT OR REPLACE INTO pairs VALUES (?, ?, ?)", *pair, record)
+
+    def forget_failed_shapes(self) -> None:
+        """Remove the rows of shapes that could not be prepared."""
+        for name in [name for name, record in self.rows.shapes.items() if record["state"] == "failed"]:
+            del self.rows.shapes[name]
+            self._execute("DELETE FROM shapes WHERE name = ?", name)
+
+    def _put(self, command: str, *values: str | Record) -> None:
+        *names, record = values
+        self._execute(command, *names, json.dumps(record))
+
+    def _execute(self, command: str, *values: Any) -> None:
+        try:
+            self._connection.execute(command, values)
+        except sqlite3.Error as error:
+            raise UnwritableFileError(
+                f"{self._path}: cannot be written ({error}); make room, and run again to continue"
+            ) from None
+
+
+@contextmanager
+def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
+    """Open a ledger for writing; it is made if it does not exist.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    one_host : bool
+        Whether only processes of this machine read it meanwhile. They need not wait then (SQLite's write-ahead log),
+        which does not work across machines.
+
+    Raises
+    ------
+    UnwritableFileError
+        If another process writes it, or it cannot be written.
+    FormatError
+        If the file is something else.
+    """
+    with claimed(path), closing(_connected(path, one_host)) as connection:
+        yield Ledger(connection, path)
+        with suppress(sqlite3.OperationalError):  # somebody reads it
+            connection.execute("PRAGMA busy_timeout = 0")
+            connection.execute(
+                "PRAGMA journal_mode = DELETE"
+            )  # leaves a file that needs no others, also to be read
+
+
+def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
+    try:
+        connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
+    except sqlite3.Error as error:
+        raise UnwritableFileError(f"{path}: cannot be written ({error}); give a writable folder") from None
+    try:
+        connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
+        if one_host:  # a power failure may take the last rows; the files of maps, which have them too, stay
+            connection.execute("PRAGMA synchronous = NORMAL")
+        connection.executescript(_TABLES)
+    except sqlite3.Error as error:
+        connection.close()
+        raise FormatError(f"{path}: not a ledger ({error}); move it away, and run again") from None
+    return connection
+
+
+def read_ledgers(paths: Iterable[Path]) -> Rows:
+    """Read the rows of several ledgers, also while they are written.
+
+    Raises
+    ------
+    FormatError
+        If a file is no ledger.
+    """
+    rows = Rows()
+    for path in paths:
+        # what a killed process left half written is undone by the next that reads: mode=ro could not
+        address = f"{path.resolve().as_uri()}?mode=rw"
+        try:
+            with closing(sqlite3.connect(address, timeout=PATIENCE, uri=True)) as connection:
+                rows.merge(_rows(connection, path))
+        except sqlite3.Error as error:
+            raise FormatError(f"{path}: cannot be read as a ledger ({error})") from None
+    return rows
+
+
+def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
+    try:
+        shapes = {name: json.loads(record) for name, record in connection.execute("SELECT * FROM shapes")}
+        pairs = {(a, b): json.loads(record) for a, b, record in connection.execute("SELECT * FROM pairs")}
+    except ValueError as error:
+        raise FormatError(
+            f"{path}: a row is damaged ({error}); move the ledger away, and run again"
+        ) from None
+    return Rows(shapes, pairs)

@@ -1,0 +1,90 @@
+"""Files of the maps of a pair: both directions in little space, with the row of the ledger."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isomatch._array_file import ArrayFormat, Stored, save_arrays
+from isomatch.correspondence import Correspondence
+from isomatch.errors import FormatError, MapError
+
+Record = dict[str, Any]
+"""What is known of a shape or a pair, as plain values."""
+
+SIDES = ("there", "back")
+FORMAT = ArrayFormat(
+    what="the maps of a pair",
+    writer="isomatch collect",
+    version=1,
+    arrays={
+        "record": Stored("text"),
+        **{
+            f"{side}_{name}": stored
+            for side, n in zip(SIDES, ("n_source", "n_target"))
+            for name, stored in (
+                ("vertices", Stored("integer", (n,))),
+                ("faces", Stored("integer", (n, 3))),
+                ("barycentric", Stored("float", (n, 3))),
+            )
+        },
+    },
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PairMaps:
+    """The maps between two shapes.
+
+    Parameters
+    ----------
+    there, back : Correspondence
+        Source → target, and target → source.
+    record : dict
+        The row of the pair in the ledger.
+    """
+
+    there: Correspondence
+    back: Correspondence
+    record: Record
+
+    def save(self, path: Path) -> None:
+        """Write an ``.npz`` file; indices take 4 bytes and barycentric coordinates too."""
+        arrays: dict[str, object] = {"record": np.array(json.dumps(self.record))}
+        for side in SIDES:
+            one: Correspondence = getattr(self, side)
+            arrays[f"{side}_vertices"] = one.vertices.astype(np.int32)
+            arrays[f"{side}_faces"] = one.faces.astype(np.int32)
+            arrays[f"{side}_barycentric"] = one.barycentric.astype(np.float32)
+        save_arrays(path, FORMAT.version, arrays, compressed=True)
+
+    @classmethod
+    def load(cls, path: Path) -> PairMaps:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), damaged, or holds something else.
+        """
+        arrays = FORMAT.read(path)
+        try:
+            record = json.loads(arrays["record"])
+            hashes = record["source_hash"], record["target_hash"]
+            there = _map(arrays, "there", len(arrays["back_vertices"]), *hashes)
+            back = _map(arrays, "back", len(arrays["there_vertices"]), *hashes[::-1])
+        except (ValueError, KeyError, TypeError, MapError) as error:
+            raise FormatError(
+                f"{path}: not the maps of a pair ({error}); remove it, and match again"
+            ) from None
+        return cls(there, back, record)
+
+
+def _map(arrays: dict[str, Any], side: str, n_target: int, *hashes: str) -> Correspondence:
+    vertices, faces, weights = (arrays[f"{side}_{name}"] for name in ("vertices", "faces", "barycentric"))
+    weights = weights.astype(np.float64)
+    return Correspondence(vertices, n_target, faces, weights / weights.sum(axis=1, keepdims=True), *hashes)

@@ -1,0 +1,97 @@
+"""The page of a collection: all shapes in corresponding colours, and all pairs, worst first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+from urllib.parse import quote
+
+from isomatch._files import write_text
+from isomatch.collections.collection import Collection
+from isomatch.collections.ledger import Rows
+from isomatch.collections.tables import table_of
+
+MOST_PAIRS = 200  # on the page; all are in pairs.csv
+SHOWN = ("misfit", "rival", "residual", "stretch", "distortion_mean", "coverage", "matched", "seconds")
+
+
+def write_page(
+    collection: Collection, rows: Rows, template: str | None, lines: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Write ``index.html``, with links to the pictures, reports and maps in the folder.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection.
+    rows : Rows
+        What its ledgers hold.
+    template : str, optional
+        Name of the template.
+    lines : mapping of str to mapping
+        What is known of the surfaces in the topology of the template, by name.
+    """
+    layout = collection.layout
+    pairs = table_of(rows)
+    outcomes = Counter(pair.get("outcome") or "FAILED" for pair in pairs)
+    counts = ", ".join(f"{count} {name.lower().replace('_', ' ')}" for name, count in outcomes.most_common())
+    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
+    page = Template((files("isomatch.collections") / "page.html").read_text(encoding="utf-8")).substitute(
+        title=escape(f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"),
+        summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
+        template=escape(template or "not yet chosen"),
+        shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
+        count=f"{min(len(pairs), MOST_PAIRS)} of {len(pairs)}, worst first.",
+        pairs="".join(_line(collection, pair) for pair in pairs[:MOST_PAIRS]),
+        columns="".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in SHOWN),
+    )
+    write_text(layout.page, page)
+
+
+def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, Mapping[str, Any]]) -> str:
+    """Show one shape: its picture, and what is wrong with it."""
+    line, record = lines.get(name, {}), rows.shapes.get(name, {})
+    problems = [str(each["error"]) for each in (record, line) if each.get("error")]
+    if int(line.get("inverted") or 0):
+        problems.append(f"{line['inverted']} inverted faces")
+    if int(line.get("extended") or 0):
+        problems.append(f"{line['extended']} vertices without image")
+    picture = collection.layout.thumbnail(name)
+    image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
+    problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""
+    return f"<figure>{image}<figcaption>{escape(name)}{problem}</figcaption></figure>"
+
+
+def _line(collection: Collection, pair: Mapping[str, Any]) -> str:
+    """Show one pair: names, outcome, measures, and links to its report and maps."""
+    both = (pair["source"], pair["target"])
+    cells = [f"<td>{escape(_text(pair.get(name)))}</td>" for name in SHOWN]
+    links = [
+        f'<a href="{_link(collection, path)}">{word}</a>'
+        for word, path in (
+            ("report", collection.layout.report(both)),
+            ("maps", collection.layout.maps(both)),
+        )
+        if path.exists()
+    ]
+    outcome = pair.get("outcome") or pair["state"]
+    good = outcome in ("CONVERGED", "PARTIAL")
+    words = outcome.lower().replace("_", " ") + (f": {pair['error']}" if pair.get("error") else "")
+    return (
+        f"<tr{'' if good else ' class=bad'}><td class=words>{escape(' and '.join(both))}</td>"
+        f"<td class=words>{escape(words)}</td>{''.join(cells)}<td class=words>{' '.join(links)}</td></tr>\n"
+    )
+
+
+def _link(collection: Collection, path: Any) -> str:
+    return quote(path.relative_to(collection.layout.folder).as_posix())
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,91 @@
+"""The shapes of a collection: names and files, from a folder, a pattern or a list."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from glob import glob
+from io import StringIO
+from pathlib import Path
+
+from isomatch._files import opened
+from isomatch.errors import InputError
+from isomatch.surfaces import FORMATS
+
+BETWEEN = "__"  # of two names, in the name of the file of their maps
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A shape of a collection.
+
+    Parameters
+    ----------
+    name : str
+        Stands for the shape in tables and names of files.
+    path : Path
+        Its file.
+    """
+
+    name: str
+    path: Path
+
+
+def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
+    """List the shapes of a collection.
+
+    Parameters
+    ----------
+    shapes : path_like, or iterable of path_like
+        A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file with
+        a column ``path``, relative to its folder, and perhaps ``name``; or the files.
+
+    Returns
+    -------
+    tuple of Entry
+        In the order of their names, or of the list. By default a shape has the name of its file without the suffix.
+
+    Raises
+    ------
+    InputError
+        If there are none, two have the same name, or a name cannot be part of that of a file.
+    """
+    if isinstance(shapes, str | Path):
+        found = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _found(str(shapes))
+    else:
+        found = [Entry(Path(path).stem, Path(path)) for path in shapes]
+    if not found:
+        raise InputError(
+            f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
+        )
+    twice = [name for name, count in Counter(entry.name for entry in found).items() if count > 1]
+    if twice:
+        raise InputError(
+            f"{shapes}: several shapes are named {', '.join(twice)}; give a list.csv with columns name and path"
+        )
+    bad = [e.name for e in found if BETWEEN in e.name or not e.name or set(e.name) & set('/\\:*?"<>|')]
+    if bad:
+        raise InputError(
+            f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
+            "give a list.csv with columns name and path"
+        )
+    return tuple(found)
+
+
+def _found(where: str) -> list[Entry]:
+    folder = Path(where)
+    paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
+    return [
+        Entry(path.stem, path) for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS
+    ]
+
+
+def _listed(path: Path) -> list[Entry]:
+    with opened(path) as file:
+        rows = list(csv.DictReader(StringIO(file.read().decode("utf-8-sig", errors="replace"))))
+    if rows and "path" not in rows[0]:
+        raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
+    files = [path.parent / (row["path"] or "") for row in rows]
+    return [Entry(row.get("name") or file.stem, file) for row, file in zip(rows, files)]

@@ -1,0 +1,227 @@
+"""Workers: any executor of `concurrent.futures`; local processes and Dask's by name. One that dies is replaced."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Any
+
+from isomatch._packages import package
+from isomatch._threads import n_threads
+from isomatch._workers import begin_worker, worker_processes
+from isomatch.errors import InputError
+
+QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
+ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again
+LOST = "the workers gave their tasks up, as when the scheduler of a cluster ends; run again to continue"
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something to do for some items of a collection.
+
+    Parameters
+    ----------
+    items : tuple
+        What it is done for.
+    function : callable
+        Makes the rows of some items, in their order; fewer if it was too late for the last ones. It and the items
+        travel to the worker.
+    lost : int
+        How often a worker died of it, or beside it.
+    """
+
+    items: tuple[Any, ...]
+    function: Callable[[tuple[Any, ...]], list[Any]]
+    lost: int = 0
+
+    def alone(self) -> list[Task]:
+        """Make a task for each item."""
+        return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
+
+
+class Workers:
+    """Workers that tasks are sent to, for a block.
+
+    Parameters
+    ----------
+    open : callable
+        Opens an executor, for a block; again where one has broken.
+    count : callable
+        Tells how many workers there are now.
+    threads : int
+        How many threads each of them uses, if it is a process of its own.
+    """
+
+    def __init__(
+        self, open: Callable[[], AbstractContextManager[Executor]], count: Callable[[], int], threads: int = 1
+    ) -> None:
+        self._open, self.count, self._threads = open, count, threads
+        self._opened = ExitStack()
+        self._executor: Executor | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._opened.__exit__(*error)
+
+    def completed(
+        self, tasks: Iterable[Task], late: Callable[[], bool] = lambda: False
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield each item with its row, or with the error that no worker survived; in the order of completion.
+
+        A task whose worker dies is done again item by item. An item beside which a worker dies again is done when
+        nothing else is running; if the worker dies then, it is the item's fault. No task is begun once it is late.
+
+        Raises
+        ------
+        InputError
+            If no worker stays alive, whatever it does, or the cluster gives the tasks up.
+        """
+        waiting, suspects = deque(tasks), deque[Task]()
+        while (waiting or suspects) and not late():
+            if self._executor is None:
+                self._executor = self._opened.enter_context(self._open())
+            for task, outcome in self._until_broken(self._executor, waiting, suspects, late):
+                if not isinstance(outcome, Exception):
+                    yield from zip(task.items, outcome)
+                    continue
+                for one in task.alone():
+                    if one.lost > 2:
+                        yield one.items[0], outcome
+                    else:
+                        (suspects if one.lost == 2 else waiting).append(one)
+
+    def _renew(self) -> None:
+        """Replace an executor that has broken."""
+        self._opened.close()
+        self._executor = self._opened.enter_context(self._open())
+        try:
+            self._executor.submit(_here).result()
+        except BrokenExecutor as error:
+            raise InputError(
+                f"workers end as soon as they begin ({error}); in a script, begin under if __name__ == '__main__'; of "
+                "an executor that has broken, give a new one"
+            ) from None
+
+    def _until_broken(
+        self, executor: Executor, waiting: deque[Task], suspects: deque[Task], late: Callable[[], bool]
+    ) -> Iterator[tuple[Task, Any]]:
+        """Yield tasks with their rows or the error of their worker, until all are done or the executor was replaced."""
+        running = dict[Future[Any], Task]()
+        broken = False
+        while True:
+            room = QUEUED * self.count()
+            while not broken and not late():
+                queue = waiting if waiting and len(running) < room else suspects if not running else None
+                if not queue:
+                    break
+                try:
+                    running[executor.submit(_rows, queue[0], self._threads, _here())] = queue[0]
+                except BrokenExecutor:  # a worker died between two tasks, of neither
+                    broken = True
+                else:
+                    queue.popleft()
+            if not running:
+                if broken:
+                    self._renew()
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                try:
+                    error = future.exception()  # jobs return what fails in them: this is the end of a worker
+                except CancelledError:
+                    raise InputError(LOST) from None
+                broken = broken or isinstance(error, BrokenExecutor)
+                yield running.pop(future), error or future.result()
+
+
+def _rows(task: Task, threads: int, sender: tuple[str, int]) -> list[Any]:
+    if _here() != sender:
+        begin_worker(threads)
+    return task.function(task.items)
+
+
+def _here() -> tuple[str, int]:
+    return platform.node(), os.getpid()
+
+
+@contextmanager
+def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> Iterator[Workers]:
+    """Find the workers that are asked for, for a block.
+
+    Parameters
+    ----------
+    executor : str or Executor
+        "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
+        executor of `concurrent.futures`.
+    jobs : int, optional
+        How many run at once. By default one for each processor, or for each thread of the cluster.
+
+    Raises
+    ------
+    InputError
+        If the executor is not known, or the cluster does not answer.
+    MissingDependencyError
+        If Dask is not installed.
+    """
+    count = jobs or n_threads()
+    if not isinstance(executor, str):
+        given = nullcontext(executor)
+        yield Workers(lambda: given, lambda: count)
+        return
+    kind, _, address = executor.partition(":")
+    if kind == "local" and not address:
+        with Workers(
+            partial(worker_processes, count), lambda: count, max(1, n_threads() // count)
+        ) as workers:
+            yield workers
+    elif kind == "dask" and address:
+        with (
+            _dask_client(address) as client,
+            Workers(
+                partial(_dask_executor, client), (lambda: jobs) if jobs else _n_threads_of(client)
+            ) as workers,
+        ):
+            yield workers
+    else:
+        raise InputError(
+            f"executor {executor!r} is not known; give 'local' or 'dask:ADDRESS', such as dask:tcp://host:8786"
+        )
+
+
+def _dask_client(address: str) -> Any:
+    distributed = package("distributed", "cluster", "a Dask cluster")
+    try:
+        return distributed.Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{address}: no Dask scheduler answers ({error}); check the address") from error
+
+
+def _n_threads_of(client: Any) -> Callable[[], int]:
+    """Count the threads of a cluster, to which workers come and go; it is asked now and then."""
+
+    @lru_cache(maxsize=1)
+    def count(_: float) -> int:
+        try:
+            return sum(client.nthreads().values()) or 1  # none have come yet
+        except OSError:
+            raise InputError(LOST) from None
+
+    return lambda: count(time.monotonic() // ASKED)
+
+
+@contextmanager
+def _dask_executor(client: Any) -> Iterator[Executor]:
+    executor = client.get_executor(pure=False)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False)

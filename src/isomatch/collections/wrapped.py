@@ -1,0 +1,100 @@
+"""The shapes of a collection in the topology of its template, each with a small picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.image import imsave
+
+from isomatch._files import replaced
+from isomatch.collections.layout import Layout
+from isomatch.collections.map_file import PairMaps, Record
+from isomatch.collections.pairs import Pair
+from isomatch.correspondence import Correspondence, wrap
+from isomatch.errors import IsomatchError
+from isomatch.surfaces import Mesh, mesh_from, write_mesh
+from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
+
+PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
+
+
+class PlannedSurface(NamedTuple):
+    """A shape to be drawn with the vertices of the template.
+
+    Parameters
+    ----------
+    name : str
+        The shape.
+    path : Path
+        Its file.
+    pair : (str, str), optional
+        The pair with the template; None for the template itself.
+    key : str
+        Identifies the map, and with it the surface.
+    """
+
+    name: str
+    path: Path
+    pair: Pair | None
+    key: str
+
+
+@dataclass(frozen=True)
+class WrapJob:
+    """What the surfaces of a collection share.
+
+    Parameters
+    ----------
+    layout : Layout
+        The folder.
+    template : str
+        Name of the template.
+    template_path : Path
+        Its file.
+    suffix : str
+        Format of the surfaces.
+    """
+
+    layout: Layout
+    template: str
+    template_path: Path
+    suffix: str = ".ply"
+
+    def wrap_shapes(self, plans: Sequence[PlannedSurface]) -> list[Record]:
+        """Write shapes with the vertices of the template, and their pictures; return a line about each."""
+        return [self._line(plan) for plan in plans]
+
+    def _line(self, plan: PlannedSurface) -> Record:
+        line = {"name": plan.name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        try:
+            template, mesh = _read(str(self.template_path)), _read(str(plan.path))
+            if plan.pair is not None:
+                maps = PairMaps.load(self.layout.maps(plan.pair))
+                found = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
+                mesh = found.mesh
+                line |= {name: getattr(found, name) for name in ("inverted_before", "inverted", "extended")}
+            write_mesh(self.layout.corresponded(plan.name, self.suffix), mesh)
+            _draw(template, mesh, self.layout.thumbnail(plan.name))
+        except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+            line["error"] = f"{type(error).__name__}: {error}"
+        return line
+
+
+def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
+    """Draw a shape in the colours of the template's positions, turned like the template."""
+    turned = camera_of(template) @ turn_to_target(
+        mesh, template, Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
+    )
+    image = surface_image(mesh, position_colours(template), to_screen, turned, PIXELS_PER_UNIT)
+    with replaced(path) as file:
+        imsave(file, np.clip(image, 0.0, 1.0), format="png")
+
+
+@lru_cache(2)
+def _read(path: str) -> Mesh:
+    return mesh_from(path)

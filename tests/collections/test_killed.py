@@ -1,0 +1,105 @@
+"""Runs that are killed or interrupted at any moment, and lose only what was in flight."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from small_collections import arrays_of
+
+from isomatch.collections import Collection, PairMaps
+from isomatch.errors import FormatError
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+TIMES = [3, pytest.param(20, marks=pytest.mark.long)]
+
+
+def started(small, folder):
+    """A run of the command line, in a group of its own."""
+    argv = [
+        "collect",
+        small.shapes,
+        "-o",
+        folder,
+        "--pairs",
+        "all",
+        "--config",
+        small.settings,
+        "--jobs",
+        "2",
+    ]
+    return subprocess.Popen(
+        [sys.executable, "-m", "isomatch", *map(str, argv)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+
+def whole(folder):
+    """What is recorded or whole on disk: the files with their times."""
+    found = {}
+    for path in (folder / "maps").glob("*.npz"):
+        PairMaps.load(path)
+        found[path.name] = path.stat().st_mtime_ns
+    return found
+
+
+def a_worker_of(process):
+    while True:
+        argv = ["pgrep", "-P", str(process.pid), "-f", "spawn_main"]
+        found = subprocess.run(argv, capture_output=True, text=True, check=False).stdout.split()
+        if found or process.poll() is not None:
+            return int(found[0])
+        time.sleep(0.05)
+
+
+def wait_for(folder, files, process):
+    while len(list(folder.glob("*/*.npz"))) < files and process.poll() is None:
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("times", TIMES)
+def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(times, small, finished, tmp_path):
+    rng = random.Random(times)
+    before = {}
+    for i in range(times):
+        with started(small, tmp_path) as process:
+            wait_for(tmp_path, min(3 + 2 * i, 9), process)  # four shapes are prepared first
+            time.sleep(rng.uniform(0, 0.3))
+            os.killpg(process.pid, signal.SIGKILL)
+        after = whole(tmp_path)
+        assert before.items() <= after.items()
+        assert set(Collection.open(tmp_path).rows().pairs) <= {
+            tuple(name.removesuffix(".npz").split("__")) for name in after
+        }
+        before = after
+    (tmp_path / "maps" / ".isomatch-0.unfinished").touch()
+    with started(small, tmp_path) as process:
+        worker = a_worker_of(process)
+        os.kill(worker, signal.SIGKILL)  # is replaced
+        said = process.communicate()[1].decode()
+    assert process.returncode == 0, said
+    assert before.items() <= whole(tmp_path).items()
+    assert arrays_of(tmp_path) == arrays_of(finished)
+    assert {row["state"] for row in Collection.open(tmp_path).rows().pairs.values()} == {"done"}
+    assert not list(tmp_path.glob("**/.*"))
+
+
+def test_an_interruption_ends_a_run_at_once_and_leaves_no_worker(small, tmp_path):
+    """Workers inherit the standard output, so that its end means that they have ended."""
+    with started(small, tmp_path) as process:
+        wait_for(tmp_path, 5, process)
+        since = time.perf_counter()
+        process.send_signal(signal.SIGINT)
+        said = process.communicate(timeout=30)[1]
+        assert time.perf_counter() - since < 1.0
+    assert process.returncode == 130, said
+    assert said.endswith(b"isomatch: interrupted\n")
+    try:
+        whole(tmp_path)
+    except FormatError as error:
+        pytest.fail(f"a map is not whole: {error}")

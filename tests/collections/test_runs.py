@@ -1,0 +1,235 @@
+"""What a run does, and what it does not do again."""
+
+import csv
+import json
+from concurrent.futures import ThreadPoolExecutor
+from itertools import combinations
+
+import pytest
+from small_collections import N, arrays_of, run
+
+import isomatch
+from isomatch import SettingError
+from isomatch.cli import main
+from isomatch.collections import Collection, collection, jobs, write_table
+from isomatch.collections.ledger import writing_ledger
+from isomatch.datasets import example_pair
+from isomatch.surfaces import decimate
+
+PAIRS = set(combinations([f"s{i}" for i in range(len(N))], 2))
+BAD = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """What is prepared and matched, in order: names of files and seeds."""
+    done = []
+    prepare, match_both = jobs.prepare, jobs.match_both
+
+    def counted_prepare(surface, *given):
+        done.append("prepare")
+        return prepare(surface, *given)
+
+    def counted_match(*given, **options):
+        done.append(options["seed"])
+        return match_both(*given, **options)
+
+    monkeypatch.setattr(jobs, "prepare", counted_prepare)
+    monkeypatch.setattr(jobs, "match_both", counted_match)
+    return done
+
+
+def test_a_run_matches_all_pairs_and_the_next_one_nothing(copied, work):
+    rows = copied.rows()
+    assert set(rows.pairs) == PAIRS
+    assert run(copied) == []
+    assert work == []
+    maps = copied.maps("s0", "s1")
+    assert maps.there.shape == (N[0], N[1])
+    turned = copied.maps("s1", "s0")
+    assert (turned.there.shape, turned.record) == ((N[1], N[0]), maps.record)
+    row = rows.pairs["s0", "s1"]
+    assert {"key", "seconds", "memory", "there", "back", "source_hash", "target_hash", "attempt"} <= set(row)
+    assert row["there"]["quality"]["misfit"] == maps.record["there"]["quality"]["misfit"]
+
+
+def test_what_is_whole_on_disk_is_recorded_without_being_done_again(copied, work):
+    before = copied.rows()
+    copied.layout.ledger().unlink()
+    assert len(run(copied)) == len(N) + len(PAIRS)
+    assert work == []
+    after = copied.rows()
+    for pair, row in before.pairs.items():
+        assert {**after.pairs[pair], "time": 0} == {**row, "time": 0}
+
+
+def test_a_file_that_is_lost_or_cut_short_is_made_again(copied, work):
+    expected = arrays_of(copied.folder)
+    copied.layout.maps(("s0", "s2")).unlink()
+    cut = copied.layout.maps(("s1", "s3"))
+    cut.write_bytes(cut.read_bytes()[:-50])
+    copied.layout.ledger().unlink()  # which would vouch for the second
+    run(copied)
+    assert work == [0, 0]
+    assert arrays_of(copied.folder) == expected
+
+
+def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, work, tmp_path):
+    shapes = [tmp_path / f"s{i}.ply" for i in range(len(N))]
+    for path in shapes:
+        path.write_bytes((small.shapes / path.name).read_bytes())
+    collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
+    run(collection)
+    assert work == []  # other files with the same contents
+    isomatch.write_mesh(shapes[2], decimate(example_pair()[0].mesh, 300).mesh)
+    assert {event.name for event in run(collection)} == {"s2", ("s0", "s2"), ("s1", "s2"), ("s2", "s3")}
+    assert work == ["prepare", 0, 0, 0]
+
+
+def test_a_shape_that_is_added(small, copied, work, tmp_path):
+    isomatch.write_mesh(tmp_path / "new.ply", decimate(example_pair()[0].mesh, 250).mesh)
+    shapes = [*sorted(small.shapes.iterdir()), tmp_path / "new.ply"]
+    collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
+    assert len(run(collection)) == 1 + len(N)
+    assert work == ["prepare", *[0] * len(N)]
+
+
+def test_the_template_of_a_star_stays_when_shapes_are_added(small, tmp_path, monkeypatch):
+    files = sorted(small.shapes.iterdir())
+    few = Collection.create(tmp_path, files[:3], config=small.config)
+    run(few)
+    first = few.chosen_template(few.rows())
+    monkeypatch.setattr(collection, "medoid", lambda features: len(features) - 1)
+    more = Collection.create(tmp_path, files, config=small.config)
+    assert [event.name for event in run(more)] == ["s3", (first, "s3")]
+    assert more.chosen_template(more.rows()) == first
+
+
+def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_path, monkeypatch):
+    shapes = [small.shapes / "s0.ply", small.shapes / "s1.ply", tmp_path / "bad.off", tmp_path / "gone.ply"]
+    shapes[2].write_text(BAD)
+    collection = Collection.create(tmp_path / "c", shapes, pairs="all", config=small.config)
+
+    def broken(*given, **options):
+        raise RuntimeError("no luck")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(jobs, "match_both", broken)
+        run(collection)
+    rows = collection.rows()
+    assert rows.pairs["s0", "s1"]["error"] == "RuntimeError: no luck"
+    assert "at least 50 are needed" in rows.shapes["bad"]["error"]
+    assert "no such file" in rows.shapes["gone"]["error"]
+    assert [event.name for event in run(collection)] == ["gone"]  # it may have come meanwhile
+    isomatch.write_mesh(shapes[2], isomatch.read_mesh(small.shapes / "s2.ply"))
+    assert collection.retry("failed") == [("s0", "s1")]
+    assert {event.name for event in run(collection)} == {
+        "bad",
+        "gone",
+        ("s0", "s1"),
+        ("s0", "bad"),
+        ("s1", "bad"),
+    }
+    assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
+
+
+def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(copied, work):
+    pair = ("s0", "s1")
+    low = copied.maps(*pair)
+    with writing_ledger(copied.layout.ledger()) as ledger:
+        row = ledger.rows.pairs[pair]
+        row["there"]["outcome"] = "LOW_CONFIDENCE"
+        ledger.put_pair(pair, row)
+    before = arrays_of(copied.folder)
+    assert copied.retry("low") == [pair]
+    assert [event.name for event in run(copied)] == [pair]
+    assert work == [1]
+    assert low.record["there"]["outcome"] == "CONVERGED"  # so that the map on disk is at least as sure
+    assert copied.rows().pairs[pair]["there"]["quality"]["misfit"] <= row["there"]["quality"]["misfit"]
+    assert set(arrays_of(copied.folder)) == set(before)
+    assert run(copied) == []
+
+
+def test_a_folder_with_other_settings_is_refused(small, copied):
+    other = isomatch.Config.from_dict({**small.config.to_dict(), "n_refine": 150})
+    for options, name in (
+        ({"config": other}, "n_refine"),
+        ({"seed": 1}, "seed"),
+        ({"pairs": "star"}, "pairs"),
+        ({"template": "s1"}, "template"),
+    ):
+        given = {"config": small.config, "pairs": "all", **options}
+        with pytest.raises(SettingError, match=f"holds a collection with other {name}; continue it"):
+            Collection.create(copied.folder, small.shapes, **given)
+
+
+def test_a_time_limit_ends_between_pairs_and_the_next_run_continues(small, copied, work):
+    for path in (copied.folder / "maps").iterdir():
+        path.unlink()
+    assert run(copied, time_limit=0) == []
+    seen = [event.name for event in run(copied, time_limit=0.1)]
+    assert len(seen) < len(PAIRS)
+    seen += [event.name for event in run(copied)]
+    assert sorted(seen) == sorted(PAIRS)
+    assert work == [0] * len(PAIRS)
+
+
+def test_shards_need_only_their_own_shapes_and_make_a_whole(small, finished, work, tmp_path):
+    collection = Collection.create(
+        tmp_path / "c", small.shapes, pairs="star", template="s0", config=small.config
+    )
+    parts = [[event.name for event in run(collection, shard=(i, 3))] for i in range(3)]
+    assert [len(part) for part in parts] == [
+        3,
+        2,
+        2,
+    ]  # the template and one shape, which the others find prepared
+    assert work == ["prepare", "prepare", 0, "prepare", 0, "prepare", 0]
+    assert sorted(path.name for path in collection.layout.ledgers()) == [
+        f"ledger_{i}_of_3.sqlite" for i in (1, 2, 3)
+    ]
+    assert run(collection) == []  # all in one is done, too
+    expected = arrays_of(finished)
+    assert arrays_of(collection.folder) == {name: expected[name] for name in arrays_of(collection.folder)}
+
+
+def test_two_shards_at_once(small, finished, tmp_path, capsys):
+    collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)
+    with ThreadPoolExecutor(2) as both:
+        parts = list(both.map(lambda i: run(collection, shard=(i, 2)), range(2)))
+    assert sorted(event.name for part in parts for event in part if event.what == "pair") == sorted(PAIRS)
+    assert arrays_of(tmp_path) == arrays_of(finished)
+    assert main(["collect", "status", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["pairs"] == {"all": len(PAIRS), "done": len(PAIRS)}
+    assert len(collection.layout.table.read_text().splitlines()) == 1 + len(PAIRS)
+
+
+def test_the_table_has_a_line_for_each_pair_worst_first(copied):
+    with writing_ledger(copied.layout.ledger()) as ledger:
+        ledger.put_pair(("s1", "s3"), {"state": "failed", "time": 0.0, "error": "no luck"})
+    write_table(copied.rows(), copied.layout.table)
+    with copied.layout.table.open(newline="") as file:
+        first, *others = csv.DictReader(file)
+    assert (first["source"], first["target"], first["error"]) == ("s1", "s3", "no luck")
+    assert {(line["source"], line["target"]) for line in others} == PAIRS - {("s1", "s3")}
+    misfits = [float(line["misfit"]) for line in others]
+    assert misfits == sorted(misfits, reverse=True)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    assert parquet.read_table(copied.layout.table.with_suffix(".parquet")).num_rows == len(PAIRS)
+
+
+def test_the_command_line_continues_tells_and_tries_again(small, copied, capsys):
+    def said(*argv):
+        assert main(["collect", *argv, "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    again = [str(small.shapes), "-o", str(copied.folder), "--pairs", "all", "--config", str(small.settings)]
+    status = said(*again, "--jobs", "1")
+    assert status["pairs"] == {"all": len(PAIRS), "done": len(PAIRS)}
+    assert status == said("status", str(copied.folder))
+    assert said("retry", "failed", str(copied.folder)) == {"pairs": []}
+    for shard in ("0/2", "3/2", "1", "a/b"):
+        assert main(["collect", *again, "--shard", shard]) == 1
+        assert "is not i/n" in capsys.readouterr().err
+    assert main(["collect", *again, "--seed", "3"]) == 1
+    assert "holds a collection with other seed" in capsys.readouterr().err
