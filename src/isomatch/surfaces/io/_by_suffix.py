@@ -214,7 +214,8 @@ def write_mesh(
     Notes
     -----
     `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
-    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of the vertices, and vertices that no face uses.
+    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of
+    the vertices, and vertices that no face uses.
 
     Examples
     --------
