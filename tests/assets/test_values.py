@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made import ATTRIBUTES, whole
 
-from isomatch import FormatError, MissingDependencyError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute, read_attributes, write_attribute
+from isomatch import Asset, FormatError, MeshError, MissingDependencyError, read_asset, read_mesh, write_asset
+from isomatch.surfaces import Attribute, Polygons, read_attributes, write_attribute
 
 COLORS = {0: (1.0, 0.0, 0.0, 1.0), 1: (0.0, 1.0, 0.0, 1.0), 2: (0.0, 0.0, 1.0, 1.0)}
 
@@ -142,3 +142,31 @@ def test_an_obj_file_written_again_is_the_same(tmp_path):
     assert [group.names[code] for code in group.values.tolist()] == ["front", "back"]
     write_asset(tmp_path / "b.obj", asset)
     assert (tmp_path / "b.obj").read_text() == OBJ
+
+
+def test_obj_texture_coordinates_of_one_number(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5\nvt 0.25 1\nf 1/1 2/2 3/1\n")
+    assert read_asset(tmp_path / "a.obj").attribute("uv").values.tolist() == [[0.5, 0], [0.25, 1], [0.5, 0]]
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/-2 2/1 3/1\n")
+    with pytest.raises(FormatError, match="vt"):
+        read_asset(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("name", ["a.GII", "LH.ANNOT"])
+def test_values_in_files_named_in_capitals(tmp_path, name):
+    region = Attribute("region", "point", "label", [0, 1, 1], names={0: "a", 1: "b"})
+    write_attribute(tmp_path / name, region)
+    assert read_attributes(tmp_path / name)[0].values.tolist() == [0, 1, 1]
+
+
+def test_a_grid_is_refused_with_the_remedy():
+    pyvista = pytest.importorskip("pyvista")
+    with pytest.raises(MeshError, match="extract_surface"):
+        Asset.from_object(pyvista.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid())
+
+
+def test_gltf_refuses_positions_of_nan(tmp_path):
+    with pytest.raises(MeshError, match="nan"):
+        write_asset(
+            tmp_path / "a.glb", Asset([[0, 0, 0], [1, 0, 0], [0, 1, np.nan]], Polygons([0, 1, 2], [3]))
+        )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from isomatch import Asset, Correspondence, Mesh, carry_attributes
+from isomatch import Asset, Correspondence, Mesh, carry_attributes, write_asset
 from isomatch.errors import DescriptorError, MapError, MeshError, SettingError
 from isomatch.surfaces import Attribute, Polygons
 from shapes import cylinder, flat_grid, icosphere
@@ -211,3 +211,23 @@ def test_what_does_not_fit_is_refused(everything):
     empty = Asset(everything.points, Polygons([], []))
     with pytest.raises(MeshError, match="target: has no polygons"):
         carry_attributes(identity(n), everything, empty)
+
+
+def test_face_normals_turn_with_the_surface_and_grey_is_opaque():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    up = Attribute("normal", "face", "normal", [[0, 0, 1.0]])
+    paint = Attribute("color", "point", "colour", np.ones((4, 4)))
+    flat = Asset(points, Polygons([0, 1, 2, 3], [4]), (up, paint))
+    upright = Asset(points[:, [2, 0, 1]], flat.polygons)
+    carried = carry_attributes(Correspondence(np.arange(4), 4), upright, flat).asset
+    assert np.allclose(carried.attribute("normal").values, [[1, 0, 0]])
+    carried = carry_attributes(Correspondence([0, 1, 2, -1], 4), upright, flat, "colour").asset
+    assert carried.attribute("color").values[3].tolist() == [0.5, 0.5, 0.5, 1]
+
+
+def test_what_was_carried_is_written_where_there_is_one_place(tmp_path):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0.0]])
+    old, new = (Attribute(name, "point", "uv", np.full((3, 2), i)) for i, name in enumerate(["uv", "UVMap"]))
+    receiver, giver = (Asset(points, Polygons([0, 1, 2], [3]), (each,)) for each in (old, new))
+    carried = carry_attributes(Correspondence(np.arange(3), 3), receiver, giver).asset
+    assert [a.name for a in write_asset(tmp_path / "a.obj", carried)] == ["uv"]

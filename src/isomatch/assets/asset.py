@@ -138,7 +138,7 @@ class Asset(Contents):
         points: FloatArray = positions[self.vertex_of_point]
         for part, rows in self.rows_of_parts():
             if part.transform is not None:
-                matrix = np.linalg.inv(np.array(part.transform))
+                matrix = np.linalg.pinv(np.array(part.transform))
                 points[rows] = points[rows] @ matrix[:3, :3].T + matrix[:3, 3]
         return replace(self, points=points)
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._memory import require_memory
 from isomatch.errors import DescriptorError
 
 Domain = Literal["point", "corner", "face"]
@@ -31,8 +33,8 @@ class Attribute:
         What the values mean, which determines how they are carried and written.
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
-        to the largest of their type or as floats from 0 to 1. Labels are (k,) integers or strings, scalars (k,) numbers,
-        normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
+        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type. Labels are (k,)
+        integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
         lower left of the picture, with nan at corners that have none.
     joints : (k, d) array_like of int, optional
         For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
@@ -142,10 +144,17 @@ class Attribute:
         return values.astype(np.uint8) if values.dtype.kind == "b" else values
 
     @property
+    def full(self) -> float:
+        """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
+        kind = self.values.dtype
+        if kind.kind == "f":
+            return 255.0 if self.values.max(initial=0) > 1 else 1.0
+        return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
+
+    @property
     def fractions(self) -> FloatArray:
         """Colours as numbers from 0 to 1."""
-        full = 1.0 if self.values.dtype.kind == "f" else np.iinfo(self.values.dtype).max
-        return np.asarray(self.values / full, dtype=np.float64)
+        return np.asarray(self.values / self.full, dtype=np.float64)
 
     @property
     def n_joints(self) -> int:
@@ -158,6 +167,8 @@ class Attribute:
         """(k, n_joints) float64 skinning weights, one column for each joint."""
         if self.kind != "weights":
             raise DescriptorError(f"attribute {self.name!r} is {self.kind}, not skinning weights")
+        purpose = f"a table of {len(self)} points and {self.n_joints} joints"
+        require_memory(8.0 * len(self) * self.n_joints, purpose, "number the joints from 0, without gaps")
         dense = np.zeros((len(self), self.n_joints))
         joints = np.broadcast_to(np.arange(self.values.shape[1]), self.values.shape)
         rows = np.broadcast_to(np.arange(len(self))[:, None], self.values.shape)
@@ -186,7 +197,7 @@ def guessed_kind(name: str, values: AnyArray) -> Kind:
     >>> guessed_kind("Normals", np.zeros((5, 3))), guessed_kind("region", np.zeros(5, int))
     ('normal', 'label')
     """
-    word = name.lower().strip("_")
+    word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
     width = values.shape[1] if values.ndim == 2 else 1
     if values.ndim == 1:
         return "label" if values.dtype.kind in "iubU" else "scalar"
@@ -221,6 +232,21 @@ def _frozen(values: AnyArray) -> AnyArray:
     array = np.array(values)
     array.flags.writeable = False
     return array
+
+
+def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
+    """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
+    found: list[Attribute] = []
+    for attribute in attributes:
+        taken = [other.name for other in found if of_all or other.domain == attribute.domain]
+        name = unused_name(attribute.name, taken)
+        found.append(attribute if name == attribute.name else replace(attribute, name=name))
+    return tuple(found)
+
+
+def unused_name(name: str, taken: Container[str]) -> str:
+    """Return a name, with the next number if it is taken."""
+    return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
 
 
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:

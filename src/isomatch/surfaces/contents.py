@@ -16,6 +16,14 @@ from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.polygons import Polygons
 
 
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a @ b, rounded alike on every machine, so that hashes of what is placed are the same."""
+    total: FloatArray = a[:, :1] * b[0]
+    for i in range(1, len(b)):
+        total = total + a[:, i, None] * b[i]
+    return total
+
+
 @dataclass(frozen=True)
 class Part:
     """One of several meshes in a file, whose points and polygons follow those of the parts before.
@@ -102,8 +110,38 @@ class Contents:
         for part, rows in self.rows_of_parts():
             if part.transform is not None:
                 matrix = np.array(part.transform)
-                placed[rows] = placed[rows] @ matrix[:3, :3].T + matrix[:3, 3]
+                placed[rows] = product(placed[rows], matrix[:3, :3].T) + matrix[:3, 3]
         return placed
+
+    @cached_property
+    def placed(self) -> Self:
+        """The same without transforms: points, normals and tangents where the surface is."""
+        if all(part.transform is None for part in self.parts):
+            return self
+        turned = tuple(self._turned(attribute, 1) for attribute in self.attributes)
+        return replace(self, points=self.placed_points, attributes=turned, parts=(), document=None)
+
+    def from_placed(self, attribute: Attribute) -> Attribute:
+        """Turn an attribute of `placed` back, if it is normals or tangents, to what it is in the parts."""
+        return self._turned(attribute, -1)
+
+    def _turned(self, attribute: Attribute, power: int) -> Attribute:
+        is_tangent = attribute.kind == "vector" and attribute.name.startswith("tangent")
+        if attribute.kind != "normal" and not is_tangent:
+            return attribute
+        starts = np.cumsum(self.polygons.sizes) - self.polygons.sizes
+        corners = {"corner": self.polygons.corners, "face": self.polygons.corners[starts]}
+        part_of = self.part_of_point[corners.get(attribute.domain, slice(None))]
+        values = np.array(attribute.values)
+        for i, part in enumerate(self.parts):
+            if part.transform is not None:
+                matrix = np.array(part.transform)[:3, :3]
+                along = matrix.T if power == 1 else np.linalg.pinv(matrix).T
+                across = np.linalg.pinv(matrix) if power == 1 else matrix
+                turned = product(values[part_of == i, :3], along if is_tangent else across)
+                length = np.linalg.norm(turned, axis=1, keepdims=True)
+                values[part_of == i, :3] = turned / np.where(length > 0, length, 1)
+        return attribute.with_values(values)
 
     def rows_of_parts(self) -> list[tuple[Part, slice]]:
         """Return each part with its rows among the points."""

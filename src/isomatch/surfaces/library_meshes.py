@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._packages import package
+from isomatch.surfaces.attribute import told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -16,7 +17,7 @@ def to_trimesh(contents: Contents) -> Any:
     """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
     trimesh = package("trimesh", "io", "a mesh of trimesh")
     split = _at_points(contents)
-    mesh = trimesh.Trimesh(split.placed_points, split.polygons.triangles, process=False)
+    mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
     for attribute in split.attributes:
@@ -44,7 +45,7 @@ def to_pyvista(contents: Contents) -> Any:
     sizes = split.polygons.sizes
     starts = np.cumsum(sizes) - sizes
     cells = np.insert(split.polygons.corners, starts, sizes)
-    mesh = pyvista.PolyData(split.placed_points, cells if len(cells) else None)
+    mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
         values = attribute.plain
@@ -69,14 +70,16 @@ def to_meshio(contents: Contents) -> Any:
         ({3: "triangle", 4: "quad"}.get(size, "polygon"), corners[at[a] : at[b]].reshape(-1, size))
         for a, b, size in zip(first, stops, sizes[first].tolist())
     ]
+    if not blocks:  # a file without cells cannot be read
+        blocks = [("vertex", np.arange(len(split.points))[:, None])]
     return meshio.Mesh(
-        split.placed_points,
+        split.points,
         blocks,
         point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
         cell_data={
             a.name: [a.plain[i:j] for i, j in zip(first, stops)]
             for a in split.attributes
-            if a.domain == "face"
+            if a.domain == "face" and len(sizes)
         },
     )
 
@@ -85,7 +88,8 @@ def to_open3d(contents: Contents) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
     open3d = package("open3d", None, "a mesh of Open3D")
     vector, index = open3d.utility.Vector3dVector, open3d.utility.Vector3iVector
-    mesh = open3d.geometry.TriangleMesh(vector(contents.placed_points), index(contents.polygons.triangles))
+    contents = contents.placed
+    mesh = open3d.geometry.TriangleMesh(vector(contents.points), index(contents.polygons.triangles))
     for attribute in contents.attributes:
         values = attribute.plain
         if attribute.domain == "point" and attribute.kind == "normal":
@@ -101,10 +105,11 @@ def to_open3d(contents: Contents) -> Any:
 
 
 def _at_points(contents: Contents) -> Contents:
-    """Return the same with values of corners at points, of which there are more at seams; names are told apart."""
+    """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
+    contents = contents.placed
     split = split_at_seams(contents.polygons, len(contents.points), contents.attributes)
     return Contents(
-        contents.placed_points[split.source],
+        contents.points[split.source],
         Polygons(split.corners, contents.polygons.sizes),
-        tuple({(a.name, a.domain): a for a in split.attributes}.values()),
+        told_apart(split.attributes),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.errors import MeshError
-from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind
+from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.polygons import Polygons
 
@@ -47,7 +47,7 @@ def contents_of(given: object) -> Contents:
     """
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    return Contents(found.points, Polygons(found.corners, found.sizes), tuple(attributes(given, found)))
+    return Contents(found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found)))
 
 
 def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:
@@ -180,15 +180,26 @@ _LIBRARIES: dict[tuple[str, str], Reader] = {
 """How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
 
 
+_REMEDIES = {
+    "extract_surface": "; its extract_surface() is one",  # grids of PyVista
+    "to_geometry": "; its to_geometry() is one",  # scenes of trimesh
+}
+
+
 def _library(given: object) -> tuple[Any, Any, Reader]:
     for names, readers in _LIBRARIES.items():
-        if all(_has(given, name) for name in names):
+        if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):
             return getattr(given, names[0]), getattr(given, names[1]), readers
+    remedy = next((text for name, text in _REMEDIES.items() if hasattr(given, name)), "")
     raise MeshError(
         f"a {type(given).__module__}.{type(given).__qualname__} is no mesh; give a Mesh, the path of a mesh file, a "
         "tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); where "
-        "points will do, PointCloud(points)"
+        f"points will do, PointCloud(points){remedy}"
     )
+
+
+def _has_blocks(given: Any) -> bool:
+    return all(hasattr(block, "type") for block in given.cells)
 
 
 def _has(given: object, name: str) -> bool:

@@ -31,11 +31,14 @@ class PrecisePoints(NamedTuple):
         return cls(np.repeat(vertices[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(vertices), 1)))
 
     def interpolated(self, values: FloatArray) -> FloatArray:
-        """Interpolate values (n, q) at the vertices: (m, q)."""
+        """Interpolate values (n, q) at the vertices: (m, q); nan counts only where its weight is not 0."""
         weights = self.barycentric.astype(values.dtype)
         total: FloatArray = weights[:, :1] * values[self.corners[:, 0]]
         for corner in (1, 2):
             total += weights[:, corner, None] * values[self.corners[:, corner]]
+        rows = np.flatnonzero((weights == 0).any(axis=1) & np.isnan(total).any(axis=1))
+        parts = weights[rows, :, None] * values[self.corners[rows]]
+        total[rows] = np.where(weights[rows, :, None] == 0, 0, parts).sum(axis=1)
         return total
 
     def interpolation(self, n_vertices: int) -> csr_array:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, IntArray
 from isomatch.surfaces._coincident import first_equal
 from isomatch.surfaces.attribute import Attribute
 from isomatch.surfaces.polygons import Polygons
@@ -47,7 +47,7 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
         source[order],
         number[first],
         tuple(
-            a.at(corner[order], "point")
+            _without(a.at(corner[order], "point"), unused[source[order]])
             if a.domain == "corner"
             else a.at(source[order])
             if a.domain == "point"
@@ -64,7 +64,23 @@ def merged_corners(polygons: Polygons, n_points: int, attribute: Attribute) -> A
     codes = _codes(attribute.values)
     if not len(codes) or (codes[corner[polygons.corners]] != codes).any():
         return None
-    return attribute.at(corner, "point")
+    unused = np.ones(n_points, dtype=bool)
+    unused[polygons.corners] = False
+    return _without(attribute.at(corner, "point"), unused)
+
+
+def _without(attribute: Attribute, rows: BoolArray) -> Attribute:
+    """Return the same with no value in some rows: nan, −1, an empty text, or 0 where 0 is none."""
+    if not rows.any():
+        return attribute
+    values = np.array(attribute.values)
+    if attribute.kind == "label":
+        values = values.astype(np.int64) if values.dtype.kind == "u" else values
+        values[rows] = {"U": "", "b": False}.get(values.dtype.kind, -1)
+    else:
+        may_be_nan = values.dtype.kind == "f" and attribute.kind not in ("colour", "weights")
+        values[rows] = np.nan if may_be_nan else 0
+    return replace(attribute, values=values)
 
 
 def _codes(values: AnyArray) -> IntArray:

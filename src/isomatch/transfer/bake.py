@@ -128,9 +128,7 @@ def _colours(places: Places) -> FloatArray:
         raise DescriptorError(
             "there is neither a texture in a glTF file nor a colour to bake; give a file that has one"
         )
-    values = colour[0].values
-    full = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
-    seen = places.interpolated(columns(colour[0]) / full, places.rows(colour[0]))
+    seen = places.interpolated(colour[0].fractions, places.rows(colour[0]))
     return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
 

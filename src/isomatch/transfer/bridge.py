@@ -49,9 +49,7 @@ class Places:
 
     def interpolated(self, values: FloatArray, rows: IntArray) -> FloatArray:
         """Interpolate rows (m, 3) of values (n, d): (m, d), nan where a point has no place."""
-        total = self.barycentric[:, :1] * values[rows[:, 0]]
-        for corner in (1, 2):
-            total += self.barycentric[:, corner, None] * values[rows[:, corner]]
+        total = PrecisePoints(rows, self.barycentric).interpolated(values)
         total[~self.found] = np.nan
         return total
 

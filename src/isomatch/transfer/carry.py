@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.assets import Asset
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
@@ -60,8 +60,8 @@ def carry_attributes(
     Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
     weights are interpolated at the precise images. Of the weights as many are kept as the other had, and they sum to 1.
     Normals are turned with the surface. What differs at the corners of one point, as texture coordinates at a seam, is
-    carried to corners, and a polygon takes all its corners from one side. Of labels, and of what polygons have, nothing
-    is averaged.
+    carried to corners, and a polygon takes all its corners from one side. Labels
+    are never averaged; other values of polygons are, by area.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def carry_attributes(
         if value not in get_args(options):
             raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
     receiver, giver = (source, target) if to == "source" else (target, source)
-    chosen = selected(giver, data)
+    chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
     for attribute in chosen:
@@ -115,14 +115,18 @@ def carry_attributes(
         else:
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
-        asset = asset.with_attributes(new)
+        asset = asset.with_attributes(receiver.from_placed(new))
+    names = tuple(attribute.name for attribute in chosen)
+    carried_first = sorted(asset.attributes, key=lambda attribute: attribute.name not in names)
+    asset = replace(
+        asset, attributes=tuple(carried_first)
+    )  # formats that have but one of a kind write the first
     kinds = {attribute.kind for attribute in chosen}
     if "uv" in kinds:
         middles = bridge.at_thirds.triangle[::3]
         asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
-    names = tuple(attribute.name for attribute in chosen)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)
 
 
@@ -156,11 +160,17 @@ def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]
         vertex, domain = receiver.vertex_of_corner, "corner"
         carried, across = interpolated_at_corners(bridge, attribute)
     if attribute.kind == "normal":
-        turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], carried)
-        length = np.linalg.norm(turned, axis=1, keepdims=True)
-        with np.errstate(invalid="ignore"):
-            carried = np.where(length > 0, turned / length, receiver.mesh.vertex_normals[vertex])
+        carried = _turned(bridge, carried, vertex)
     return attribute.with_values(_in_type(carried, attribute), domain), across
+
+
+def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray:
+    """Turn normals as the surface turns at a vertex of the receiver, whose own are those of the unmatched."""
+    turned = np.einsum("nij,nj->ni", rotations(bridge)[vertex], normals)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    own = bridge.receiver.mesh.vertex_normals[vertex]
+    with np.errstate(invalid="ignore"):
+        return np.where(length > 0, turned / length, own)
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
@@ -203,6 +213,11 @@ def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attr
         sums = csr_array((area, (owner, rows)), shape=(n_owners, len(attribute)))
         with np.errstate(invalid="ignore"):
             means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
+        if attribute.kind == "normal":
+            polygons = receiver.polygons
+            means = _turned(
+                bridge, means, receiver.vertex_of_corner[np.cumsum(polygons.sizes) - polygons.sizes]
+            )
         values = _in_type(means, attribute)
     return attribute.with_values(values[owner_of_row])
 
@@ -221,9 +236,9 @@ def _or_none(labels: AnyArray, known: BoolArray) -> AnyArray:
 def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:
     """Return interpolated columns in the shape and type of an attribute; integers are rounded."""
     kind = attribute.values.dtype
-    largest = np.iinfo(kind).max if kind.kind in "iu" else 1
     if attribute.kind == "colour":
-        values = np.where(np.isnan(values), GREY * largest, values)
+        grey = attribute.full * np.array([GREY, GREY, GREY, 1.0])
+        values = np.where(np.isnan(values), grey[: values.shape[1]], values)
     if kind.kind in "iu" and attribute.kind == "colour":
         values = np.rint(values)
     elif kind.kind != "f":

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._files import opened, replaced
 from isomatch.errors import DescriptorError, FormatError, InputError
-from isomatch.surfaces.attribute import Attribute
+from isomatch.surfaces.attribute import Attribute, told_apart
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
 from isomatch.surfaces.mesh import Mesh
@@ -39,6 +39,8 @@ class MeshFormat:
         Whether the format has a place for an attribute; by default it has none.
     single : frozenset of str
         Kinds of attributes of which it has only one.
+    has_parts : bool
+        Whether it stores parts and their transforms.
     """
 
     read: Callable[[bytes, str], Mesh]
@@ -47,6 +49,7 @@ class MeshFormat:
     read_contents: Callable[[bytes, str], Contents] | None = None
     keeps: Callable[[Attribute], bool] = lambda attribute: False
     single: frozenset[str] = frozenset()
+    has_parts: bool = False
 
 
 def _with_attributes(
@@ -54,14 +57,15 @@ def _with_attributes(
     write: Callable[..., bytes],
     keeps: Callable[[Attribute], bool] = lambda attribute: False,
     options: frozenset[str] = frozenset(),
+    has_parts: bool = False,
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 
     def read(data: bytes, name: str) -> Mesh:
-        contents = read_contents(data, name)
+        contents = _checked(read_contents, data, name)
         return Mesh(contents.placed_points, contents.polygons.triangles)
 
-    return MeshFormat(read, write, options, read_contents, keeps)
+    return MeshFormat(read, write, options, read_contents, keeps, has_parts=has_parts)
 
 
 _BINARY = frozenset({"binary"})
@@ -83,8 +87,8 @@ FORMATS: dict[str, MeshFormat] = {
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY),
-    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps),
-    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps),
+    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps, has_parts=True),
+    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps, has_parts=True),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
@@ -209,8 +213,9 @@ def write_mesh(
 
     Notes
     -----
-    `read_mesh` returns exactly the same float64 coordinates, except from binary STL, which stores float32. STL also
-    loses the order of the vertices, and vertices that no face uses.
+    `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
+    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of
+    the vertices, and vertices that no face uses.
 
     Examples
     --------
@@ -251,10 +256,7 @@ def read_contents(path: str | os.PathLike[str]) -> Contents:
         data = file.read()
     if mesh_format.read_contents is None:
         return Contents.of_mesh(mesh_format.read(data, str(path)))
-    try:
-        return mesh_format.read_contents(data, str(path))
-    except InputError as error:
-        raise FormatError(f"{path}: {error}") from None
+    return _checked(mesh_format.read_contents, data, str(path))
 
 
 def write_contents(
@@ -281,6 +283,8 @@ def write_contents(
     if binary is not None and "binary" not in mesh_format.options:
         able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
         raise _no_option(path, "binary", able)
+    if not mesh_format.has_parts:
+        contents = contents.placed
     kept: list[Attribute] = []
     left: list[Attribute] = []
     for attribute in contents.attributes:
@@ -296,11 +300,18 @@ def write_contents(
         else:
             kept.append(place)
     data = mesh_format.write(
-        with_changes(contents, attributes=tuple(kept)), **({} if binary is None else {"binary": binary})
+        with_changes(contents, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def _checked(read: Callable[[bytes, str], Contents], data: bytes, name: str) -> Contents:
+    try:
+        return read(data, name)
+    except InputError as error:
+        raise FormatError(f"{name}: {error}") from None
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
-from isomatch.surfaces.attribute import Attribute, Kind, guessed_kind
+from isomatch.surfaces.attribute import Attribute, Kind, guessed_kind, unused_name
 from isomatch.surfaces.contents import Part
 from isomatch.surfaces.io._gltf_data import GltfData
 from isomatch.surfaces.io._gltf_scene import joint_names, transforms
@@ -22,8 +22,19 @@ _SEMANTICS = {name: semantic for semantic, (name, _) in _KINDS.items()}
 _MISSING = {"uv": np.nan, "scalar": np.nan, "label": -1}
 
 
-def named(key: str) -> tuple[str, Kind | None]:
-    """Return the name and, where the format tells it, the kind of the attribute that a key of a primitive makes."""
+def named(gltf: GltfData, keys: dict[str, int]) -> dict[str, tuple[str, Kind | None]]:
+    """Return the name and, where the format tells it, the kind of the attribute that each key of a primitive makes."""
+    found: dict[str, tuple[str, Kind | None]] = {}
+    for key, index in keys.items():
+        name, kind = _named(key)
+        if kind != "weights":
+            name = str(_extras(gltf, index).get("name", name))
+            name = unused_name(name, [other for other, _ in found.values()])
+        found[key] = name, kind
+    return found
+
+
+def _named(key: str) -> tuple[str, Kind | None]:
     if key.startswith("_"):
         return key[1:].lower(), None
     semantic, _, number = key.partition("_")
@@ -33,27 +44,29 @@ def named(key: str) -> tuple[str, Kind | None]:
     return (name if number in ("", "0") else f"{name}_{number}"), kind
 
 
+def _extras(gltf: GltfData, index: int) -> dict[str, Any]:
+    said = gltf.json["accessors"][index].get("extras")
+    return said if isinstance(said, dict) else {}
+
+
 def read_values(gltf: GltfData, keys: dict[str, int]) -> dict[str, Attribute]:
     found = {}
-    for key, index in keys.items():
-        name, kind = named(key)
+    for key, (name, kind) in named(gltf, keys).items():
+        index = keys[key]
         if key == "POSITION" or kind == "weights":
             continue
-        accessor = gltf.json["accessors"][index]
-        values = gltf.array(index)
-        if kind in ("uv", "normal", "vector") and values.dtype.kind in "iu":
-            values = np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+        values = gltf.array(index) if kind == "colour" else gltf.numbers(index)
         if kind == "uv":
             values = _upside_down(values)
-        said = accessor.get("extras")
-        said = said if isinstance(said, dict) else {}
-        kind = said.get("kind") or kind or guessed_kind(name, values)
-        if kind == "label":
-            values = np.rint(values).astype(np.int64)
+        said = _extras(gltf, index)
+        if said.get("kind") == "label" and values.ndim == 1:
+            kind, values = "label", np.rint(values).astype(np.int64)
+        else:
+            said = {}
         found[name] = Attribute(
             name,
             "point",
-            kind,
+            kind or guessed_kind(name, values),
             values,
             names={int(code): word for code, word in said.get("names", {}).items()},
             colors={int(code): tuple(color) for code, color in said.get("colors", {}).items()},
@@ -150,9 +163,10 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
         return
     key, values = _key_of(attribute, keys), attribute.coded.values
     properties: dict[str, object] = {}
+    extras: dict[str, object] = {}
     if attribute.kind == "colour":
-        if values.dtype.kind == "f" or values.dtype.itemsize > 2:
-            values = values.astype(np.float32)
+        if values.dtype.kind not in "u" or values.dtype.itemsize > 2:
+            values = attribute.fractions.astype(np.float32)
         else:
             properties["normalized"] = True
             if values.shape[1] == 3:
@@ -165,7 +179,7 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
             if 0 <= values.min(initial=0) <= values.max(initial=0) <= np.iinfo(kind).max
         ]
         values = values.astype(fits[0] if fits else np.float32)
-        properties["extras"] = {
+        extras = {
             "kind": "label",
             **({"names": {str(code): word for code, word in coded.names.items()}} if coded.names else {}),
             **(
@@ -176,6 +190,10 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
         if attribute.kind == "uv":
             values = np.nan_to_num(_upside_down(values[:, :2]))
         values = values.astype(np.float32)
+    if _named(key)[0] != attribute.name:
+        extras["name"] = attribute.name
+    if extras:
+        properties["extras"] = extras
     keys[key] = gltf.add_array(values, **properties)
 
 
@@ -183,19 +201,20 @@ def _key_of(attribute: Attribute, keys: dict[str, int]) -> str:
     name, _, number = attribute.name.rpartition("_")
     if not (number.isdecimal() and name in _SEMANTICS):
         name, number = attribute.name, "0"
-    if name in ("normal", "tangent"):
-        return name.upper()
-    if name in _SEMANTICS:
-        return f"{_SEMANTICS[name]}_{number}"
+    semantic = _SEMANTICS.get(name, "")
+    if semantic and _KINDS[semantic][1] == attribute.kind:
+        key = semantic if name in ("normal", "tangent") else f"{semantic}_{number}"
+        if key not in keys:
+            return key
     if attribute.kind in ("uv", "colour"):
         semantic = {"uv": "TEXCOORD", "colour": "COLOR"}[attribute.kind]
         return next(key for i in range(len(keys) + 1) if (key := f"{semantic}_{i}") not in keys)
-    return f"_{attribute.name.upper()}"
+    return unused_name(f"_{attribute.name.upper()}", keys)
 
 
 def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mesh: int) -> None:
-    """Write the four largest weights of each point, or as many fours as the points of this part had."""
-    sets = sum(key.startswith("JOINTS_") for key in keys) or 1
+    """Write the four largest weights of each point, or as many fours as it has."""
+    sets = 1 if attribute.joints is None else max(-(-attribute.values.shape[1] // 4), 1)
     joints, weights = attribute.strongest(4 * sets)
     joints = _skin_joints(gltf.json, attribute, mesh)[joints]
     for i in range(sets):

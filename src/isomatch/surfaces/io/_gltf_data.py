@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -21,7 +22,8 @@ _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-_MOST_EMPTY = 2**26  # entries of an accessor without data of its own
+_SMALL = 2**24  # entries that any file may claim
+_MOST_REPEATED = 64  # entries for each byte of data
 
 
 @dataclass
@@ -30,6 +32,11 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
+    entries_left: int = field(init=False)
+    """How many may be read: many times those of the bytes, as a small file may refer to them again and again."""
+
+    def __post_init__(self) -> None:
+        self.entries_left = _SMALL + _MOST_REPEATED * len(self.blob)
 
     def array(self, index: int) -> AnyArray:
         """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
@@ -46,10 +53,16 @@ class GltfData:
             )
         return values[:, 0] if width == 1 else values
 
+    def numbers(self, index: int) -> AnyArray:
+        """Return the values of an accessor in the units that they stand for: normalized integers as fractions."""
+        values = self.array(index)
+        if values.dtype.kind == "f" or not self.json["accessors"][index].get("normalized"):
+            return values
+        return np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+
     def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
         if "bufferView" not in place:
-            if not 0 <= count * width <= _MOST_EMPTY:
-                raise FormatError(f"an accessor of {count} entries has no data")
+            self._require_entries(count * width)
             return np.zeros((count, width), kind)
         view = self.json["bufferViews"][place["bufferView"]]
         start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
@@ -59,8 +72,16 @@ class GltfData:
             raise FormatError(f"an accessor refers to byte {end} of {len(self.blob)}")
         if not count:
             return np.zeros((0, width), kind)
+        self._require_entries(count * width)
         rows = np.ndarray((count, width), kind, bytes(self.blob[start:end]), 0, (stride, kind.itemsize))
         return np.array(rows)
+
+    def _require_entries(self, n: int) -> None:
+        self.entries_left -= n
+        if n < 0 or self.entries_left < 0:
+            raise FormatError(
+                f"an accessor of {n} entries claims or repeats more than the {len(self.blob)} bytes of data tell"
+            )
 
     def add_array(self, values: AnyArray, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
@@ -104,10 +125,17 @@ def unpacked(data: bytes, name: str) -> GltfData:
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     folder = Path(name).parent
     blob, starts = bytearray(), []
-    for buffer in found.pop("buffers", []):
+    for i, buffer in enumerate(found.pop("buffers", [])):
         blob += b"\0" * (-len(blob) % 4)
         starts.append(len(blob))
-        content = _content(buffer["uri"], folder) if "uri" in buffer else binary
+        content = binary if i == 0 else b""  # only the first may be inside the file
+        if "uri" in buffer:
+            if not buffer["uri"].startswith("data:") and _beside(buffer["uri"], folder) is None:
+                raise FormatError(
+                    f"{name}: its data is in {buffer['uri']!r}, outside of its folder, and is not read; "
+                    "copy that file beside this one, or export as .glb"
+                )
+            content = _content(buffer["uri"], folder)
         if len(content) < buffer["byteLength"]:
             raise FormatError(
                 f"{name}: byte {len(data)}: expected a buffer of {buffer['byteLength']} bytes, found {len(content)}; "
@@ -119,15 +147,11 @@ def unpacked(data: bytes, name: str) -> GltfData:
         view["buffer"] = 0
     gltf = GltfData(found, blob)
     for image in found.get("images", []):
-        if (
-            "uri" in image
-            and not image["uri"].startswith("data:")
-            and (folder / unquote(image["uri"])).is_file()
-        ):
-            uri = image.pop("uri")
-            image.setdefault("name", Path(uri).stem)
-            image["mimeType"] = "image/jpeg" if uri.lower().endswith(("jpg", "jpeg")) else "image/png"
-            image["bufferView"] = gltf.add_bytes(_content(uri, folder))
+        path = _beside(image.get("uri", "data:"), folder)
+        if path is not None and path.is_file():
+            image.setdefault("name", path.stem)
+            image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
+            image["bufferView"] = gltf.add_bytes(_content(image.pop("uri"), folder))
     return gltf
 
 
@@ -177,6 +201,12 @@ def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
     if _JSON not in found:
         raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
     return found[_JSON], found.get(_BINARY, b"")
+
+
+def _beside(uri: str, folder: Path) -> Path | None:
+    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
+    path = (folder / unquote(uri)).resolve()
+    return path if not uri.startswith("data:") and path.is_relative_to(folder.resolve()) else None
 
 
 def _content(uri: str, folder: Path) -> bytes:

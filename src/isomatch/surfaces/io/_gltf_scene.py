@@ -2,27 +2,55 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.surfaces.attribute import unused_name
+from isomatch.surfaces.contents import product
 from isomatch.surfaces.io._gltf_data import GltfData
 
 Matrix = tuple[tuple[float, ...], ...]
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
+def separate_instances(document: dict[str, Any]) -> None:
+    """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+    used = set()
+    for node in document.get("nodes", []):
+        if node.get("mesh") in used:
+            document["meshes"].append(copy.deepcopy(document["meshes"][node["mesh"]]))
+            node["mesh"] = len(document["meshes"]) - 1
+        if "mesh" in node:
+            used.add(node["mesh"])
+
+
 def surfaces(document: dict[str, Any]) -> Iterator[tuple[int, int]]:
-    """Meshes and primitives that are made of triangles."""
+    """Meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
+    shown = _meshes_of_scene(document)
     for mesh, each in enumerate(document.get("meshes", [])):
         for i, primitive in enumerate(each["primitives"]):
             if (
-                primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
+                (not shown or mesh in shown)
+                and primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
                 and "POSITION" in primitive["attributes"]
             ):
                 yield mesh, i
+
+
+def _meshes_of_scene(document: dict[str, Any]) -> set[int]:
+    scenes = document.get("scenes", [])
+    waiting = list(scenes[document.get("scene", 0)].get("nodes", [])) if scenes else []
+    seen: set[int] = set()
+    while waiting:
+        i = waiting.pop()
+        if i not in seen:
+            seen.add(i)
+            waiting += document["nodes"][i].get("children", [])
+    return {document["nodes"][i]["mesh"] for i in seen if "mesh" in document["nodes"][i]}
 
 
 def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntArray:
@@ -64,7 +92,7 @@ def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
     while waiting:
         i, above = waiting.pop()
         if i not in found:
-            found[i] = above @ _local(nodes[i])
+            found[i] = product(above, _local(nodes[i]))
             waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
     return found
 
@@ -89,6 +117,9 @@ def _as_tuples(matrix: FloatArray) -> Matrix:
 
 
 def joint_names(document: dict[str, Any]) -> dict[int, str]:
-    """Names of the joints of all skins, by their nodes, in the order of the skins."""
+    """Names of the joints of all skins, by their nodes, in the order of the skins; repeated ones are numbered."""
     nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
-    return {node: str(document["nodes"][node].get("name", f"joint_{i}")) for i, node in enumerate(nodes)}
+    found: dict[int, str] = {}
+    for i, node in enumerate(nodes):
+        found[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), found.values())
+    return found

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
-from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind
+from isomatch.surfaces.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
 from isomatch.surfaces.io._ply_body import Table
 from isomatch.surfaces.io._ply_header import Element, Property
 from isomatch.surfaces.io._ply_rows import Cells, cells
@@ -72,11 +73,9 @@ def read_columns(
             found.append((corner, (name,)))
     order = list(left)
     found.sort(key=lambda pair: order.index(pair[1][0]))
-    return Columns(
-        tuple(attribute for attribute, _ in found),
-        {(attribute.name, attribute.domain): members for attribute, members in found},
-        tuple(others),
-    )
+    attributes = told_apart(attribute for attribute, _ in found)
+    names = {(a.name, a.domain): members for a, (_, members) in zip(attributes, found)}
+    return Columns(attributes, names, tuple(others))
 
 
 def write_columns(
@@ -84,19 +83,30 @@ def write_columns(
     domain: Domain,
     names: Mapping[tuple[str, Domain], tuple[str, ...]],
     sizes: IntArray,
+    used: Iterable[str],
 ) -> list[Cells]:
-    """Make properties of the attributes of an element, with those of corners as lists of the faces."""
+    """Make properties of the attributes of an element, with those of corners as lists of the faces.
+
+    None has a name that is used.
+    """
+    given = {
+        key: names[key]
+        for a in attributes
+        if (key := (a.name, a.domain)) in names
+        and (a.domain == "corner" or len(names[key]) == a.plain.size // max(len(a), 1))
+    }
+    taken = {*used, *(member for members in given.values() for member in members)}
     columns: list[Cells] = []
     for attribute in attributes:
         values = attribute.plain
-        if attribute.domain == "corner" and domain == "face":
-            name = names.get(
-                (attribute.name, "corner"), (_CORNER_UV if attribute.kind == "uv" else attribute.name,)
-            )
-            columns.append(_list_of_faces(name[0], values, sizes))
-        elif attribute.domain == domain:
-            members = names.get((attribute.name, domain)) or _members(attribute, values)
-            columns += [cells(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
+        of_corners = attribute.domain == "corner" and domain == "face"
+        if of_corners or attribute.domain == domain:
+            members = given.get((attribute.name, attribute.domain)) or _members(attribute, values, taken)
+            taken.update(members)
+            if of_corners:
+                columns.append(_list_of_faces(members[0], values, sizes))
+            else:
+                columns += [cells(name, column) for name, column in zip(members, np.atleast_2d(values.T))]
     return columns
 
 
@@ -112,15 +122,27 @@ def _numbered(single: Mapping[str, Property]) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _members(attribute: Attribute, values: AnyArray) -> list[str]:
+def _members(attribute: Attribute, values: AnyArray, taken: Collection[str]) -> tuple[str, ...]:
     """Names of the properties of a new attribute: those in use, or its own, with numbers where it has columns."""
-    if values.ndim == 1:
-        return [attribute.name]
-    width = values.shape[1]
-    for name, _, members in _GROUPS:
-        if name == attribute.name and len(members) == width:
-            return list(members)
-    return [f"{attribute.name}_{i}" for i in range(width)]
+    width = values.shape[1] if values.ndim == 2 else 1
+    standard: list[tuple[str, ...]]
+    if attribute.domain == "corner":
+        standard = [(_CORNER_UV,)] if attribute.kind == "uv" else []
+    else:
+        standard = [
+            members for name, _, members in _GROUPS if (name, len(members)) == (attribute.name, width)
+        ]
+    for members in standard:
+        if not any(member in taken for member in members):
+            return members
+    stem = re.sub("[^!-~]+", "_", attribute.name) or "_"  # no blanks in PLY, and no letters but of ASCII
+    while True:
+        members = tuple(f"{stem}_{i}" for i in range(width))
+        if attribute.domain == "corner" or values.ndim == 1:
+            members = (stem,)
+        if not any(member in taken for member in members):
+            return members
+        stem += "_"
 
 
 def _of_corners(name: str, values: AnyArray, counts: IntArray, sizes: IntArray) -> Attribute | None:

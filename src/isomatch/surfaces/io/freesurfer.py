@@ -50,7 +50,7 @@ def read_contents(data: bytes, name: str) -> Contents:
 def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
     """Read an annotation, as labels with names and colours, or a curvature, as scalars."""
     freesurfer = _package()
-    title = Path(name).suffix[1:]
+    title = Path(name).suffix[1:].lower()
     with reading(name, "a FreeSurfer annotation or curvature"), on_disk(data, "") as path:
         if title != "annot":
             values = np.asarray(freesurfer.read_morph_data(path))
@@ -88,6 +88,10 @@ def write_attribute(attribute: Attribute) -> bytes:
         for row, key in enumerate(keys):
             color = coded.colors.get(key, (*_spread(row), 1.0))
             table[row, :3] = np.rint(255 * np.array(color[:3]))
+            other = row
+            while not table[row, :3].any() or (table[:row, :3] == table[row, :3]).all(axis=1).any():
+                table[row, :3] = np.rint(255 * np.array(_spread(other)))  # a colour of its own, and not black
+                other += len(keys)
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)

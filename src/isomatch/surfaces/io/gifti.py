@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,11 @@ def write(contents: Contents) -> bytes:
         described = {} if array is None else {"coordsys": array.coordsys, "meta": array.meta}
         image.add_gifti_data_array(gifti.GiftiDataArray(values, intent, **described))
     same = {id(attribute): array for attribute, array in document.arrays}
-    for attribute in contents.attributes:
-        image.add_gifti_data_array(same.get(id(attribute)) or _array(gifti, attribute))
-    image.labeltable = _table(gifti, [a.coded for a in contents.of_kind("label")])
+    attributes = sorted(contents.attributes, key=lambda attribute: id(attribute) not in same)
+    one_table = _numbered(attributes)
+    for attribute, numbered in zip(attributes, one_table):
+        image.add_gifti_data_array(same.get(id(attribute)) or _array(gifti, numbered))
+    image.labeltable = _table(gifti, [a for a in one_table if a.kind == "label"])
     return bytes(image.to_xml())
 
 
@@ -122,6 +124,30 @@ def _array(gifti: Any, attribute: Attribute) -> Any:
         intent = _SHAPE
     values = values.astype(np.int32 if kind.endswith("INT32") else np.float32)
     return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
+
+
+def _numbered(attributes: list[Attribute]) -> list[Attribute]:
+    """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
+    table: dict[int, str] = {}
+    found = []
+    for attribute in attributes:
+        if attribute.kind == "label":
+            attribute = attribute.coded
+            names = {int(code): str(code) for code in np.unique(attribute.values)} if table else {}
+            names |= attribute.names
+            free = max([*table, *names], default=0) + 1
+            new = {
+                code: free + i
+                for i, code in enumerate(c for c, word in names.items() if table.get(c, word) != word)
+            }
+            if new:
+                values = np.array([new.get(code, code) for code in attribute.values.tolist()], dtype=np.int64)
+                colors = {new.get(code, code): color for code, color in attribute.colors.items()}
+                names = {new.get(code, code): word for code, word in names.items()}
+                attribute = replace(attribute, values=values, names=names, colors=colors)
+            table |= attribute.names
+        found.append(attribute)
+    return found
 
 
 def _table(gifti: Any, labels: list[Attribute]) -> Any:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch.surfaces.attribute import Attribute
+from isomatch.errors import MeshError
+from isomatch.surfaces.attribute import Attribute, told_apart
 from isomatch.surfaces.contents import Contents, Part
 from isomatch.surfaces.io._gltf_attributes import (
     gather,
@@ -21,7 +22,14 @@ from isomatch.surfaces.io._gltf_attributes import (
     write_values,
 )
 from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
-from isomatch.surfaces.io._gltf_scene import TRIANGLES, surfaces, transforms, triangles
+from isomatch.surfaces.io._gltf_scene import (
+    TRIANGLES,
+    Matrix,
+    separate_instances,
+    surfaces,
+    transforms,
+    triangles,
+)
 from isomatch.surfaces.io._reading import reading
 from isomatch.surfaces.polygons import Polygons
 from isomatch.surfaces.seams import split_at_seams
@@ -43,7 +51,9 @@ class GltfDocument:
 def read_contents(data: bytes, name: str) -> Contents:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
-        return _read(unpacked(data, name))
+        gltf = unpacked(data, name)
+        separate_instances(gltf.json)
+        return _read(gltf)
 
 
 def _read(gltf: GltfData) -> Contents:
@@ -56,12 +66,12 @@ def _read(gltf: GltfData) -> Contents:
         same = list(places)
         mesh = same[0][0]
         keys = _keys(gltf.json, same[0])
-        points.append(gltf.array(keys["POSITION"]))
+        points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])
         of_each = [triangles(gltf, gltf.json["meshes"][mesh]["primitives"][i], n) for mesh, i in same]
-        faces += [each + start for each in of_each]
-        start += n
         transform, skin = placed.get(mesh, (None, None))
+        faces += [_outwards(each, transform) + start for each in of_each]
+        start += n
         parts.append(
             Part(str(gltf.json["meshes"][mesh].get("name", "")), n, sum(map(len, of_each)), transform)
         )
@@ -107,10 +117,13 @@ def _written(contents: Contents) -> GltfData:
     document = contents.document
     if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
         document = new_document(len(contents.polygons.corner_of_triangle))
-        contents = Contents(contents.placed_points, contents.polygons, contents.attributes)
+        contents = replace(contents.placed, parts=())
+        if not len(contents.polygons):
+            raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
-    new = [a for a in contents.attributes if not any(a is given for given in document.attributes)]
-    removed = {a.name for a in document.attributes} - {a.name for a in contents.attributes}
+    attributes = told_apart(contents.attributes, of_all=True)
+    new = [a for a in attributes if not any(a is given for given in document.attributes)]
+    changed = {a.name for a in document.attributes if not any(a is each for each in attributes)}
     split = split_at_seams(contents.polygons, len(contents.points), new)
     is_new = not len(document.points)
     is_split = len(split.source) > len(contents.points)
@@ -122,11 +135,17 @@ def _written(contents: Contents) -> GltfData:
         start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
         rows = split.source[start:stop]
         primitives = [gltf.json["meshes"][mesh]["primitives"][i] for mesh, i, _ in places]
-        keys = {key: i for key, i in primitives[0]["attributes"].items() if named(key)[0] not in removed}
+        given = primitives[0]["attributes"]
+        names = named(gltf, given)
+        keys = {key: i for key, i in given.items() if names[key][0] not in changed}
         if is_split:
             gather(gltf, keys, rows - first_point)
         if is_moved:
             position = contents.points[rows].astype(np.float32)
+            if not np.isfinite(position).all():
+                raise MeshError(
+                    "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
+                )
             bounds = (
                 {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
                 if len(rows)
@@ -141,11 +160,18 @@ def _written(contents: Contents) -> GltfData:
                 for target in primitive.get("targets", []):
                     gather(gltf, target, rows - first_point)
                 indices = faces[first_triangle : first_triangle + n_triangles] - start
+                indices = _outwards(indices, contents.parts[part].transform if contents.parts else None)
                 primitive["indices"] = gltf.add_array(indices.ravel().astype(np.uint32), target=34963)
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
         first_point += int((contents.part_of_point == part).sum())
     return gltf
+
+
+def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
+    """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
+    mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
+    return faces[:, [0, 2, 1]] if mirrored else faces
 
 
 def new_document(n_triangles: int) -> GltfDocument:

@@ -53,10 +53,17 @@ def read_contents(data: bytes, name: str) -> Contents:
         table_lines = lines.starting_with(keyword)
         if not len(table_lines):
             continue
-        table = table_lines.parse().leading(width, f"at least {width} numbers after {keyword}")
+        numbers = table_lines.parse()
+        least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
+        numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
+        table = np.zeros((len(table_lines), width))
+        for column in range(width):
+            said = numbers.counts > column
+            table[said, column] = numbers.values[numbers.starts[said] + column]
         rows = words.fields(i + 1).parse()
-        index = _from_zero(rows.whole(None, f"whole indices of {keyword}"), rows, table_lines)
-        inside = (index >= -1) & (index < len(table))
+        given = rows.whole(None, f"whole indices of {keyword}")
+        index = _from_zero(given, rows, table_lines)
+        inside = (index >= np.where(given == 0, -1, 0)) & (index < len(table))
         if not inside.all():
             row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
             words.fail(row, f"indices of the {len(table)} {keyword} lines")
@@ -114,10 +121,9 @@ def _vertices(contents: Contents) -> bytes:
     colours = contents.of_kind("colour")
     if not colours:
         return format_rows("v %r %r %r\n", contents.points)
-    colors = colours[0].values[:, :3]
-    if colors.dtype.kind == "f":
+    colors = colours[0].fractions[:, :3]
+    if colours[0].values.dtype.kind == "f":
         return format_rows("v %r %r %r %r %r %r\n", np.hstack([contents.points, colors]))
-    colors = colors / np.iinfo(colors.dtype).max
     return format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([contents.points, colors]))
 
 

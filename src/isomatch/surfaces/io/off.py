@@ -62,9 +62,13 @@ def write(contents: Contents) -> bytes:
     for kind, letter in letter_of.items():
         for attribute in contents.of_kind(kind):
             letters = letter + letters
-            whole = attribute.values.dtype.kind != "f"
-            template += " %d %d %d" if whole else " %r %r %r"
-            columns.append(attribute.values[:, :3])
+            values = attribute.values[:, :3]
+            if kind == "colour":
+                octets = np.rint(255 * attribute.fractions[:, :3])
+                whole = values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
+                values = octets if whole else attribute.fractions[:, :3]
+            template += " %d %d %d" if kind == "colour" and whole else " %r %r %r"
+            columns.append(values)
     sizes = contents.polygons.sizes
     if (sizes == 3).all():
         faces = format_rows("3 %d %d %d\n", contents.polygons.corners.reshape(-1, 3))

@@ -99,7 +99,13 @@ def write(contents: Contents, binary: bool | None = None) -> bytes:
             "vertex",
             (
                 *(Cells(Property(axis, kind), contents.points[:, i]) for i, axis in enumerate("xyz")),
-                *write_columns(contents.attributes, "point", document.vertex.names, polygons.sizes),
+                *write_columns(
+                    contents.attributes,
+                    "point",
+                    document.vertex.names,
+                    polygons.sizes,
+                    ["x", "y", "z", *(each.declared.name for each in document.vertex.others)],
+                ),
                 *document.vertex.others,
             ),
             len(contents.points),
@@ -108,7 +114,13 @@ def write(contents: Contents, binary: bool | None = None) -> bytes:
             "face",
             (
                 lists,
-                *write_columns(contents.attributes, "face", document.face.names, polygons.sizes),
+                *write_columns(
+                    contents.attributes,
+                    "face",
+                    document.face.names,
+                    polygons.sizes,
+                    [*_INDEX_LISTS, *(each.declared.name for each in document.face.others)],
+                ),
                 *document.face.others,
             ),
             len(polygons),

@@ -55,12 +55,11 @@ def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
     """
     path = Path(path)
     _, write = _attribute_format_of(path)
-    if path.suffix == ".gii":
+    suffix = path.suffix.lower()
+    if suffix == ".gii":
         fits = gifti.keeps(attribute)
     else:
-        fits = attribute.domain == "point" and attribute.kind == (
-            "label" if path.suffix == ".annot" else "scalar"
-        )
+        fits = attribute.domain == "point" and attribute.kind == ("label" if suffix == ".annot" else "scalar")
     if not fits:
         raise FormatError(f"{path}: {attribute!r} has no place in a {path.suffix} file")
     data = write(attribute)
