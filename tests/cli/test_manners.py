@@ -206,6 +206,17 @@ def test_evaluate_refuses_a_truth_of_other_shapes(truth, complaint, shapes, monk
     assert complaint in capsys.readouterr().err
 
 
+def test_evaluate_refuses_a_map_of_other_shapes(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    target = isomatch.read_mesh("b.ply")
+    found = isomatch.Correspondence(np.loadtxt("truth.txt", dtype=int), target.n_vertices)
+    isomatch.Correspondence(found.vertices, found.n_target, source_hash=target.content_hash).save(
+        tmp_path / "map.npz"
+    )
+    assert main(f"evaluate {tmp_path}/map.npz truth.txt a.ply b.ply".split()) == 1
+    assert "is a map of another source" in capsys.readouterr().err
+
+
 def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):
     monkeypatch.chdir(shapes)
     assert main(["evaluate", "truth.txt", "truth.txt", "b.ply", "a.ply"]) == 1

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch._files import write_text
-from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
+from isomatch.cli.inputs import naming_files, read_config, read_outcomes
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
@@ -57,7 +57,7 @@ def match(
     Parameters
     ----------
     source : Path
-        Mesh to map from: .off, .obj, .ply or .stl.
+        Mesh to map from: any surface file, such as .ply, .obj or .vtp.
     target : Path
         Mesh to map to.
     output : Path
@@ -120,7 +120,8 @@ def match(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
-        first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
+        n_target = shapes[1].n_vertices
+        first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
         with folder.claimed(force), claimed_files(as_mesh, force=force):
             if as_mesh is not None:
                 require_writable(as_mesh)

@@ -130,9 +130,9 @@ class ResultFolder:
                 back.map.save(files["map back"])
             write_text(folder / RESULT, json_text(record))
         every = ResultFolder(self.folder, self.picture, report=True, both=True).files.values()
-        for path in (*every, *map(str, self._alternatives), self._picker):
-            if path not in record["files"].values():
-                Path(path).unlink(missing_ok=True)
+        for name in (*every, *map(str, self._alternatives), self._picker):
+            if name not in record["files"].values():
+                Path(name).unlink(missing_ok=True)
         return record
 
     def write_picker(

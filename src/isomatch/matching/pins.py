@@ -175,6 +175,7 @@ def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: Refinemen
     kernel = _carried(shape, heat)
     kernel /= kernel[at].diagonal()
     among = kernel[at]
-    weights = kernel @ np.linalg.lstsq(among, np.eye(len(at)), rcond=LEAST / np.linalg.norm(among, 2))[0]
-    weights = np.maximum(weights - TAIL, 0.0) / (1 - TAIL)
-    return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    inverse = np.linalg.pinv(among, rcond=LEAST / float(np.linalg.norm(among, 2)))
+    weights: FloatArray = np.maximum(kernel @ inverse - TAIL, 0.0) / (1 - TAIL)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    return weights
