@@ -4,6 +4,8 @@ import pytest
 
 import isomatch
 from isomatch import errors
+from isomatch._packages import package
+from isomatch.errors import MissingDependencyError
 
 TREE = {
     "InputError": ("IsomatchError", ValueError),
@@ -39,3 +41,13 @@ def test_a_missing_file_says_what_it_says():
         str(isomatch.MissingFileError("a.ply: no such file; check the name"))
         == "a.ply: no such file; check the name"
     )
+
+
+def test_a_package_that_cannot_be_loaded_is_not_called_missing(tmp_path, monkeypatch):
+    (tmp_path / "half_installed.py").write_text("raise ImportError('libGL.so.1: no such file')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MissingDependencyError, match=r"cannot be loaded: libGL\.so\.1") as caught:
+        package("half_installed", None, "this")
+    assert isinstance(caught.value.__cause__, ImportError)
+    with pytest.raises(MissingDependencyError, match="pip install not_installed"):
+        package("not_installed.part", None, "this")

@@ -12,6 +12,7 @@ import pytest
 from isomatch import match, match_both, prepare
 from isomatch._interruption import Abandoned, in_background, stop_if_abandoned, tell
 from isomatch._threads import parallel_map
+from isomatch.matching.stage_timer import StageTimer
 
 
 def spin(until, ended):
@@ -110,6 +111,24 @@ def test_progress_rises_from_0_to_1(run, example):
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert {"prepare", "search", "selection", "refinement", "quality"} <= {stage for stage, _ in seen}
+
+
+def test_progress_never_falls_where_it_is_heard_late():
+    seen = []
+
+    def slow(stage, share):
+        time.sleep(0.05)
+        seen.append(share)
+
+    outer = StageTimer(slow)
+    inner = StageTimer(outer.reach)
+
+    def work():
+        for timer, share in ((inner, 0.0), (inner, 0.5), (outer, 0.55), (outer, 0.65)):
+            timer.reach("stage", share)
+
+    in_background(work)
+    assert seen == [0.0, 0.5, 0.55, 0.65]
 
 
 def test_progress_of_a_preparation(example):

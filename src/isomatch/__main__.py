@@ -11,6 +11,8 @@ from types import FrameType
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a terminal that was closed
 
+CLEARED = b"\r\x1b[2K\x1b[?25h"  # ends the line of a progress bar, which hides the cursor
+
 
 def program() -> None:
     """Run one command and exit with its code; a signal ends the process at once and leaves nothing unfinished.
@@ -39,13 +41,15 @@ def _command() -> int:
 
 def _end(number: int, _: FrameType | None) -> None:
     """Leave nothing behind, and end without waiting for threads."""
-    signal.signal(number, signal.SIG_IGN)
+    for name in SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     from isomatch._files import abandon_files
 
     abandon_files()
     for worker in active_children():
         worker.kill()
-    os.write(2, b"\nisomatch: interrupted\n" if os.isatty(2) else b"isomatch: interrupted\n")
+    os.write(2, (CLEARED if os.isatty(2) else b"") + b"isomatch: interrupted\n")
     os._exit(128 + number)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.datasets import example_pair
+from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative
 
 QUICK = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
@@ -23,10 +23,8 @@ def shapes(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def matched(shapes, tmp_path_factory):
-    """Folder of a match with two alternatives: all vertices to one, and the map itself."""
-    folder = tmp_path_factory.mktemp("matched")
+def matched_with_alternatives(shapes, folder, *more):
+    """Match into a folder, with two alternatives: all vertices to one, and the map itself."""
     match = isomatch.match
 
     def with_alternatives(source, target, **options):
@@ -40,10 +38,14 @@ def matched(shapes, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(isomatch, "match", with_alternatives)
         ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
-        assert (
-            main(["match", *ends, "-o", str(folder), "--config", str(shapes / "quick.toml"), "--seed", "3"])
-            == 0
-        )
+        command = ["match", *ends, "-o", str(folder), "--config", str(shapes / "quick.toml"), "--seed", "3"]
+        assert main([*command, *more]) == 0
+
+
+@pytest.fixture(scope="module")
+def matched(shapes, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("matched")
+    matched_with_alternatives(shapes, folder)
     return folder
 
 
@@ -76,6 +78,30 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     assert np.median(moved) < 0.05 * np.sqrt(target.area)
     report = (result / "report.html").read_text(encoding="utf-8")
     assert "<figcaption>Alternative 1, from the map before, extremities</figcaption>" in report
+
+
+def test_landmarks_are_held_on_and_the_pose_no_longer_leads(shapes, tmp_path):
+    truth = ground_truth(*example_pair()).vertices
+    pairs = [(i, int(truth[i])) for i in range(0, len(truth), 600)]
+    (tmp_path / "pairs.txt").write_text("\n".join(f"{i}, {j}" for i, j in pairs))
+    more = "--no-report", "--pin", "0", "--start", "pose", "--landmarks", str(tmp_path / "pairs.txt")
+    matched_with_alternatives(shapes, tmp_path / "out", *more)
+    assert main(["choose", str(tmp_path / "out"), "2"]) == 0
+    record = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert record["landmarks"] == [list(pair) for pair in pairs]
+    assert (record["config"]["pin"], record["config"]["start"]) == (0, "auto")
+    found = isomatch.Correspondence.load(tmp_path / "out" / "map.npz").vertices
+    assert all(found[i] == j for i, j in pairs)
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_match_without_a_map_leaves_an_earlier_result(shapes, result):
+    before = {path.name: path.read_bytes() for path in result.iterdir()}
+    (result.parent / "two.txt").write_text("1, 2\n3, 4\n")
+    ends = [str(shapes / "source.ply"), str(shapes / "target.ply")]
+    more = "--landmarks", str(result.parent / "two.txt"), "--force", "-o", str(result)
+    assert main(["match", *ends, *more]) == 1
+    assert before.items() <= {path.name: path.read_bytes() for path in result.iterdir()}.items()
 
 
 def test_what_cannot_be_chosen_is_refused_and_nothing_changes(result, tmp_path, capsys):
@@ -116,9 +142,9 @@ def test_a_match_that_finds_no_map_leaves_a_picker(shapes, tmp_path, capsys):
     assert main([*argv, "--landmarks", str(tmp_path / "two.txt")]) == 1
     said = capsys.readouterr().err
     assert "2 landmarks do not fix an alignment" in said
-    assert f"Both shapes are in {tmp_path / 'out' / 'report.html'}" in said
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.html"]
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert f"Both shapes are in {tmp_path / 'out' / 'picker.html'}" in said
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["picker.html"]
+    report = (tmp_path / "out" / "picker.html").read_text(encoding="utf-8")
     assert "No map was found" in report
     assert '"landmarks": [[1, 2], [3, 4]]' in report
     assert "--start pose" in report

@@ -174,7 +174,7 @@ def run_with(shapes, out, option, file):
         ("--landmarks", "# nothing\n", "given: no landmarks"),
         ("--landmarks", "1 2\n3 4\n5 999999\n", "target vertices 999999"),
         ("--landmarks", "1 2\n3 4\n", "2 landmarks do not fix"),
-        ("--initial-map", "0\n1\n", "initial map has shape (2,)"),
+        ("--initial-map", "0\n1\n", "is not a map of this source, which has"),
         ("--initial-map", "0\n999999\n", "source vertices 1 are mapped outside"),
         ("--initial-map", "a\n", "given:1: 'a' is not a target vertex"),
         ("--config", "colour = 3\n", "unknown setting colour"),

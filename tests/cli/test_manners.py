@@ -116,6 +116,26 @@ def test_both_directions(matching, tmp_path, capsys):
     assert back.shape == (record["n_target"], record["n_source"])
 
 
+def test_files_of_an_earlier_result_do_not_stay(matching, tmp_path):
+    assert matching("--both") == 0
+    for name in ("alternative_3.npz", "picker.html"):
+        (tmp_path / "out" / name).write_text("earlier")
+    assert "--both" in json.loads((tmp_path / "out" / "result.json").read_text())["match_again"].split()
+    assert matching("--no-report") == 0
+    files = json.loads((tmp_path / "out" / "result.json").read_text())["files"].values()
+    assert {str(path) for path in (tmp_path / "out").iterdir()} == set(files)
+
+
+@pytest.mark.parametrize("name", ["b.unknown", "b"])
+def test_a_mesh_that_cannot_be_written_is_refused_before_the_work(
+    name, matching, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(isomatch, "match", None)
+    assert matching(f"--as-mesh {tmp_path}/{name}") == 1
+    assert "b" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_hypotheses_may_come_from_hints_alone(matching, capsys):
     assert matching("--hypotheses given") == 1
     assert "no landmarks, initial map or descriptors" in capsys.readouterr().err
@@ -184,6 +204,17 @@ def test_evaluate_refuses_a_truth_of_other_shapes(truth, complaint, shapes, monk
     (tmp_path / "truth.txt").write_text(truth)
     assert main(f"evaluate truth.txt {tmp_path}/truth.txt a.ply b.ply".split()) == 1
     assert complaint in capsys.readouterr().err
+
+
+def test_evaluate_refuses_a_map_of_other_shapes(shapes, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(shapes)
+    target = isomatch.read_mesh("b.ply")
+    found = isomatch.Correspondence(np.loadtxt("truth.txt", dtype=int), target.n_vertices)
+    isomatch.Correspondence(found.vertices, found.n_target, source_hash=target.content_hash).save(
+        tmp_path / "map.npz"
+    )
+    assert main(f"evaluate {tmp_path}/map.npz truth.txt a.ply b.ply".split()) == 1
+    assert "is a map of another source" in capsys.readouterr().err
 
 
 def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):

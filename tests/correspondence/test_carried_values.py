@@ -65,6 +65,8 @@ def test_what_stands_for_unmatched_can_be_chosen(precise):
         (np.zeros(5, dtype=np.uint8), None, "1 source vertices are unmatched, .* uint8; give fill"),
         (np.zeros(5, dtype=np.uint8), -1, "fill = -1 is no value of type uint8"),
         (np.zeros(5, dtype=int), 0.5, r"fill = 0\.5 is no value of type int64"),
+        (np.zeros(5, dtype=int), np.nan, "fill = nan is no value of type int64"),
+        (np.zeros(5, dtype=int), 10**30, "fill = 10{30} is no value of type int64"),
         (np.zeros(5, dtype=int), "none", "fill = 'none' is no value of type int64"),
         (np.zeros(5, dtype=int), [1, 2], r"fill = \[1, 2\] is no value"),
     ],

@@ -83,3 +83,29 @@ def test_an_earlier_result_stays_as_it_is(folder, tmp_path):
         process.send_signal(signal.SIGINT)
     assert process.returncode == 130
     assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(earlier, "earlier")
+
+
+TWICE = """
+import os, signal, time
+from isomatch import __main__, _files
+
+abandon = _files.abandon_files
+_files.abandon_files = lambda: (abandon(), os.kill(os.getpid(), signal.SIGTERM))
+__main__._command = lambda: (os.kill(os.getpid(), signal.SIGINT), time.sleep(20))
+__main__.program()
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals and pseudo-terminals of POSIX")
+def test_a_second_signal_does_not_delay_the_end_and_the_terminal_is_as_before():
+    import pty
+
+    terminal, end = pty.openpty()
+    with subprocess.Popen([sys.executable, "-c", TWICE], stderr=end) as process:
+        os.close(end)
+        try:
+            assert process.wait(timeout=10) == 128 + signal.SIGINT
+        finally:
+            process.kill()
+    assert os.read(terminal, 4096).startswith(b"\r\x1b[2K\x1b[?25hisomatch: interrupted")
+    os.close(terminal)

@@ -1,9 +1,12 @@
 """Both directions in one run: the map there is that of `match`, the map back as good as one found by itself."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from isomatch import Config, Outcome, match, match_both
+from isomatch import Config, LandmarkError, MapError, Mesh, Outcome, SettingError, match, match_both
 from isomatch.datasets import ground_truth
 from isomatch.evaluation import cycle_errors, geodesic_errors
 from shapes import icosphere
@@ -39,6 +42,23 @@ def test_the_maps_are_nearly_inverse(both, example):
 def test_the_result_says_what_was_done(both):
     assert "rivals of it, turned around" in both.back.notes[0]
     assert "prepare" not in both.back.timings
+
+
+def test_bad_hints_are_refused(prepared_example):
+    with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
+        match_both(*(each.surface for each in prepared_example), config=Config(pin=0))
+    with pytest.raises(LandmarkError, match="landmarks"):
+        match_both(*prepared_example, landmarks=[[1, 2], [3]])
+
+
+def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
+    source, target = (each.surface for each in prepared_example)
+    moved = Mesh(target.vertices + 1, target.faces)
+    with pytest.raises(MapError, match="is a map of another target"):
+        match(source, moved, initial_map=both.there.map)
+    assert json.dumps(both.there.to_dict(), allow_nan=False)
+    unknown = replace(both.there.alternatives[0], energy=np.nan)
+    assert json.dumps(replace(both.there, alternatives=(unknown,)).to_dict(), allow_nan=False)
 
 
 def test_a_symmetric_shape_is_ambiguous_in_both_directions():

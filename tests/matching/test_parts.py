@@ -40,6 +40,15 @@ def test_a_part_is_mapped_to_the_whole(bodies, prepared, damage, share, covered)
     assert any("matched as a part" in note for note in found.notes)
 
 
+def test_a_given_map_of_a_part_stays_one(bodies, prepared):
+    part = holes(bodies[0], 0.15, seed=4)
+    truth = bodies[2][part.original]
+    found = match(part.mesh, prepared, initial_map=truth, config=Config(hypotheses="given"))
+    assert found.outcome is Outcome.PARTIAL
+    assert found.origin == "initial map"
+    assert mean_error(prepared, found.map.vertices, truth) < 0.05
+
+
 def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     source, target, truth = bodies
     part = cut(target, 0.3, seed=2)

@@ -86,6 +86,22 @@ def test_within_the_tolerance_nothing_moves(hearts):
     assert any("5 landmarks are held, 2 of them by bending" in note for note in held.notes)
 
 
+@pytest.mark.parametrize("tolerance", [0.0, 0.03])
+def test_landmarks_side_by_side_move_the_map_no_farther_than_they_are_off(hearts, tolerance):
+    source, target, truth, _ = hearts
+    rows = np.linalg.norm(source.vertices - source.vertices[100], axis=1).argsort()[:60:6]
+    rows = rows[np.unique(truth[rows], return_index=True)[1]]
+    pairs = np.column_stack([rows, np.roll(truth[rows], 1)])
+    found = [
+        match(source, target, landmarks=pairs, config=Config(pin=pin)).map @ target.vertices
+        for pin in (None, tolerance)
+    ]
+    off, left = (np.linalg.norm(one[rows] - target.vertices[pairs[:, 1]], axis=1) for one in found)
+    moved = np.linalg.norm(found[1] - found[0], axis=1)
+    assert moved.max() < 1.2 * off.max()
+    assert left.max() / np.sqrt(target.area) <= tolerance + 1e-9
+
+
 @pytest.mark.parametrize("resolution", ["full", "fast"])
 def test_landmarks_are_held_at_every_resolution(bodies, resolution):
     source, target = (creature(5000, pose=i, triangulation=i) for i in (3, 4))

@@ -16,6 +16,12 @@ def inverted(mesh, outward):
     ).sum()
 
 
+def test_a_map_of_nothing_cannot_be_wrapped():
+    mesh = icosphere(1)
+    with pytest.raises(MapError, match="gives no vertex an image"):
+        wrap(Correspondence(np.full(42, -1), 42), mesh, mesh)
+
+
 def test_the_identity_gives_the_target():
     mesh = icosphere(2)
     wrapped = wrap(Correspondence(np.arange(162), 162), mesh, mesh)

@@ -40,7 +40,7 @@ def basis(
     Parameters
     ----------
     file : Path
-        Mesh of one component: .off, .obj, .ply or .stl.
+        Mesh of one component: any surface file, such as .ply, .obj or .vtp.
     output : Path
         File for the basis, .npz; isomatch.DistanceBasis.load reads it.
     k : int

@@ -40,7 +40,7 @@ def check(
     Parameters
     ----------
     file : Path
-        Mesh: .off, .obj, .ply or .stl; or a folder of them.
+        Mesh: any surface file, such as .ply, .obj or .vtp; or a folder of them.
     more : Path
         Further meshes and folders. Of several meshes there is a table, one row for each.
     verb : str

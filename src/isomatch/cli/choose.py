@@ -21,6 +21,7 @@ _NEEDED: dict[str, type] = {
     "source": str,
     "target": str,
     "match_again": str,
+    "landmarks": list,
     "config": dict,
     "seed": int,
     "origin": str,
@@ -32,7 +33,7 @@ _NEEDED: dict[str, type] = {
 def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
     """Make an alternative the map: refine and measure it, and replace the files of the result.
 
-    The former map becomes alternative 1, and the other alternatives follow.
+    The former map becomes alternative 1, and the other alternatives follow. A map of the other direction is removed.
 
     Parameters
     ----------
@@ -43,8 +44,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
     talk : Talk
         What is told.
     """
-    results = ResultFolder(folder)
-    record = _record(results.result)
+    record = _record(ResultFolder(folder).result)
+    results = ResultFolder(folder, report="report" in record["files"])
     n_saved = sum(name.startswith("alternative") for name in record["files"])
     others = record["alternatives"][:n_saved]
     if not 1 <= number <= len(others):
@@ -52,7 +53,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
             f"{folder}: there is no alternative {number}; the result has {len(others) or 'none'} of them"
         )
     source, target = Path(record["source"]), Path(record["target"])
-    settings = isomatch.Config.from_dict({**record["config"], "hypotheses": "given"})
+    settings = isomatch.Config.from_dict({**record["config"], "hypotheses": "given", "start": "auto"})
+    landmarks = record["landmarks"] or None
     with talk.progress() as tell, results.claimed(force=True):
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
@@ -65,6 +67,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         with naming_files(source=source, target=target):
             result = isomatch.match(
                 *shapes,
+                landmarks=None if settings.pin is None else landmarks,
                 initial_map=maps[number - 1].vertices,
                 config=settings,
                 seed=record["seed"],
@@ -83,7 +86,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
             names=(source.name, target.name),
             titles=(f"source: {source.name}", f"target: {target.name}"),
             facts={"source": str(source), "target": str(target), "chosen": chosen},
-            more={name: record[name] for name in ("source", "target", "match_again")},
+            more={name: record[name] for name in ("source", "target", "match_again", "landmarks")},
+            landmarks=landmarks,
             command=record["match_again"],
         )
 

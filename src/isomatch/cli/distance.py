@@ -57,7 +57,7 @@ def distance(
     Parameters
     ----------
     file : Path
-        Mesh: .off, .obj, .ply or .stl. Points without faces are joined to their nearest neighbours.
+        Mesh: any surface file, such as .ply, .obj or .vtp. Points without faces are joined to their nearest neighbours.
     pairs : Path
         File with two 0-based vertex indices per line, separated by a comma or blank, # comments: one distance for each.
     sources : str

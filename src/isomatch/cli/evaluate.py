@@ -65,6 +65,7 @@ def evaluate(
                 f"{map_file}: maps {len(found.vertices)} vertices, but {source} has {sizes[0]}; give the map of these "
                 "two shapes in this direction"
             )
+        found.check_fits(*shapes)
         pairs = _truth(truth, sizes[1]) if target_marks is None else _of_marks(truth, target_marks)
         _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)

@@ -11,17 +11,19 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_initial_map, read_outcomes
+from isomatch._files import write_text
+from isomatch.cli.inputs import naming_files, read_config, read_outcomes
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
     refuse_outcomes,
+    require_writable,
     say_files,
     say_result,
     say_wrapped,
     write_wrapped,
 )
-from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.cli.terminal import TALK, Talk, json_text, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
 from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
 
@@ -55,12 +57,12 @@ def match(
     Parameters
     ----------
     source : Path
-        Mesh to map from: .off, .obj, .ply or .stl.
+        Mesh to map from: any surface file, such as .ply, .obj or .vtp.
     target : Path
         Mesh to map to.
     output : Path
         Folder for map.npz, map.txt, result.json, map.png, report.html, and alternative_1.npz … for isomatch choose; with
-        --both also map_back.npz.
+        --both also map_back.npz. Without a map, picker.html.
     landmarks : Path
         Pairs: on each line two 0-based vertex indices (source, target) or two positions (x y z x y z), separated by
         commas or blanks, or a table with the columns source, target; # starts a comment. With --target-landmarks, the
@@ -118,8 +120,11 @@ def match(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
-        first = None if initial_map is None else read_initial_map(initial_map, shapes[1].n_vertices)
+        n_target = shapes[1].n_vertices
+        first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
         with folder.claimed(force), claimed_files(as_mesh, force=force):
+            if as_mesh is not None:
+                require_writable(as_mesh)
             given = {
                 "source": source,
                 "target": target,
@@ -128,6 +133,7 @@ def match(
                 "initial map": initial_map,
             }
             again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
+            again |= {"both": both or None, "as_mesh": as_mesh}
             shown: dict[str, Any] = {
                 "names": (source.name, target.name),
                 "facts": {what: str(path) for what, path in given.items() if path is not None},
@@ -154,12 +160,13 @@ def match(
                 "source": str(source),
                 "target": str(target),
                 "match_again": shown["command"],
+                "landmarks": [] if pairs is None else pairs.tolist(),
             }
-            if as_mesh is not None:
-                more["as_mesh"] = write_wrapped(
-                    as_mesh, source, isomatch.wrap(result.map, *shapes), result.expected_error
-                )
             record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
+            if as_mesh is not None:
+                wrapped = isomatch.wrap(result.map, *shapes)
+                record["as_mesh"] = write_wrapped(as_mesh, source, wrapped, result.expected_error)
+                write_text(folder.result, json_text(record))
         tell("done", 1.0)
 
     def summary() -> None:
@@ -188,5 +195,5 @@ def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
     words = ["isomatch", "match", str(source), str(target)]
     for name, value in options.items():
         if value is not None and (name, value) != ("seed", 0):
-            words += [f"--{name.replace('_', '-')}", str(value)]
+            words += [f"--{name.replace('_', '-')}", *([] if value is True else [str(value)])]
     return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])

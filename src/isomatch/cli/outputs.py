@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import isomatch
@@ -71,6 +72,10 @@ class ResultFolder:
             yield
 
     @property
+    def _picker(self) -> str:
+        return str(self.folder / "picker.html")
+
+    @property
     def _alternatives(self) -> list[Path]:
         return [self.alternative(number) for number in range(1, view.MOST_ALTERNATIVES + 1)]
 
@@ -124,21 +129,20 @@ class ResultFolder:
             if back:
                 back.map.save(files["map back"])
             write_text(folder / RESULT, json_text(record))
-        for path in self._alternatives[len(others) :]:
-            path.unlink(missing_ok=True)
+        every = ResultFolder(self.folder, self.picture, report=True, both=True).files.values()
+        for name in (*every, *map(str, self._alternatives), self._picker):
+            if name not in record["files"].values():
+                Path(name).unlink(missing_ok=True)
         return record
 
     def write_picker(
         self, source: isomatch.Mesh, target: isomatch.Mesh, error: isomatch.IsomatchError, **shown: Any
     ) -> isomatch.IsomatchError:
-        """Write the report of a match that found no map; return its error, which then names that report."""
+        """Write a page for landmarks beside any earlier result; return the error that no map was found, with its name."""
         if not self.report:
             return error
-        for path in (self.result, *self._alternatives):
-            path.unlink(missing_ok=True)
-        report = self.files["report"]
-        view.write_landmark_picker(report, source, target, str(error), **shown)
-        return type(error)(f"{error}. Both shapes are in {report}, where you can pick landmarks")
+        view.write_landmark_picker(self._picker, source, target, str(error), **shown)
+        return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
 
 
 def _described(result: isomatch.MatchResult) -> dict[str, Any]:
@@ -176,7 +180,7 @@ def say_result(result: isomatch.MatchResult) -> None:
 def write_wrapped(
     path: Path, source: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
 ) -> dict[str, Any]:
-    """Write the source in the shape of the target, with all that its file carries but normals; say what was mended.
+    """Write the source in the shape of the target, with all that its file carries but normals; count what was mended.
 
     Where the format takes scalars, the expected error (n_source,) of each vertex is added.
     """
@@ -187,6 +191,13 @@ def write_wrapped(
     isomatch.write_asset(path, moved.without_attributes(*normals).with_attributes(errors))
     counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
     return {"file": str(path), **counts, "extended": wrapped.extended}
+
+
+def require_writable(path: Path) -> None:
+    """Raise the error of a mesh file whose format is unknown, or needs a package that is not installed."""
+    triangle = isomatch.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    with TemporaryDirectory() as folder:
+        isomatch.write_mesh(Path(folder) / path.name, triangle)
 
 
 def say_wrapped(record: dict[str, Any]) -> None:

@@ -28,7 +28,7 @@ def repair(
     Parameters
     ----------
     file : Path
-        Mesh: .off, .obj, .ply or .stl.
+        Mesh: any surface file, such as .ply, .obj or .vtp.
     output : Path
         File for the repaired mesh.
     force : bool

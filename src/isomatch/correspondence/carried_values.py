@@ -73,8 +73,11 @@ def _filled(labels: AnyArray, holes: BoolArray, fill: object) -> AnyArray:
     value = np.asarray(fill)
     kind = np.result_type(labels, value) if labels.dtype.kind == value.dtype.kind in "US" else labels.dtype
     try:
-        kept = value.ndim == 0 and bool(value.astype(kind) == value or value != value)
-    except (TypeError, ValueError):
+        with np.errstate(invalid="ignore"):
+            kept = value.ndim == 0 and bool(
+                value.astype(kind) == value or (value != value and kind.kind in "fcmM")
+            )
+    except (TypeError, ValueError, OverflowError):
         kept = False
     if not kept:
         raise DescriptorError(f"fill = {fill!r} is no value of type {labels.dtype}")

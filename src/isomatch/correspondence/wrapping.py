@@ -12,6 +12,7 @@ from scipy.sparse.linalg import spsolve
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.welding import welded_map
+from isomatch.errors import MapError
 from isomatch.surfaces import (
     Mesh,
     PlacedMesh,
@@ -73,7 +74,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     Raises
     ------
     MapError
-        If it is a map of other surfaces.
+        If it is a map of other surfaces, or gives no vertex an image.
 
     Notes
     -----
@@ -89,6 +90,10 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     """
     source, target = mesh_from(source), mesh_from(target)
     correspondence.check_fits(source, target)
+    if not correspondence.matched.any():
+        raise MapError(
+            f"{correspondence!r} gives no vertex an image, so there is nothing to wrap; match again"
+        )
     (whole, vertex), (onto, onto_vertex) = _welded(source), _welded(target)
     found = welded_map(correspondence, vertex, onto_vertex)
     matched = found.matched

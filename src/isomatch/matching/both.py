@@ -14,8 +14,8 @@ from isomatch._threads import serial_blas
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
 from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
 from isomatch.matching.config import Config
-from isomatch.matching.hints import Hints, checked_initial_map
-from isomatch.matching.match import match_prepared
+from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
+from isomatch.matching.match import match_prepared, require_landmarks_for_pins
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.prepare import PreparedShape
@@ -75,6 +75,7 @@ def match_both(
         with serial_blas():
             timer.start("prepare")
             pair = prepare_pair(source, target, config, seed, timer)
+            require_landmarks_for_pins(pair, landmarks)
             return _both(pair, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed)
 
     both = in_background(matched)
@@ -122,7 +123,7 @@ def _turned(pair: ShapePair, given: Given) -> Given:
         image_back = np.full(sizes[1], UNMATCHED)
         image_back[image[known]] = known
     return (
-        None if landmarks is None else np.asarray(landmarks)[..., ::-1],
+        None if landmarks is None else checked_landmarks(landmarks, *sizes)[:, ::-1],
         image_back,
         None if descriptors is None else descriptors[::-1],
     )

@@ -248,7 +248,7 @@ class _Components:
                 return ComponentMatch(pair, result, "it moves along rigidly")
             result = replace(result, outcome=Outcome.SYMMETRY_AMBIGUOUS)
             return ComponentMatch(pair, result, "nothing near it tells how it is turned")
-        led = replace(pair, config=replace(pair.config, hypotheses="given", start="auto"))
+        led = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
         hints = Hints.of(led, None, carrier.image(pair.source, pair.target), None)
         result = match_connected(led, hints, self.timer, self.seed)
         if result.outcome is Outcome.HINTS_CONTRADICTED:

@@ -893,8 +893,7 @@ class Config(Settings):
     @property
     def looks_further(self) -> bool:
         """Whether maps of other kinds, of parts or elastic ones, are sought where they seem to be called for."""
-        automatic = self.hypotheses == "all" and self.refinement in ("joint", "smooth")
-        return automatic and self.orientation == "preserve"
+        return self.refinement in ("joint", "smooth") and self.orientation == "preserve"
 
     @property
     def searches_rivals(self) -> bool:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
+from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
 from isomatch.matching.config import Config
@@ -90,11 +91,18 @@ def match(
         with serial_blas():
             timer.start("prepare")
             pair = prepare_pair(source, target, config, seed, timer)
+            require_landmarks_for_pins(pair, landmarks)
             result = match_prepared(pair, (landmarks, initial_map, initial_descriptors), timer, seed)
         timer.reach("done", 1.0)
         return result
 
     return in_background(matched)
+
+
+def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> None:
+    """Raise `SettingError` if landmarks are to be held and none were given."""
+    if pair.config.pin is not None and landmarks is None:
+        raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
 
 
 def match_prepared(
@@ -104,9 +112,10 @@ def match_prepared(
     seed: int,
 ) -> MatchResult:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
-    landmarks, tolerance = given[0], pair.config.pin
-    if tolerance is not None and landmarks is None:
-        raise SettingError(f"pin = {tolerance}, but no landmarks were given that could be held")
+    landmarks, initial_map, _ = given
+    tolerance = pair.config.pin
+    if isinstance(initial_map, Correspondence):
+        initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
         result = match_components(pair, *given, timer, seed)
     else:

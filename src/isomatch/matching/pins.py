@@ -18,6 +18,7 @@ from isomatch.matching.result import MatchResult
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 
 TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
+LEAST = 0.1  # singular value of the kernel among pins that is inverted; pins too close to be told apart move as one
 FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
 N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
@@ -59,8 +60,7 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
         if on_both.any():
             found, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
             alone &= ~on_both
-    far = alone | (moved > tolerance)
-    rows, images = landmarks[far].T
+    rows, images = landmarks[alone].T
     found = _with_images(found, rows, PrecisePoints.at_vertices(images))
     notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
     if moved.max() > tolerance:
@@ -101,20 +101,25 @@ class _Bending:
     def bent(self, landmarks: IntArray, tolerance: float) -> tuple[Correspondence, FloatArray]:
         """Return the map that moves the images of landmarks to their targets, and how far they were (m,), in √area."""
         body, coordinates = _in_full(self._target), _coordinates(self._target)
+        axes = slice(None if isinstance(body, Graph) else 3)
         rows, wanted = landmarks[:, 0], self._target_vertex[landmarks[:, 1]]
         shift = coordinates[wanted] - _at(self._images, rows).interpolated(coordinates)
-        gap = np.linalg.norm(shift if isinstance(body, Graph) else shift[:, :3], axis=1)
+        gap = np.linalg.norm(shift[:, axes], axis=1)
         shift[gap <= tolerance] = 0.0
         if not shift.any():
             return self._found, gap
         weights = _weights(self._source, self._source_vertex[rows], gap.max(), self._settings)
         touched = np.flatnonzero(self._mapped)
-        touched = touched[weights[self._source_vertex[touched]].any(axis=1)]
+        touched = np.union1d(touched[weights[self._source_vertex[touched]].any(axis=1)], rows)
         goals = _at(self._images, touched).interpolated(coordinates)
         goals += weights[self._source_vertex[touched]] @ shift
         nearest = cKDTree(coordinates).query(goals)[1]
         faces = body.faces if isinstance(body, Mesh) else self._target.faces
         points = nearest_points(coordinates, goals, faces, nearest)
+        at = np.searchsorted(touched, rows)
+        left = np.linalg.norm((coordinates[wanted] - points.interpolated(coordinates)[at])[:, axes], axis=1)
+        held = np.maximum(gap, left) > tolerance
+        points.corners[at[held]] = wanted[held, None]
         user_vertex = (self._target.detail or self._target).user_vertex
         images = PrecisePoints(user_vertex[points.corners], points.barycentric)
         return _with_images(self._found, touched, images), gap
@@ -155,7 +160,8 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
 def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: RefinementSettings) -> FloatArray:
     """Weights (n_full, m) with which vertices follow pins: 1 at one, 0 at the others, and far away.
 
-    A bump is so wide that a gap is spread over a slope that turns no face over, but no wider than pins are apart.
+    None is negative and their sum is at most 1, so that no vertex moves farther than a pin. A bump is so wide that a
+    gap is spread over a slope that turns no face over, but no wider than pins are apart.
     """
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
@@ -167,6 +173,9 @@ def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: Refinemen
         width = min(width, max(apart.min(), 0.5 * least))
     heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
     kernel = _carried(shape, heat)
-    weights = kernel @ np.linalg.lstsq(kernel[at], np.eye(len(at)))[0]
-    cut: FloatArray = np.sign(weights) * np.maximum(np.abs(weights) - TAIL, 0.0) / (1 - TAIL)
-    return cut
+    kernel /= kernel[at].diagonal()
+    among = kernel[at]
+    inverse = np.linalg.pinv(among, rcond=LEAST / float(np.linalg.norm(among, 2)))
+    weights: FloatArray = np.maximum(kernel @ inverse - TAIL, 0.0) / (1 - TAIL)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    return weights

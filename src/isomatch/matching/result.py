@@ -364,19 +364,20 @@ class MatchResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the maps, as plain values for JSON; nan and inf become None."""
-        quality = {
-            key: value if abs(value) < float("inf") else None for key, value in asdict(self.quality).items()
-        }
+
+        def finite(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
         return {
             "direction": "source -> target",
             "n_source": len(self.map.vertices),
             "n_target": self.map.n_target,
             "outcome": self.outcome.name,
             "advice": self.outcome.advice,
-            "quality": quality,
+            "quality": {key: finite(value) for key, value in asdict(self.quality).items()},
             "expected_error": self._errors_described(),
             "alternatives": [
-                {"energy": a.energy, "orientation": a.orientation, "origin": a.origin}
+                {"energy": finite(a.energy), "orientation": finite(a.orientation), "origin": a.origin}
                 for a in self.alternatives
             ],
             "symmetries": dict(zip(("source", "target"), self.symmetries)),

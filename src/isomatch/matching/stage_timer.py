@@ -83,10 +83,13 @@ class StageTimer:
 
     def reach(self, what: str, share: float) -> None:
         """Tell what is done now, and the share of the work that is over; from any thread."""
-        with self._telling:
+        if self._progress:
+            tell(self._tell, self._progress, what, share)
+
+    def _tell(self, progress: Callable[[str, float], Any], what: str, share: float) -> None:
+        with self._telling:  # when it is told: a slow listener hears of it later
             self._share = max(self._share, share)
-            if self._progress:
-                tell(self._progress, what, self._share)
+            progress(what, self._share)
 
     def stop(self) -> dict[str, float]:
         """End the last stage; give the seconds of each, and of all as ``"total"``."""

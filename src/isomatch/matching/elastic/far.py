@@ -15,11 +15,12 @@ FAR = (
 def far_from_isometric(pair: ShapePair, hints: Hints, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
 
-    Two meshes are needed, without an initial map or descriptors.
+    Two meshes are needed, without an initial map or descriptors, and maps that are not given.
     """
-    if not (pair.oriented and pair.config.looks_further and hints.only_landmarks):
+    config = pair.config
+    if not (pair.oriented and config.looks_further and config.hypotheses == "all" and hints.only_landmarks):
         return False
-    bounds = pair.config.outcome
+    bounds = config.outcome
     return (
         quality.misfit > bounds.poor_misfit
         or quality.residual > bounds.poor_residual

@@ -143,7 +143,8 @@ def match_part(
     onto_itself = [] if len(landmarks) else self_maps(whole, config)  # landmarks tell the sides
     refining = _Refining(whole, config)
     pair = PartPair.of(part, whole, config, landmarks)
-    starts = PartStarts(pair, refining.coordinates.signatures, onto_itself)()
+    only_known = config.hypotheses == "given" and len(known) > 0
+    starts = [] if only_known else PartStarts(pair, refining.coordinates.signatures, onto_itself)()
     fits = [fit for fit in parallel_map(refining.rough, starts) if fit]
     led = _filled(part, known) if len(known) else None
     if not fits and closed is None and led is None:
