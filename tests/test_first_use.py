@@ -47,6 +47,12 @@ def test_the_import_loads_nothing_slow():
     assert loaded_by("import isomatch\nisomatch.Mesh, isomatch.Config, isomatch.distance_engine") == []
 
 
+def test_packages_travel_by_name():
+    """As modules in functions that are sent to other processes."""
+    for package in (isomatch, isomatch.matching):
+        assert pickle.loads(pickle.dumps(package)) is package
+
+
 def test_serial_blas_holds_for_what_is_loaded_later():
     loaded_by(
         "from isomatch._threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"

@@ -31,6 +31,10 @@ class _Package(ModuleType):
         if not (isinstance(value, ModuleType) and name in self._homes):
             super().__setattr__(name, value)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process by name, as modules do; cloudpickle asks for their exact type."""
+        return import_module, (self.__name__,)
+
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._homes})
 

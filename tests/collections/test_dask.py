@@ -6,11 +6,11 @@ import threading
 import time
 
 import pytest
-from small_collections import arrays_of
 
 from isomatch import InputError
 from isomatch.collections import Collection
 from isomatch.collections.workers import _n_threads_of
+from small_collections import arrays_of
 
 distributed = pytest.importorskip("distributed")
 

@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 
 import pytest
-from small_collections import N, arrays_of, run
 
 import isomatch
 from isomatch import SettingError
@@ -15,6 +14,7 @@ from isomatch.collections import Collection, collection, jobs, write_table
 from isomatch.collections.ledger import writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.surfaces import decimate
+from small_collections import N, arrays_of, run
 
 PAIRS = set(combinations([f"s{i}" for i in range(len(N))], 2))
 BAD = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
