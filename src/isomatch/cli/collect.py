@@ -11,10 +11,9 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 import isomatch
+from isomatch import collections
 from isomatch.cli.inputs import read_config
 from isomatch.cli.terminal import TALK, Talk, Tell, say, say_table
-from isomatch.collections import Collection, Event, agreement_of, finish, state_of, write_table
-from isomatch.collections import agree as agreeing
 from isomatch.errors import InputError
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
@@ -70,7 +69,7 @@ def run(
     if not place or int(place[1]) > int(place[2]):
         raise InputError(f"--shard {shard}: is not i/n with 1 ≤ i ≤ n, such as 2/8")
     part = int(place[1]) - 1, int(place[2])
-    collection = Collection.create(
+    collection = collections.Collection.create(
         output,
         shapes,
         pairs=pairs,
@@ -86,7 +85,7 @@ def run(
         complete = part[1] == 1 and "todo" not in _status(collection)["pairs"]
         if complete and (pairs == "all" if agree is None else agree):
             tell("comparing maps with compositions of others", 1.0)
-            for event in agreeing(collection, executor, jobs, left):
+            for event in collections.agree(collection, executor, jobs, left):
                 tell(*_told(event))
         if part[1] == 1:
             _write(collection, executor, jobs, tell)
@@ -102,8 +101,8 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     folder : Path
         The folder of the collection.
     """
-    collection = Collection.open(folder)
-    write_table(collection.rows(), collection.layout.table)
+    collection = collections.Collection.open(folder)
+    collections.write_table(collection.rows(), collection.layout.table)
     talk.result(_status(collection), lambda: _say_status(collection))
 
 
@@ -118,7 +117,7 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
     folder : Path
         The folder of the collection.
     """
-    again = Collection.open(folder).retry(which)
+    again = collections.Collection.open(folder).retry(which)
     talk.result(
         {"pairs": [list(pair) for pair in again]},
         lambda: say(f"{len(again)} pairs will be matched again; run isomatch collect as before"),
@@ -151,12 +150,12 @@ def agree(
     time_limit : float
         Seconds after which nothing new is begun.
     """
-    collection = Collection.open(folder)
+    collection = collections.Collection.open(folder)
     with talk.progress() as tell:
-        for event in agreeing(collection, executor, jobs, time_limit):
+        for event in collections.agree(collection, executor, jobs, time_limit):
             tell(*_told(event))
         _write(collection, executor, jobs, tell)
-    if not agreement_of(collection.rows()).compared and time_limit is None:
+    if not collections.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
             "match with --pairs all"
@@ -164,12 +163,12 @@ def agree(
     talk.result(_status(collection), lambda: _say_status(collection))
 
 
-def _write(collection: Collection, executor: str, jobs: int | None, tell: Tell) -> None:
-    for line in finish(collection, executor, jobs):
+def _write(collection: collections.Collection, executor: str, jobs: int | None, tell: Tell) -> None:
+    for line in collections.finish(collection, executor, jobs):
         tell(f"written in the topology of the template: {line['name']}", 1.0)
 
 
-def _told(event: Event) -> tuple[str, float]:
+def _told(event: collections.Event) -> tuple[str, float]:
     name = event.name if isinstance(event.name, str) else " and ".join(event.name)
     what = {"shape": "prepared", "pair": "matched", "agreement": "compared"}[event.what]
     return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
@@ -185,10 +184,10 @@ def _ending(record: dict[str, Any]) -> str:
     return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
 
 
-def _status(collection: Collection) -> dict[str, Any]:
+def _status(collection: collections.Collection) -> dict[str, Any]:
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
-    states = Counter(state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
+    states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
     outcomes = Counter(
         rows.pairs[pair]["there"]["outcome"]
         for pair in pairs
@@ -205,12 +204,12 @@ def _status(collection: Collection) -> dict[str, Any]:
         "template": collection.chosen_template(rows),
         "pairs": {"all": len(pairs), **states},
         "outcomes": dict(outcomes),
-        "agreement": agreement_of(rows)._asdict(),
+        "agreement": collections.agreement_of(rows)._asdict(),
         "failures": failures,
     }
 
 
-def _say_status(collection: Collection) -> None:
+def _say_status(collection: collections.Collection) -> None:
     status = _status(collection)
     shapes, pairs = status["shapes"], status["pairs"]
     say(
@@ -220,7 +219,7 @@ def _say_status(collection: Collection) -> None:
     say_table(
         (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
     )
-    agreement = agreement_of(collection.rows())
+    agreement = collections.agreement_of(collection.rows())
     if agreement.compared:
         say(
             f"{agreement.compared} pairs compared with compositions: {len(agreement.contradicted)} contradicted, "
