@@ -30,6 +30,7 @@ def program() -> None:
     work.start()
     while work.is_alive():
         work.join(0.2)  # Windows handles no signal before a wait ends
+    _ignore_signals()  # all is done; while the interpreter ends, their default would make the exit code that of a kill
     sys.exit(codes.pop() if codes else 1)
 
 
@@ -39,11 +40,15 @@ def _command() -> int:
     return main()
 
 
-def _end(number: int, _: FrameType | None) -> None:
-    """Leave nothing behind, and end without waiting for threads."""
+def _ignore_signals() -> None:
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def _end(number: int, _: FrameType | None) -> None:
+    """Leave nothing behind, and end without waiting for threads."""
+    _ignore_signals()
     from isomatch._files import abandon_files
 
     abandon_files()
