@@ -182,7 +182,7 @@ def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:
         sides = {}
         for side, outcome in zip(("there", "back"), own):
             least = Outcome.LOW_CONFIDENCE if value > CONTRADICTED else Outcome.CONVERGED
-            held = min(Outcome[outcome], least, key=list(Outcome).index)
+            held = Outcome.least_sure((Outcome[outcome], least))
             sides[side] = {**row[side], "outcome": held.name, "advice": held.advice}
         new = {**row, **sides, "agreement": agreement}
         if new != row:
@@ -217,7 +217,7 @@ def _repairs(rows: Rows, job: CycleJob, found: FloatArray) -> Sequence[Repair]:
 def _least_sure(rows: Rows, pair: Pair, middle: str) -> str:
     legs = [rows.pairs.get((end, middle)) or rows.pairs[middle, end] for end in pair]
     outcomes = [Outcome[leg[side]["outcome"]] for leg in legs for side in ("there", "back")]
-    return min(outcomes, key=list(Outcome).index).name
+    return Outcome.least_sure(outcomes).name
 
 
 def _after(row: Record, result: Any, n_shapes: int) -> Record:

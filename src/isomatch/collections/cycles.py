@@ -154,7 +154,9 @@ class CycleJob:
         )
         known = Outcome[repair.outcomes[best]]
         results = [
-            replace(each, outcome=_less_sure(each.outcome, known), notes=(note, *each.notes)).to_dict()
+            replace(
+                each, outcome=Outcome.least_sure((each.outcome, known)), notes=(note, *each.notes)
+            ).to_dict()
             for each in found
         ]
         record = {
@@ -200,7 +202,3 @@ def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> 
     count = known.sum(axis=1)
     enough = count >= LEAST_KNOWN * a.shape[1]
     return np.where(enough, apart.sum(axis=1) / np.maximum(count, 1), np.nan)
-
-
-def _less_sure(first: Outcome, second: Outcome) -> Outcome:
-    return min(first, second, key=list(Outcome).index)

@@ -138,9 +138,7 @@ def _summary(result: MatchResult) -> Record:
 
 def _unsureness(record: Record) -> tuple[int, float]:
     there = record["there"]
-    return [outcome.name for outcome in Outcome][::-1].index(there["outcome"]), there["quality"][
-        "misfit"
-    ] or 0.0
+    return -Outcome[there["outcome"]].sureness, there["quality"]["misfit"] or 0.0
 
 
 def row_of(work: Callable[[], Record]) -> Record:

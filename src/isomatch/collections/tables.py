@@ -68,6 +68,5 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
 
 
 def _goodness(line: dict[str, Any]) -> tuple[bool, int, float]:
-    order = [outcome.name for outcome in Outcome]
     outcome = line.get("outcome")
-    return line["state"] == "done", order.index(outcome) if outcome else -1, -(line.get("misfit") or 0.0)
+    return line["state"] == "done", Outcome[outcome].sureness if outcome else -1, -(line.get("misfit") or 0.0)

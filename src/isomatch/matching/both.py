@@ -104,7 +104,7 @@ def _both(
         known = _turned_hypotheses(found, pair_back)
         found_back = match_complete(pair_back, Hints.of(pair_back, *given_back), timer_back, known)
         back = complete_result(found_back, timer_back, seed)
-        back = replace(back, outcome=min(there.outcome, back.outcome, key=list(Outcome).index))
+        back = replace(back, outcome=Outcome.least_sure((there.outcome, back.outcome)))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
             f"{len(known) - 1} rivals of it, turned around, and the outcome is at most as sure as there"

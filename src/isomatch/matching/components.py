@@ -27,15 +27,13 @@ from isomatch.matching.hints import (
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
-from isomatch.matching.result import MatchResult, Outcome
+from isomatch.matching.result import MAP_ARRAYS, MatchResult, Outcome
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.vertex_confidence import expected_errors
 from isomatch.surfaces import Mesh
 
 FAR_APART = 1e6  # cost of components that are no partners
 SIDES = "source", "target"
-MAP_ARRAYS = "vertices", "faces", "barycentric"
-SURENESS = {outcome: rank for rank, outcome in enumerate(Outcome)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +241,7 @@ class _Components:
         """
         held = carrier.gap(pair.target) <= self.settings.held
         result = self._placed(pair, carrier)
-        if result and SURENESS[result.outcome] >= SURENESS[Outcome.PARTIAL]:
+        if result and result.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
                 return ComponentMatch(pair, result, "it moves along rigidly")
             result = replace(result, outcome=Outcome.SYMMETRY_AMBIGUOUS)
@@ -290,7 +288,7 @@ def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     """Weigh what speaks against an assignment: first few pairs, then the least sure, then misfits and unequal scales."""
     noise = matches[0].pair.config.selection.misfit_noise
     misfits = [np.nan_to_num(match.result.quality.misfit, nan=np.inf) for match in matches]
-    sureness = min(SURENESS[match.result.outcome] for match in matches)
+    sureness = min(match.result.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
     return -len(matches), -sureness, float(np.maximum(misfits, noise).mean() + spread)
 
@@ -348,7 +346,7 @@ def _composed(
     return replace(
         main.result,
         map=whole,
-        outcome=min(counted, key=SURENESS.__getitem__),
+        outcome=Outcome.least_sure(counted),
         quality=quality,
         expected_error=errors,
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),

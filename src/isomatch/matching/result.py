@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from functools import partial
@@ -59,6 +59,16 @@ class Outcome(Enum):
     def advice(self) -> str:
         """One sentence: what happened, why, what to do."""
         return _ADVICE[self]
+
+    @property
+    def sureness(self) -> int:
+        """Rank among the outcomes; 0 is the least sure."""
+        return list(Outcome).index(self)
+
+    @staticmethod
+    def least_sure(outcomes: Iterable[Outcome]) -> Outcome:
+        """Return the least sure of some outcomes."""
+        return min(outcomes, key=lambda outcome: outcome.sureness)
 
 
 _ADVICE = {
