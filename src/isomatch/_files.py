@@ -205,6 +205,22 @@ def write_text(path: Path, text: str) -> None:
         file.write(text.encode("utf-8", "backslashreplace"))
 
 
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Read a table whose first line names the columns; a cell that a line lacks is empty.
+
+    Raises
+    ------
+    FormatError
+        If there is no such file (`MissingFileError`), or it is no table.
+    """
+    with opened(path) as file:
+        text = StringIO(file.read().decode("utf-8-sig", errors="replace"), newline="")
+    try:
+        return list(csv.DictReader(text, restval=""))
+    except csv.Error as error:
+        raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
+
+
 def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
     """Write a table with a line of names, see `replaced`; values of other columns are left out."""
     text = StringIO(newline="")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +10,7 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
-from isomatch._files import text_lines
+from isomatch._files import read_csv, text_lines
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, say, say_table
@@ -155,7 +154,7 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     if not pairs.is_file():
         return []
     outcomes: dict[str, set[str]] = {}
-    for row in csv.DictReader(StringIO(pairs.read_text(encoding="utf-8", errors="replace"))):
+    for row in read_csv(pairs):
         for end in ("source", "target"):
             outcomes.setdefault(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
     doubtful = {name: found for name in names if (found := outcomes.get(name)) and not found & TRUSTED}

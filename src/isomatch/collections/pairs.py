@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Sequence
-from io import StringIO
 from itertools import combinations, pairwise
 from pathlib import Path
 
-from isomatch._files import opened
+from isomatch._files import read_csv
 from isomatch.errors import InputError
 
 Pair = tuple[str, str]
@@ -46,8 +44,7 @@ def pairs_of(names: Sequence[str], pattern: str, template: str | None) -> list[P
 
 
 def _listed(path: Path, names: Collection[str]) -> list[Pair]:
-    with opened(path) as file:
-        rows = list(csv.DictReader(StringIO(file.read().decode("utf-8-sig", errors="replace"))))
+    rows = read_csv(path)
     if not rows or not {"source", "target"} <= set(rows[0]):
         raise InputError(f"{path}: no pairs; give columns source and target, named in the first line")
     pairs = [(row["source"], row["target"]) for row in rows]

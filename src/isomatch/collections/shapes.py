@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from glob import glob
-from io import StringIO
 from pathlib import Path
 
-from isomatch._files import opened
+from isomatch._files import read_csv
 from isomatch.errors import InputError
 from isomatch.surfaces import FORMATS
 
@@ -83,9 +81,8 @@ def _found(where: str) -> list[Entry]:
 
 
 def _listed(path: Path) -> list[Entry]:
-    with opened(path) as file:
-        rows = list(csv.DictReader(StringIO(file.read().decode("utf-8-sig", errors="replace"))))
+    rows = read_csv(path)
     if rows and "path" not in rows[0]:
         raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
-    files = [path.parent / (row["path"] or "") for row in rows]
+    files = [path.parent / row["path"] for row in rows]
     return [Entry(row.get("name") or file.stem, file) for row, file in zip(rows, files)]
