@@ -97,17 +97,12 @@ class Asset(Contents):
         Points at exactly the same position are one vertex, so that seams are closed. Its faces are those of
         `polygons.triangles`, in order; vertices are numbered by the first of their points.
         """
-        first = first_equal(self.placed_points)
-        return Mesh(
-            self.placed_points[first == np.arange(len(first))], self.vertex_of_point[self.polygons.triangles]
-        )
+        return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 
     @cached_property
     def vertex_of_point(self) -> IntArray:
         """(n,) the vertex of `mesh` that each point is welded into."""
-        first = first_equal(self.placed_points)
-        vertices: IntArray = (np.cumsum(first == np.arange(len(first))) - 1)[first]
-        return vertices
+        return np.unique(first_equal(self.placed_points), return_inverse=True)[1]
 
     @cached_property
     def point_of_vertex(self) -> IntArray:

@@ -15,12 +15,11 @@ from isomatch.errors import InputError, MeshError
 from isomatch.surfaces._collapse import difference
 from isomatch.surfaces.decimation import Decimated, normalised
 from isomatch.surfaces.mesh import Mesh, vertex_normals
-from isomatch.surfaces.placed import PlacedMesh, VertexGroups, nearest_in_face, sort_corners
+from isomatch.surfaces.placed import CHUNK, PlacedMesh, VertexGroups, nearest_in_face, sort_corners
 from isomatch.surfaces.precise_points import PrecisePoints
 
 LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
 NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances
-CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
 
 
 @dataclass(frozen=True, eq=False, repr=False)
