@@ -82,14 +82,14 @@ def run(
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*_told(event))
         left = None if time_limit is None else max(0.0, begin + time_limit - time.monotonic())
-        complete = part[1] == 1 and "todo" not in _status(collection)["pairs"]
-        if complete and (pairs == "all" if agree is None else agree):
+        wanted = pairs == "all" if agree is None else agree
+        if wanted and part[1] == 1 and "todo" not in _status(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
             for event in collections.agree(collection, executor, jobs, left):
                 tell(*_told(event))
         if part[1] == 1:
             _write(collection, executor, jobs, tell)
-    talk.result(_status(collection), lambda: _say_status(collection))
+    _tell_status(collection, talk)
 
 
 @collect.command
@@ -103,7 +103,7 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     """
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
-    talk.result(_status(collection), lambda: _say_status(collection))
+    _tell_status(collection, talk)
 
 
 @collect.command
@@ -160,7 +160,7 @@ def agree(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
             "match with --pairs all"
         )
-    talk.result(_status(collection), lambda: _say_status(collection))
+    _tell_status(collection, talk)
 
 
 def _write(collection: collections.Collection, executor: str, jobs: int | None, tell: Tell) -> None:
@@ -182,6 +182,11 @@ def _ending(record: dict[str, Any]) -> str:
     if "refused" in record.get("agreement", {}):
         return f"contradicted, but not replaced: {record['agreement']['refused']}"
     return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
+
+
+def _tell_status(collection: collections.Collection, talk: Talk) -> None:
+    status = _status(collection)
+    talk.result(status, lambda: _say_status(status, collection.layout))
 
 
 def _status(collection: collections.Collection) -> dict[str, Any]:
@@ -209,9 +214,8 @@ def _status(collection: collections.Collection) -> dict[str, Any]:
     }
 
 
-def _say_status(collection: collections.Collection) -> None:
-    status = _status(collection)
-    shapes, pairs = status["shapes"], status["pairs"]
+def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
+    shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
     say(
         f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
     )
@@ -219,17 +223,16 @@ def _say_status(collection: collections.Collection) -> None:
     say_table(
         (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
     )
-    agreement = collections.agreement_of(collection.rows())
-    if agreement.compared:
+    if agreement["compared"]:
         say(
-            f"{agreement.compared} pairs compared with compositions: {len(agreement.contradicted)} contradicted, "
-            f"{len(agreement.replaced)} replaced"
+            f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
+            f"{len(agreement['replaced'])} replaced"
         )
-    if agreement.turned:
+    if agreement["turned"]:
         say(
-            f"maps to {', '.join(agreement.turned)} mostly reverse the orientation: perhaps mirrored together",
+            f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
             "bold red",
         )
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
-    say(f"in {status['folder']}: {collection.layout.page.name}, {collection.layout.table.name}")
+    say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")

@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from isomatch._cached import cached_property
 from isomatch._files import write_text, writing
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import Layout, key_of
@@ -159,9 +160,10 @@ class Collection:
         """Names of the shapes."""
         return [entry.name for entry in self.shapes]
 
-    def path_of(self, name: str) -> Path:
-        """Return the file of a shape."""
-        return next(entry.path for entry in self.shapes if entry.name == name)
+    @cached_property
+    def paths(self) -> dict[str, Path]:
+        """File of each shape, by name."""
+        return {entry.name: entry.path for entry in self.shapes}
 
     def rows(self) -> Rows:
         """Return what is known so far, from the ledgers of all shards, also while they are written."""

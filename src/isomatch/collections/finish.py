@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from io import StringIO
 from typing import Any
 
-from isomatch._files import write_csv
+from isomatch._files import read_csv, write_csv
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Rows
 from isomatch.collections.page import write_page
@@ -52,7 +50,7 @@ def finish(
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
-        job = WrapJob(layout, template, collection.path_of(template), suffix)
+        job = WrapJob(layout, template, collection.paths[template], suffix)
         todo = [plan for plan in _planned(collection, rows, template) if not _is_written(job, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         with workers_of(executor, jobs) as workers:
@@ -65,11 +63,11 @@ def finish(
 
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
-    plans = [PlannedSurface(template, collection.path_of(template), None, "template")]
+    plans = [PlannedSurface(template, collection.paths[template], None, "template")]
     for pair, record in rows.pairs.items():
         if template in pair and record["state"] == "done":
             name = pair[0] if pair[1] == template else pair[1]
-            plans.append(PlannedSurface(name, collection.path_of(name), pair, record["key"]))
+            plans.append(PlannedSurface(name, collection.paths[name], pair, record["key"]))
     return plans
 
 
@@ -80,4 +78,4 @@ def _is_written(job: WrapJob, plan: PlannedSurface, lines: dict[str, Any]) -> bo
 
 def _known_lines(collection: Collection) -> list[dict[str, Any]]:
     path = collection.layout.shapes_table
-    return list(csv.DictReader(StringIO(path.read_text(encoding="utf-8")))) if path.exists() else []
+    return read_csv(path) if path.exists() else []
