@@ -15,11 +15,11 @@ from isomatch.surfaces import (
     Contents,
     Mesh,
     contents_of,
-    first_equal,
     to_meshio,
     to_open3d,
     to_pyvista,
     to_trimesh,
+    welded,
 )
 
 
@@ -100,14 +100,18 @@ class Asset(Contents):
         return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 
     @cached_property
+    def _welded(self) -> tuple[IntArray, IntArray]:
+        return welded(self.placed_points)
+
+    @property
     def vertex_of_point(self) -> IntArray:
         """(n,) the vertex of `mesh` that each point is welded into."""
-        return np.unique(first_equal(self.placed_points), return_inverse=True)[1]
+        return self._welded[1]
 
-    @cached_property
+    @property
     def point_of_vertex(self) -> IntArray:
         """(n_vertices,) the first point of each vertex of `mesh`."""
-        return np.unique(self.vertex_of_point, return_index=True)[1]
+        return self._welded[0]
 
     @property
     def vertex_of_corner(self) -> IntArray:

@@ -1,4 +1,4 @@
-from isomatch.surfaces._coincident import first_equal
+from isomatch.surfaces._coincident import first_equal, welded
 from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import EdgeTable
 from isomatch.surfaces.attribute import Attribute, Domain, Kind
@@ -86,6 +86,7 @@ __all__ = [
     "to_pyvista",
     "to_trimesh",
     "vertex_normals",
+    "welded",
     "with_materials_of",
     "with_skin_of",
     "with_texture",

@@ -47,6 +47,31 @@ def first_equal(points: AnyArray) -> IntArray:
     return first
 
 
+def welded(points: AnyArray) -> tuple[IntArray, IntArray]:
+    """Make one vertex of the points at exactly the same position.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        Positions.
+
+    Returns
+    -------
+    point_of_vertex : (n_vertices,) array of int
+        The first point of each vertex, increasing.
+    vertex_of_point : (n,) array of int
+        The vertex of each point.
+
+    Examples
+    --------
+    >>> [each.tolist() for each in welded(np.array([[0, 0, 1.0], [0, 0, 2], [0, -0.0, 1]]))]
+    [[0, 1], [0, 1, 0]]
+    """
+    first = first_equal(points)
+    is_first = first == np.arange(len(points))
+    return np.flatnonzero(is_first), (np.cumsum(is_first) - 1)[first]
+
+
 def _first_equal_by_order(points: AnyArray) -> IntArray:
     order = np.lexsort(points.T)  # stable: equal points stay in order of their index
     ordered = points[order]

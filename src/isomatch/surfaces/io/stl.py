@@ -6,7 +6,7 @@ import numpy as np
 
 from isomatch._arrays import FloatArray
 from isomatch.errors import FormatError, MeshError
-from isomatch.surfaces._coincident import first_equal
+from isomatch.surfaces._coincident import welded
 from isomatch.surfaces.contents import Contents
 from isomatch.surfaces.io._text import TextLines, format_rows, read_lines
 from isomatch.surfaces.mesh import Mesh
@@ -38,9 +38,8 @@ def read(data: bytes, name: str) -> Mesh:
             f"triangles declared at byte 80, found {len(data)}; the file is damaged, copy or export it again"
         )
     points = corners.reshape(-1, 3)
-    first = first_equal(points)
-    is_first = first == np.arange(len(points))
-    return Mesh(points[is_first], (np.cumsum(is_first) - 1)[first].reshape(-1, 3))
+    kept, vertex = welded(points)
+    return Mesh(points[kept], vertex.reshape(-1, 3))
 
 
 def write(contents: Contents, binary: bool = True) -> bytes:
