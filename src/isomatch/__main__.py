@@ -49,13 +49,15 @@ def _ignore_signals() -> None:
 def _end(number: int, _: FrameType | None) -> None:
     """Leave nothing behind, and end without waiting for threads."""
     _ignore_signals()
-    from isomatch._files import abandon_files
+    try:
+        from isomatch._files import abandon_files
 
-    abandon_files()
-    for worker in active_children():
-        worker.kill()
-    os.write(2, (CLEARED if os.isatty(2) else b"") + b"isomatch: interrupted\n")
-    os._exit(128 + number)
+        abandon_files()
+        for worker in active_children():
+            worker.kill()
+        os.write(2, (CLEARED if os.isatty(2) else b"") + b"isomatch: interrupted\n")
+    finally:  # whatever fails, other threads go on and would write what is to be abandoned
+        os._exit(128 + number)
 
 
 if __name__ == "__main__":

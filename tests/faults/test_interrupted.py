@@ -57,7 +57,6 @@ def interrupted(command, folder, after, number=signal.SIGINT):
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("times", TIMES)
-@pytest.mark.long
 def test_a_signal_at_any_moment(name, times, folder):
     rng = random.Random(f"{name} {times}")
     before = sorted(folder.rglob("*"))
