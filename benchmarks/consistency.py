@@ -21,6 +21,7 @@ import numpy as np
 
 from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
 from isomatch.collections import Collection, PairMaps, agree, agreement_of
+from isomatch.collections.consistency import CONTRADICTED, inconsistency
 from isomatch.datasets import BenchmarkPair, Creature, creature, ground_truth, remeshed
 from studies import asked_for, mean_error, write_rows
 
@@ -192,8 +193,30 @@ def measured(name: str, study: Study, folder: Path, share: float, known: dict[st
     return row
 
 
+def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
+    """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored.
+
+    Two mirrored maps make a right one, so this is the hardest kind of wrong map, and no evidence but cycles is used.
+    """
+    rng, pairs = np.random.default_rng(1), np.triu_indices(n, 1)
+    found = wrong_maps = flagged = 0
+    for _ in range(draws):
+        drawn = np.triu(rng.random((n, n)) < share, 1)
+        wrong = drawn | drawn.T
+        contradicts = wrong[:, :, None] ^ wrong[None, :, :] ^ wrong[:, None, :]
+        readings = 0.03 * (1 + rng.random((n, n, n))) + 0.4 * contradicts
+        against = inconsistency(readings)[pairs] > CONTRADICTED
+        found += (against & wrong[pairs]).sum()
+        wrong_maps += wrong[pairs].sum()
+        flagged += against.sum()
+    return found / wrong_maps, found / flagged
+
+
 if __name__ == "__main__":
     asked = asked_for(__doc__, "consistency.csv", SETS)
+    for n in (4, 6, 8, 12, 20):
+        cells = [f"{recall:.2f}, {precision:.2f}" for recall, precision in (limits(n, p) for p in SHARES[1:])]
+        print(f"| {n} | {' | '.join(cells)} |", flush=True)
     rows = []
     for name in asked.kinds or SETS:
         study, known = study_of(name, Path(asked.data)), dict[str, float]()
