@@ -12,7 +12,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from isomatch._arrays import AnyArray
+from isomatch._arrays import AnyArray, FloatArray
 from isomatch._files import opened
 from isomatch.errors import FormatError
 
@@ -100,6 +100,17 @@ class GltfData:
             "count": len(values),
             "type": _TYPES[width],
             **properties,
+        }
+        return self.append("accessors", accessor)
+
+    def add_matrices(self, matrices: FloatArray) -> int:
+        """Append a new accessor of (k, 4, 4) matrices; return its index."""
+        columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
+        accessor = {
+            "bufferView": self.add_bytes(columns.tobytes()),
+            "componentType": 5126,
+            "count": len(columns),
+            "type": "MAT4",
         }
         return self.append("accessors", accessor)
 

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import IntArray
 from isomatch.assets.contents import Contents
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
@@ -100,7 +100,7 @@ def with_skin_of(receiver: C, giver: Contents) -> C:
             inverse = np.stack([np.linalg.inv(there[joint]) @ own for joint in names])
             skin = {
                 "joints": [new[joint] for joint in names],
-                "inverseBindMatrices": _add_matrices(gltf, inverse),
+                "inverseBindMatrices": gltf.add_matrices(inverse),
             }
             node["skin"] = gltf.append("skins", skin)
     return _closed(receiver, document, gltf)
@@ -173,14 +173,3 @@ def _shift_textures(entry: Any, by: int) -> None:
             if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
                 value["index"] += by
             _shift_textures(value, by)
-
-
-def _add_matrices(gltf: GltfData, matrices: FloatArray) -> int:
-    columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
-    accessor = {
-        "bufferView": gltf.add_bytes(columns.tobytes()),
-        "componentType": 5126,
-        "count": len(columns),
-        "type": "MAT4",
-    }
-    return gltf.append("accessors", accessor)
