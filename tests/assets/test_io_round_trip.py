@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.assets import Contents, read_mesh, write_mesh
-from isomatch.assets.formats import FORMATS
+from isomatch.assets import FORMATS, Contents, read_mesh, write_mesh
 from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
 from isomatch.surfaces import Mesh
 from zoo import grid, torus, zoo

@@ -16,6 +16,7 @@ from isomatch.assets.formats.values import read_attributes, write_attribute
 from isomatch.assets.given import SurfaceLike, mesh_from, surface_from
 from isomatch.assets.library_meshes import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.objects import contents_of
+from isomatch.assets.pictures import pixels_of, png_of
 from isomatch.assets.polygons import Polygons
 
 __all__ = [
@@ -32,6 +33,8 @@ __all__ = [
     "base_colours",
     "contents_of",
     "mesh_from",
+    "pixels_of",
+    "png_of",
     "read_asset",
     "read_attributes",
     "read_contents",

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
 from isomatch.assets.contents import Contents
+from isomatch.assets.formats.gltf_looks import with_texture
 from isomatch.assets.library_meshes import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.objects import contents_of
+from isomatch.assets.pictures import png_of, texture_on
 from isomatch.errors import MeshError, some
 from isomatch.surfaces import Mesh, welded
 
@@ -70,19 +72,21 @@ class Asset(Contents):
 
     @classmethod
     def from_object(cls, given: object) -> Self:
-        """Make an asset of a mesh of another library, with its attributes.
+        """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
         Parameters
         ----------
         given : object
-            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh`` or ``open3d.geometry.TriangleMesh``.
+            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D, of tensors too;
+            or a ``PointCloud`` of trimesh or Open3D.
 
         Raises
         ------
         MeshError
             If it is none of these.
         """
-        return cls.from_contents(contents_of(given))
+        asset, texture = cls.from_contents(contents_of(given)), texture_on(given)
+        return asset if texture is None or not asset.of_kind("uv") else with_texture(asset, png_of(texture))
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -153,6 +157,9 @@ class Asset(Contents):
         """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ."""
         return to_meshio(self)
 
-    def to_open3d(self) -> Any:
-        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates."""
-        return to_open3d(self)
+    def to_open3d(self, *, tensors: bool = False) -> Any:
+        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates.
+
+        With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
+        """
+        return to_open3d(self, tensors)

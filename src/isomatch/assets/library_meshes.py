@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from isomatch._arrays import AnyArray
 from isomatch._packages import package
-from isomatch.assets.attribute import told_apart
+from isomatch.assets.attribute import told_apart, unused_name
 from isomatch.assets.contents import Contents
+from isomatch.assets.pictures import texture_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 
@@ -16,7 +18,7 @@ from isomatch.assets.seams import split_at_seams
 def to_trimesh(contents: Contents) -> Any:
     """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
     trimesh = package("trimesh", "io", "a mesh of trimesh")
-    split = _at_points(contents)
+    split, texture = _at_points(contents), texture_of(contents)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
@@ -24,7 +26,8 @@ def to_trimesh(contents: Contents) -> Any:
         values = attribute.plain
         of_points = attribute.domain == "point"
         if attribute.kind == "uv" and of_points:
-            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]))
+            image = None if texture is None else package("PIL.Image", None, "a texture").fromarray(texture)
+            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), image=image)
         elif attribute.kind == "colour" and not has_uv:
             values = trimesh.visual.to_rgba(values)
             if of_points:
@@ -84,23 +87,68 @@ def to_meshio(contents: Contents) -> Any:
     )
 
 
-def to_open3d(contents: Contents) -> Any:
-    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
+def to_open3d(contents: Contents, tensors: bool = False) -> Any:
+    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates.
+
+    With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
+    """
     open3d = package("open3d", None, "a mesh of Open3D")
-    vector, index = open3d.utility.Vector3dVector, open3d.utility.Vector3iVector
-    contents = contents.placed
-    mesh = open3d.geometry.TriangleMesh(vector(contents.points), index(contents.polygons.triangles))
+    texture, placed = texture_of(contents), contents.placed
+    if tensors:
+        mesh = _of_tensors(open3d, placed)
+        if texture is not None:
+            mesh.material.set_default_properties()
+            mesh.material.texture_maps["albedo"] = open3d.t.geometry.Image(open3d.core.Tensor(texture))
+        return mesh
+    mesh = _of_vectors(open3d, placed)
+    if texture is not None:  # row 0 is at the bottom there
+        mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
+        mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
+    return mesh
+
+
+def _of_vectors(open3d: Any, contents: Contents) -> Any:
+    def vector(values: AnyArray) -> Any:
+        kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
+        return kind(np.array(values, dtype=np.float64))  # which can be written to
+
+    polygons = contents.polygons
+    index = open3d.utility.Vector3iVector(np.array(polygons.triangles, dtype=np.int32))
+    mesh = open3d.geometry.TriangleMesh(vector(contents.points), index)
     for attribute in contents.attributes:
-        values = attribute.plain
-        if attribute.domain == "point" and attribute.kind == "normal":
-            mesh.vertex_normals = vector(values.astype(np.float64))
-        elif attribute.domain == "point" and attribute.kind == "colour":
-            mesh.vertex_colors = vector(attribute.fractions[:, :3])
-        elif attribute.kind == "uv":
-            rows = contents.polygons.corner_of_triangle.ravel()
-            if attribute.domain == "point":
-                rows = contents.polygons.corners[rows]
-            mesh.triangle_uvs = open3d.utility.Vector2dVector(values[rows, :2].astype(np.float64))
+        values = attribute.values
+        match attribute.kind, attribute.domain:
+            case "normal", "point":
+                mesh.vertex_normals = vector(values)
+            case "normal", "face":
+                mesh.triangle_normals = vector(values[polygons.of_triangle])
+            case "colour", "point":
+                mesh.vertex_colors = vector(attribute.fractions[:, :3])
+            case "uv", "point":
+                mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
+            case "uv", "corner":
+                mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
+    return mesh
+
+
+def _of_tensors(open3d: Any, contents: Contents) -> Any:
+    def tensor(values: AnyArray) -> Any:
+        return open3d.core.Tensor(np.array(values, dtype=values.dtype.newbyteorder("=")))
+
+    polygons = contents.polygons
+    mesh = open3d.t.geometry.TriangleMesh(tensor(contents.points), tensor(polygons.triangles))
+    names = {"normal": "normals", "color": "colors", "uv": "texture_uvs"}
+    for attribute in contents.attributes:
+        values, domain = attribute.plain, attribute.domain
+        name = names.get(attribute.name, attribute.name)
+        if domain == "point" and name == "texture_uvs":
+            values, domain = values[polygons.corners], "corner"
+        tensors = mesh.vertex if domain == "point" else mesh.triangle
+        if domain == "corner":
+            values = values[polygons.corner_of_triangle]
+        elif domain == "face":
+            values = values[polygons.of_triangle]
+        tensors[unused_name(name, tensors)] = tensor(values)
     return mesh
 
 
