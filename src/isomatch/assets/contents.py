@@ -126,8 +126,7 @@ class Contents:
         return self._turned(attribute, -1)
 
     def _turned(self, attribute: Attribute, power: int) -> Attribute:
-        is_tangent = attribute.kind == "vector" and attribute.name.startswith("tangent")
-        if attribute.kind != "normal" and not is_tangent:
+        if attribute.kind != "normal" and not attribute.is_tangent:
             return attribute
         starts = np.cumsum(self.polygons.sizes) - self.polygons.sizes
         corners = {"corner": self.polygons.corners, "face": self.polygons.corners[starts]}
@@ -138,7 +137,7 @@ class Contents:
                 matrix = np.array(part.transform)[:3, :3]
                 along = matrix.T if power == 1 else np.linalg.pinv(matrix).T
                 across = np.linalg.pinv(matrix) if power == 1 else matrix
-                turned = product(values[part_of == i, :3], along if is_tangent else across)
+                turned = product(values[part_of == i, :3], along if attribute.is_tangent else across)
                 length = np.linalg.norm(turned, axis=1, keepdims=True)
                 values[part_of == i, :3] = turned / np.where(length > 0, length, 1)
         return attribute.with_values(values)

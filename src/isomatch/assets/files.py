@@ -50,8 +50,8 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
 def write_asset(path: str | os.PathLike[str], asset: Asset) -> tuple[Attribute, ...]:
     """Write an asset; an existing file is replaced, and an interrupted write leaves it intact.
 
-    In the format that it was read from, all else that the file carried is written too: comments, materials, node
-    transforms, skins and images.
+    In the format that it was read from, what the file carried beside is written too, as far as the list of formats says:
+    of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def write_asset(path: str | os.PathLike[str], asset: Asset) -> tuple[Attribute, 
     Returns
     -------
     tuple of Attribute
-        What is not in the file, because the format has no place for it.
+        What is not in the file, because the format has no place for it: attributes, or "names of" or "opacity of" one.
 
     Raises
     ------

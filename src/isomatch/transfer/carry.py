@@ -123,7 +123,8 @@ def carry_attributes(
     kinds = {attribute.kind for attribute in chosen}
     if "uv" in kinds:
         middles = bridge.at_thirds.triangle[::3]
-        asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
+        tangents = [attribute.name for attribute in asset.attributes if attribute.is_tangent]
+        asset = with_materials_of(asset.without_attributes(*tangents), giver, middles)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)

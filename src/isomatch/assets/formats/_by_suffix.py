@@ -40,6 +40,10 @@ class MeshFormat:
         Kinds of attributes of which it has only one.
     has_parts : bool
         Whether it stores parts and their transforms.
+    has_names : bool
+        Whether it stores the names of labels.
+    has_opacity : bool
+        Whether its colours may have an opacity.
     """
 
     read: Callable[[bytes, str], Mesh]
@@ -49,6 +53,8 @@ class MeshFormat:
     keeps: Callable[[Attribute], bool] = lambda attribute: False
     single: frozenset[str] = frozenset()
     has_parts: bool = False
+    has_names: bool = False
+    has_opacity: bool = True
 
 
 def _with_attributes(
@@ -57,6 +63,7 @@ def _with_attributes(
     keeps: Callable[[Attribute], bool] = lambda attribute: False,
     options: frozenset[str] = frozenset(),
     has_parts: bool = False,
+    has_names: bool = False,
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 
@@ -64,7 +71,7 @@ def _with_attributes(
         contents = _checked(read_contents, data, name)
         return Mesh(contents.placed_points, contents.polygons.triangles)
 
-    return MeshFormat(read, write, options, read_contents, keeps, has_parts=has_parts)
+    return MeshFormat(read, write, options, read_contents, keeps, has_parts=has_parts, has_names=has_names)
 
 
 _BINARY = frozenset({"binary"})
@@ -76,6 +83,7 @@ FORMATS: dict[str, MeshFormat] = {
         read_contents=off.read_contents,
         keeps=off.keeps,
         single=frozenset({"colour", "normal"}),
+        has_opacity=False,
     ),
     ".obj": MeshFormat(
         obj.read,
@@ -83,15 +91,19 @@ FORMATS: dict[str, MeshFormat] = {
         read_contents=obj.read_contents,
         keeps=obj.keeps,
         single=frozenset({"colour", "uv", "normal"}),
+        has_names=True,
+        has_opacity=False,
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_contents, ply.keeps),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY),
-    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps, has_parts=True),
-    ".gltf": _with_attributes(gltf.read_contents, gltf.write_gltf, gltf.keeps, has_parts=True),
+    ".glb": _with_attributes(gltf.read_contents, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
+    ".gltf": _with_attributes(
+        gltf.read_contents, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True
+    ),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
-    ".gii": _with_attributes(gifti.read_contents, gifti.write, gifti.keeps),
+    ".gii": _with_attributes(gifti.read_contents, gifti.write, gifti.keeps, has_names=True),
     **dict.fromkeys(freesurfer.SURFACES, _with_attributes(freesurfer.read_contents, freesurfer.write)),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
@@ -275,7 +287,7 @@ def write_contents(
     Returns
     -------
     tuple of Attribute
-        Attributes for which the format has no place and which are not in the file.
+        What is not in the file, because the format has no place for it: attributes, or "names of" or "opacity of" one.
     """
     path = Path(path)
     mesh_format = _format_of(path)
@@ -298,12 +310,26 @@ def write_contents(
             left.append(attribute)
         else:
             kept.append(place)
+            left += _missing(place, mesh_format)
     data = mesh_format.write(
         with_changes(contents, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def _missing(attribute: Attribute, mesh_format: MeshFormat) -> list[Attribute]:
+    """Return what a format has no place for of an attribute that it keeps."""
+    missing = []
+    if attribute.coded.names and not mesh_format.has_names:
+        missing.append(with_changes(attribute, name=f"names of {attribute.name}"))
+    if attribute.kind == "colour" and not mesh_format.has_opacity:
+        opacity = attribute.fractions[:, 3:]
+        if (opacity < 1).any():
+            name = f"opacity of {attribute.name}"
+            missing.append(Attribute(name, attribute.domain, "scalar", opacity[:, 0]))
+    return missing
 
 
 def _checked(read: Callable[[bytes, str], Contents], data: bytes, name: str) -> Contents:

@@ -99,6 +99,8 @@ def write(contents: Contents) -> bytes:
     """Write an OBJ file; colours follow the positions as three numbers from 0 to 1."""
     document = contents.document if isinstance(contents.document, ObjDocument) else ObjDocument()
     corners, sizes = contents.polygons.corners, contents.polygons.sizes
+    if not len(contents.points):
+        raise MeshError("there are no points, and an OBJ file without any cannot be read; write a .ply file")
     outside = np.flatnonzero((corners < 0) | (corners >= len(contents.points)))
     if len(outside):
         raise MeshError(
@@ -133,11 +135,12 @@ def _table(contents: Contents, kind: Kind, width: int) -> tuple[AnyArray, IntArr
     if not found:
         return np.zeros((0, width)), np.full(len(corners), -1)
     values = found[0].values[:, :width].astype(np.float64)
-    if found[0].domain == "point":
-        return values, corners
-    first = first_equal(values)
-    new = (first == np.arange(len(first))) & ~np.isnan(values).any(axis=1)
-    return values[new], np.where(np.isnan(values).any(axis=1), -1, (np.cumsum(new) - 1)[first])
+    is_none = np.isnan(values).any(axis=1)
+    of_points = found[0].domain == "point"
+    first = np.arange(len(values)) if of_points else first_equal(values)
+    new = (first == np.arange(len(first))) & ~is_none
+    index = np.where(is_none, -1, (np.cumsum(new) - 1)[first])
+    return values[new], index[corners] if of_points else index
 
 
 def _faces(contents: Contents, indices: list[IntArray], sizes: IntArray) -> bytes:

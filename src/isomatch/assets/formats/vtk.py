@@ -8,6 +8,7 @@ from isomatch.assets.contents import Contents
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.library_meshes import to_meshio, to_pyvista
 from isomatch.assets.objects import contents_of
+from isomatch.errors import MeshError
 
 _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
 
@@ -45,6 +46,8 @@ def write_vtk(contents: Contents, binary: bool = True) -> bytes:
 
 def write_vtu(contents: Contents, binary: bool = True) -> bytes:
     """Write an XML file of an unstructured grid."""
+    if not len(contents.points):
+        raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
     mesh = to_meshio(contents)
     with on_disk(b"", ".vtu") as path:
         package("meshio.vtu", "io", "a .vtu file").write(path, mesh, binary=binary)
