@@ -182,7 +182,8 @@ def write_wrapped(
 ) -> dict[str, Any]:
     """Write the source in the shape of the target, and count what was mended.
 
-    All that its file carries is written too, but no normals and tangents. Where the format takes scalars, the expected error (n_source,) of each vertex is added.
+    All that its file carries is written too, but no normals and tangents. Where the format takes scalars, the expected
+    error (n_source,) of each vertex is added.
     """
     asset = isomatch.read_asset(source)
     moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
