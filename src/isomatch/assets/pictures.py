@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray
-from isomatch.assets.contents import Contents
+from isomatch.assets.asset import Asset
 from isomatch.assets.formats.gltf_looks import base_colours
 
 
@@ -30,9 +30,9 @@ def png_of(pixels: AnyArray) -> bytes:
     return file.getvalue()
 
 
-def texture_of(contents: Contents) -> AnyArray | None:
+def texture_of(asset: Asset) -> AnyArray | None:
     """Return the (height, width, 4) uint8 texture of a glTF file; None unless it has one for all its triangles."""
-    materials, looks = base_colours(contents.document) or (np.zeros(0, dtype=np.int64), [])
+    materials, looks = base_colours(asset.document) or (np.zeros(0, dtype=np.int64), [])
     used = np.unique(materials)
     if len(used) != 1 or used[0] < 0 or not looks[used[0]][0]:
         return None

@@ -8,9 +8,9 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Kind, guessed_kind, unused_name
-from isomatch.assets.contents import Part
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, transforms
+from isomatch.assets.parts import Part
 
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),

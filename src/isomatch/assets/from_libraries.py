@@ -10,7 +10,6 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
-from isomatch.assets.contents import Contents
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 
@@ -37,8 +36,8 @@ def geometry_of(given: object) -> Geometry:
     return geometry(given, points, cells)
 
 
-def contents_of(given: object) -> Contents:
-    """Return what a mesh of trimesh, PyVista, meshio or Open3D holds: points, polygons and attributes.
+def held_by(given: object) -> tuple[AnyArray, Polygons, tuple[Attribute, ...]]:
+    """Return points, polygons and attributes of a mesh of trimesh, PyVista, meshio or Open3D, or a point cloud.
 
     Raises
     ------
@@ -47,7 +46,7 @@ def contents_of(given: object) -> Contents:
     """
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    return Contents(found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found)))
+    return found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found))
 
 
 def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:

@@ -8,17 +8,17 @@ import numpy as np
 
 from isomatch._arrays import AnyArray
 from isomatch._packages import package
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import told_apart, unused_name
-from isomatch.assets.contents import Contents
 from isomatch.assets.pictures import texture_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 
 
-def to_trimesh(contents: Contents) -> Any:
+def to_trimesh(asset: Asset) -> Any:
     """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
     trimesh = package("trimesh", "io", "a mesh of trimesh")
-    split, texture = _at_points(contents), texture_of(contents)
+    split, texture = _at_points(asset), texture_of(asset)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
@@ -41,10 +41,10 @@ def to_trimesh(contents: Contents) -> Any:
     return mesh
 
 
-def to_pyvista(contents: Contents) -> Any:
+def to_pyvista(asset: Asset) -> Any:
     """Make a ``pyvista.PolyData`` with all polygons and values."""
     pyvista = package("pyvista", "vtk", "a mesh of PyVista")
-    split = _at_points(contents)
+    split = _at_points(asset)
     sizes = split.polygons.sizes
     starts = np.cumsum(sizes) - sizes
     cells = np.insert(split.polygons.corners, starts, sizes)
@@ -60,10 +60,10 @@ def to_pyvista(contents: Contents) -> Any:
     return mesh
 
 
-def to_meshio(contents: Contents) -> Any:
+def to_meshio(asset: Asset) -> Any:
     """Make a ``meshio.Mesh`` with all polygons and values; polygons of as many corners in a row are a block."""
     meshio = package("meshio", "io", "a mesh of meshio")
-    split = _at_points(contents)
+    split = _at_points(asset)
     sizes = split.polygons.sizes
     first = np.flatnonzero(np.diff(sizes, prepend=0))
     stops = np.append(first[1:], len(sizes))
@@ -87,13 +87,13 @@ def to_meshio(contents: Contents) -> Any:
     )
 
 
-def to_open3d(contents: Contents, tensors: bool = False) -> Any:
+def to_open3d(asset: Asset, tensors: bool = False) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates.
 
     With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
     """
     open3d = package("open3d", None, "a mesh of Open3D")
-    texture, placed = texture_of(contents), contents.placed
+    texture, placed = texture_of(asset), asset.placed
     if tensors:
         mesh = _of_tensors(open3d, placed)
         if texture is not None:
@@ -107,15 +107,15 @@ def to_open3d(contents: Contents, tensors: bool = False) -> Any:
     return mesh
 
 
-def _of_vectors(open3d: Any, contents: Contents) -> Any:
+def _of_vectors(open3d: Any, asset: Asset) -> Any:
     def vector(values: AnyArray) -> Any:
         kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
         return kind(np.array(values, dtype=np.float64))  # which can be written to
 
-    polygons = contents.polygons
+    polygons = asset.polygons
     index = open3d.utility.Vector3iVector(np.array(polygons.triangles, dtype=np.int32))
-    mesh = open3d.geometry.TriangleMesh(vector(contents.points), index)
-    for attribute in contents.attributes:
+    mesh = open3d.geometry.TriangleMesh(vector(asset.points), index)
+    for attribute in asset.attributes:
         values = attribute.values
         match attribute.kind, attribute.domain:
             case "normal", "point":
@@ -131,14 +131,14 @@ def _of_vectors(open3d: Any, contents: Contents) -> Any:
     return mesh
 
 
-def _of_tensors(open3d: Any, contents: Contents) -> Any:
+def _of_tensors(open3d: Any, asset: Asset) -> Any:
     def tensor(values: AnyArray) -> Any:
         return open3d.core.Tensor(np.array(values, dtype=values.dtype.newbyteorder("=")))
 
-    polygons = contents.polygons
-    mesh = open3d.t.geometry.TriangleMesh(tensor(contents.points), tensor(polygons.triangles))
+    polygons = asset.polygons
+    mesh = open3d.t.geometry.TriangleMesh(tensor(asset.points), tensor(polygons.triangles))
     names = {"normal": "normals", "color": "colors", "uv": "texture_uvs"}
-    for attribute in contents.attributes:
+    for attribute in asset.attributes:
         values, domain = attribute.plain, attribute.domain
         name = names.get(attribute.name, attribute.name)
         if domain == "point" and name == "texture_uvs":
@@ -152,12 +152,12 @@ def _of_tensors(open3d: Any, contents: Contents) -> Any:
     return mesh
 
 
-def _at_points(contents: Contents) -> Contents:
+def _at_points(asset: Asset) -> Asset:
     """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
-    contents = contents.placed
-    split = split_at_seams(contents.polygons, len(contents.points), contents.attributes)
-    return Contents(
-        contents.points[split.source],
-        Polygons(split.corners, contents.polygons.sizes),
+    asset = asset.placed
+    split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
+    return Asset(
+        asset.points[split.source],
+        Polygons(split.corners, asset.polygons.sizes),
         told_apart(split.attributes),
     )

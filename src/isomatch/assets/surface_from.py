@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import Any, TypeAlias
 
-from isomatch.assets.formats._by_suffix import read_mesh
-from isomatch.assets.objects import geometry_of
+from isomatch.assets.files import read_mesh
+from isomatch.assets.from_libraries import geometry_of
 from isomatch.assets.polygons import triangulate
 from isomatch.errors import MeshError
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
