@@ -92,7 +92,7 @@ def carry_attributes(
 
     Examples
     --------
-    >>> from isomatch.surfaces import Attribute, Polygons
+    >>> from isomatch.assets import Attribute, Polygons
     >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
     >>> named = square.with_attributes(Attribute("side", "point", "label", ["left", "right", "right", "left"]))
     >>> half_turn = Correspondence([2, 3, 0, 1], n_target=4)
