@@ -109,14 +109,6 @@ class Task:
         """Refine by iterative closest points in the spectral domain, see `SpectralPair.orthogonal_icp`."""
         return self.spectra.orthogonal_icp(functional_map, k, steps, self.pair.source.laplace.weights)
 
-    def upsampled(self, functional_map: FloatArray, last: int, step: int) -> FloatArray:
-        """Upsample a functional map to ``last`` functions or as many as both shapes have, some more in each step.
-
-        See `SpectralPair.upsampled`.
-        """
-        sizes = range(len(functional_map) + step, self.functions_at_most(last) + 1, step)
-        return self.spectra.upsampled(functional_map, sizes)
-
     def spectral_result(self, functional_map: FloatArray, config: MatchSettings, origin: str) -> MatchResult:
         """Make the result in which images are nearest points in the spectral domain under a functional map."""
         return self.result(self.spectra.embedding(functional_map), config, origin)

@@ -82,6 +82,7 @@ def zoomout(
         else:
             functional_map = solved(task, config)
         task.timer.start("refinement")
-        functional_map = task.upsampled(functional_map, config.last, config.step)
+        sizes = range(len(functional_map) + config.step, task.functions_at_most(config.last) + 1, config.step)
+        functional_map = task.spectra.upsampled(functional_map, sizes)
         origin = "initial map" if len(task.hints.known) else "functional map"
         return task.spectral_result(functional_map, config, origin)
