@@ -88,6 +88,16 @@ def test_what_has_no_image_continues_what_has():
     np.testing.assert_allclose(wrapped.mesh.vertices[:49], wanted[:49], atol=1e-6)
 
 
+def test_vertices_without_faces_move_with_the_surface_near_them():
+    grid, n = flat_grid(30, 30), 500
+    rng = np.random.default_rng(0)
+    source = Mesh(np.vstack([grid.vertices, rng.uniform(0, 30, (n, 3))]), grid.faces)
+    image = np.append(np.arange(900), np.full(n, -1))
+    wrapped = wrap(Correspondence(image, 900), source, grid.moved(grid.vertices + 1))
+    assert wrapped.extended == n
+    np.testing.assert_allclose(wrapped.mesh.vertices, source.vertices + 1, atol=1e-9)
+
+
 def test_a_map_of_other_surfaces_is_refused():
     with pytest.raises(MapError, match="not a map of this target"):
         wrap(Correspondence(np.zeros(42, int), 5), icosphere(1), icosphere(1))

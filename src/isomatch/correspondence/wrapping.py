@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence.correspondence import Correspondence
@@ -30,6 +31,7 @@ MOST_RINGS = 12  # where fewer do not help
 STEPS = 12  # of the minimisation in each round, before images go back to the surface
 LONGEST = 0.5  # of the median edge, that an image moves in a round
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of it, tried until the energy is less; the last is made anyway
+N_GUIDES = 30  # vertices with an image, with which a component without any moves
 FLAT = 1e-3  # times the area that a face should have: a face with less is mended too
 
 
@@ -250,12 +252,11 @@ def _energy(
     slope = jacobian / chi[:, None, None] + cofactors * by_det[:, None, None]
     by_edges = planes.transpose(0, 2, 1) @ slope @ inverse.transpose(0, 2, 1)  # (m, 3, 2)
     by_corner = np.stack([-by_edges.sum(axis=2), by_edges[:, :, 0], by_edges[:, :, 1]], axis=1).reshape(-1, 3)
-    total = [np.bincount(faces.ravel(), column, len(x)) for column in by_corner.T]
-    return float((size / chi).sum()), np.stack(total, axis=1)
+    return float((size / chi).sum()), _sums(by_corner, faces.ravel(), len(x))
 
 
 def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray:
-    """Place the other vertices: harmonic where linked to known ones, else rigid with the 30 nearest known ones."""
+    """Place the other vertices: harmonic where linked to known ones, else rigid with the nearest known ones."""
     placed = positions.copy()
     linked = np.isin(mesh.components, mesh.components[known])
     ends = mesh.edges
@@ -267,12 +268,21 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
     if len(unknown):
         side = -(laplacian[unknown][:, known] @ positions[known])
         placed[unknown] = spsolve(laplacian[unknown][:, unknown].tocsc(), side).reshape(-1, 3)
-    for label in np.unique(mesh.components[~linked]):
-        rows = np.flatnonzero(mesh.components == label)
-        apart = np.linalg.norm(mesh.vertices[known] - mesh.vertices[rows].mean(axis=0), axis=1)
-        guides = np.flatnonzero(known)[np.argsort(apart)[:30]]
-        here, there = mesh.vertices[guides].mean(axis=0), positions[guides].mean(axis=0)
-        u, _, vt = np.linalg.svd((mesh.vertices[guides] - here).T @ (positions[guides] - there))
-        u[:, 2] *= np.linalg.det(u @ vt)
-        placed[rows] = (mesh.vertices[rows] - here) @ u @ vt + there
+    rows = np.flatnonzero(~linked)
+    _, component, sizes = np.unique(mesh.components[rows], return_inverse=True, return_counts=True)
+    centres = _sums(mesh.vertices[rows], component, len(sizes)) / sizes[:, None]
+    guides = np.flatnonzero(known)
+    nearest = cKDTree(mesh.vertices[guides]).query(centres, range(1, min(N_GUIDES, len(guides)) + 1))[1]
+    here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
+    middles = here.mean(axis=1), there.mean(axis=1)
+    here, there = here - middles[0][:, None], there - middles[1][:, None]
+    u, _, vt = np.linalg.svd(here.transpose(0, 2, 1) @ there)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    turned = (mesh.vertices[rows] - middles[0][component])[:, None] @ (u @ vt)[component]
+    placed[rows] = turned[:, 0] + middles[1][component]
     return placed
+
+
+def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
+    """Sum values (m, q) within groups: (n_groups, q)."""
+    return np.stack([np.bincount(group, column, n_groups) for column in values.T], axis=1)
