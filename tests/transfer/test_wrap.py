@@ -58,6 +58,16 @@ def test_inverted_faces_are_mended_on_the_surface(seed):
     assert np.linalg.norm(wrapped.mesh.vertices - source.vertices, axis=1).max() < 0.5
 
 
+def test_what_is_mended_here_does_not_depend_on_what_is_mended_there():
+    strip = flat_grid(40, 5)
+    images = np.tile(np.arange(200), (2, 1))
+    images[:, 22] = 32
+    images[1, 152] = 167
+    one, both = (wrap(Correspondence(image, 200), strip, strip) for image in images)
+    assert both.inverted_before > one.inverted_before > both.inverted == one.inverted == 0
+    np.testing.assert_allclose(both.mesh.vertices[:100], one.mesh.vertices[:100], atol=1e-9)
+
+
 def test_vertices_at_a_seam_stay_together():
     whole = flat_grid(5, 5)
     corners, faces = whole.faces.ravel(), np.arange(whole.faces.size).reshape(-1, 3)
