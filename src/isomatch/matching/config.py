@@ -700,6 +700,8 @@ class OutcomeSettings(Settings):
         Factor of the expected error at a vertex, and radius over which it is spread, in √area.
     rival_exponent : float
         A rival whose score is r times that of the map is right with chance 1 / (1 + r^exponent).
+    many_rotations : int
+        Rotations that both shapes have from which no automatic map is told from another: balls and discs.
     out_of_pose : float
         Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
     large_component : float
@@ -726,6 +728,7 @@ class OutcomeSettings(Settings):
     )
     error_radius: float = setting(0.08, "0.05 to 0.14 tried: benchmarks/vertex_confidence.py", least=0)
     rival_exponent: float = setting(16.0, "one in ten at the bound of a tie", least=0)
+    many_rotations: int = setting(11, "discs and balls have 11 to 40, bodies 0 to 6 at any setting", least=1)
     out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)
 
