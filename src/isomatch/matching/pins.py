@@ -11,10 +11,10 @@ from scipy.spatial import cKDTree
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
-from isomatch.matching.config import RefinementSettings
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult, Outcome
+from isomatch.matching.settings import RefinementSettings
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 
 TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
