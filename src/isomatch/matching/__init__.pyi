@@ -11,7 +11,7 @@ from isomatch.matching.config import (
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
-from isomatch.matching.landmark_files import nearest_landmarks, read_landmarks
+from isomatch.matching.landmarks import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
