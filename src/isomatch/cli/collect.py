@@ -113,7 +113,7 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
     Parameters
     ----------
     which : str
-        failed, or low: with another seed, and the surer map is kept.
+        failed, or low: with another seed, and the surer map is kept, unless others contradict it.
     folder : Path
         The folder of the collection.
     """
