@@ -49,10 +49,9 @@ def test_reports_of_the_pairs_in_doubt_and_of_the_three_next(copied, plain_repor
     for pair, row in rows.items():
         there = {**row["there"], "outcome": "CONVERGED" if pair != PAIR else "SYMMETRY_AMBIGUOUS"}
         changed(copied, pair, there=there)
-    first, *others = reported(copied)
-    assert first == (PAIR, "done")
-    misfits = {pair: row["there"]["quality"]["misfit"] for pair, row in rows.items() if pair != PAIR}
-    assert [pair for pair, _ in others] == sorted(misfits, key=misfits.get)[:1:-1]
+    others = [pair for pair in rows if pair != PAIR]
+    worst = sorted(others, key=lambda pair: -rows[pair]["there"]["quality"]["misfit"])[:3]
+    assert set(reported(copied)) == {(pair, "done") for pair in (PAIR, *worst)}
     assert reported(copied) == []
 
 
