@@ -127,6 +127,12 @@ def test_export_refuses_what_would_not_correspond_and_what_is_not_there(small, s
     assert not (tmp_path / "out").exists()
 
 
+def test_the_status_of_a_collection_that_was_not_run(small, tmp_path, capsys):
+    Collection.create(tmp_path, small.shapes, config=small.config)
+    assert main(["collect", "status", str(tmp_path)]) == 0
+    assert "0 of 4 shapes prepared; template not yet chosen" in capsys.readouterr().out
+
+
 def test_the_command_line_exports(star, tmp_path, capsys):
     assert (
         main(["collect", "export", str(star.folder), str(tmp_path / "out"), "--format", "vtp", "--json"]) == 0
