@@ -22,12 +22,11 @@ import numpy as np
 from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
 from isomatch.collections import Collection, PairMaps, agree, agreement_of
 from isomatch.collections.consistency import CONTRADICTED, inconsistency
-from isomatch.datasets import BenchmarkPair, Creature, creature, ground_truth, remeshed
+from isomatch.datasets import BenchmarkPair, Creature, creature, ground_truth, relabelled, remeshed, scape
 from studies import asked_for, mean_error, write_rows
 
-SETS = ("creatures", "faust_r", "tosca_iso_r")
-PEOPLE = tuple(f"tr_reg_{i:03}" for i in (0, 1, 3, 4, 10, 11, 13, 14, 20, 21, 23, 24))
-CATS = tuple(f"cat{i}" for i in range(9))
+SETS = ("creatures", "faust_r", "scape", "cat", "horse")
+MOST_SHAPES = 20
 BIPEDS = tuple(f"biped{i}" for i in range(1, 9))
 SHARES = (0.0, 0.1, 0.2, 0.3)
 FAILURE = 10.0  # mean error × 100 / √area
@@ -49,11 +48,30 @@ class Study:
 
 
 def study_of(name: str, data: Path) -> Study:
-    """Shapes of a set."""
+    """Shapes of a set, or of a class of ``tosca_iso_r``."""
     if name == "creatures":
         return Study(BIPEDS, lambda shape: biped(shape).mesh, made_pair)
-    shapes = remeshed(data / name)
-    return Study(PEOPLE if name == "faust_r" else CATS, shapes.mesh, shapes.pair)
+    if name == "scape":
+        return relabelled_poses(data)
+    shapes = remeshed(data / (name if name == "faust_r" else "tosca_iso_r"))
+    names = [shape for shape in shapes.names if name == "faust_r" or shape.rstrip("0123456789") == name]
+    return Study(tuple(names[:MOST_SHAPES]), shapes.mesh, shapes.pair)
+
+
+def relabelled_poses(data: Path) -> Study:
+    """Poses of one person, which share a triangulation in their files and do not here."""
+    shapes = scape(data / "scape")
+    names = shapes.names[:MOST_SHAPES]
+
+    @cache
+    def made(name: str) -> tuple[Mesh, np.ndarray]:
+        return relabelled(shapes.mesh(name), names.index(name))
+
+    def pair(source: str, target: str) -> BenchmarkPair:
+        (a, a_new), (b, b_new) = made(source), made(target)
+        return BenchmarkPair(f"{source}-{target}", a, b, np.column_stack([a_new, b_new]))
+
+    return Study(names, lambda name: made(name)[0], pair)
 
 
 @cache
