@@ -1,0 +1,109 @@
+"""Every code block of README, CONTRIBUTING and docs runs: the blocks of a page in order, in one folder and namespace.
+
+Python runs as it is, and so do the lines of shell blocks that call ``isomatch``, through the app in this process. A line
+``<!-- not run: REASON -->`` before a block excepts it; ``<!-- long: REASON -->`` leaves it to the long tests.
+"""
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import isomatch
+from corresponded import random_shapes
+from isomatch import Mesh
+from isomatch.cli import main
+from isomatch.datasets import creature, example_pair
+from isomatch.surfaces import decimate
+
+ROOT = Path(__file__).parents[1]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if not page.relative_to(ROOT).match("docs/_*/**")),
+]
+BLOCK = re.compile(
+    r"^(?:<!-- (?P<mark>not run|long): (?P<reason>\S[^\n]*) -->\n+)?"
+    r"(?P<fence>`{3,})(?P<language>\w+)[^\n]*\n(?P<code>.*?)^(?P=fence)$",
+    re.MULTILINE | re.DOTALL,
+)
+SCANS = ("a", "b", "mean")
+GROUPS = {f"{group}{i}": group for group in ("patient", "control") for i in range(3)}
+SHELL = ("sh", "bash", "console")
+
+
+class Block(NamedTuple):
+    """Code of a page, the line of the page before it, and how it is marked."""
+
+    language: str
+    code: str
+    line: int
+    mark: str | None
+
+
+def blocks(text):
+    """All blocks of a page that could run, in order."""
+    return [
+        Block(found["language"], found["code"], text.count("\n", 0, found.start("code")), found["mark"])
+        for found in BLOCK.finditer(text)
+        if found["language"] in ("python", *SHELL)
+    ]
+
+
+def commands(code):
+    """Arguments of each call of isomatch in a shell block."""
+    lines = (line.removeprefix("$ ") for line in code.replace("\\\n", " ").splitlines())
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("isomatch ")]
+
+
+def run(page, wanted):
+    """Run the blocks of a page that are wanted; a failure shows the line of the page."""
+    namespace = {"__name__": "__main__"}
+    for block in wanted:
+        if block.language == "python":
+            exec(compile("\n" * block.line + block.code, page, "exec"), namespace)
+        else:
+            for arguments in commands(block.code):
+                assert main(arguments) == 0, f"{page}:{block.line + 1}: isomatch {shlex.join(arguments)}"
+
+
+@pytest.fixture(scope="module")
+def shapes(tmp_path_factory):
+    """The files that the pages name."""
+    folder = tmp_path_factory.mktemp("shapes")
+    source, target = (made.mesh for made in example_pair())
+    scans = {f"scans/{name}.ply": decimate(creature(1500, pose=i).mesh, 700).mesh for i, name in enumerate(SCANS)}
+    alike = random_shapes(len(GROUPS) + 1)
+    names = [*(f"OUT/corresponded/{name}.ply" for name in GROUPS), "new_scan.ply"]
+    corresponded = {name: Mesh(vertices, alike.faces) for name, vertices in zip(names, alike.vertices, strict=True)}
+    for name, mesh in {
+        **{"a.ply": source, "b.ply": target, "cat.glb": source, "lion.glb": target},
+        **scans,
+        **corresponded,
+    }.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        isomatch.write_mesh(folder / name, mesh)
+    (folder / "list.csv").write_text("\n".join(["path", *scans]))
+    (folder / "groups.csv").write_text("\n".join(["name,group", *map(",".join, GROUPS.items())]))
+    return folder
+
+
+RUN = {page.relative_to(ROOT).as_posix(): blocks(page.read_text(encoding="utf-8")) for page in PAGES}
+
+
+@pytest.mark.parametrize("page", [page for page, found in RUN.items() if any(not b.mark for b in found)])
+def test_blocks_run(page, shapes, tmp_path, monkeypatch):
+    shutil.copytree(shapes, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    run(page, [block for block in RUN[page] if not block.mark])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page, found in RUN.items() if any(b.mark == "long" for b in found)])
+def test_long_blocks_run(page, shapes, tmp_path, monkeypatch):
+    shutil.copytree(shapes, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    run(page, [block for block in RUN[page] if block.mark != "not run"])
