@@ -4,26 +4,33 @@ Python runs as it is, and so do the lines of shell blocks that call ``isomatch``
 ``<!-- not run: REASON -->`` before a block excepts it; ``<!-- long: REASON -->`` leaves it to the long tests.
 """
 
+import io
 import re
 import shlex
 import shutil
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib.image
+import numpy as np
 import pytest
 
 import isomatch
 from corresponded import random_shapes
-from isomatch import Mesh
+from isomatch import Asset, Mesh
 from isomatch.cli import main
 from isomatch.datasets import creature, example_pair
-from isomatch.surfaces import decimate
+from isomatch.surfaces import Attribute, Polygons, decimate, with_texture
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
-    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if not page.relative_to(ROOT).match("docs/_*/**")),
+    *(
+        page
+        for page in sorted((ROOT / "docs").rglob("*.md"))
+        if not page.relative_to(ROOT).match("docs/_*/**")
+    ),
 ]
 BLOCK = re.compile(
     r"^(?:<!-- (?P<mark>not run|long): (?P<reason>\S[^\n]*) -->\n+)?"
@@ -74,21 +81,32 @@ def run(page, wanted):
 def shapes(tmp_path_factory):
     """The files that the pages name."""
     folder = tmp_path_factory.mktemp("shapes")
-    source, target = (made.mesh for made in example_pair())
-    scans = {f"scans/{name}.ply": decimate(creature(1500, pose=i).mesh, 700).mesh for i, name in enumerate(SCANS)}
+    for part in ("scans", "OUT/corresponded"):
+        (folder / part).mkdir(parents=True)
+    for name, animal, made in zip("ab", ("cat", "lion"), example_pair()):
+        isomatch.write_mesh(folder / f"{name}.ply", made.mesh)
+        isomatch.write_asset(folder / f"{animal}.glb", textured(made.mesh))
+    for i, name in enumerate(SCANS):
+        isomatch.write_mesh(folder / f"scans/{name}.ply", decimate(creature(1500, pose=i).mesh, 700).mesh)
     alike = random_shapes(len(GROUPS) + 1)
-    names = [*(f"OUT/corresponded/{name}.ply" for name in GROUPS), "new_scan.ply"]
-    corresponded = {name: Mesh(vertices, alike.faces) for name, vertices in zip(names, alike.vertices, strict=True)}
-    for name, mesh in {
-        **{"a.ply": source, "b.ply": target, "cat.glb": source, "lion.glb": target},
-        **scans,
-        **corresponded,
-    }.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        isomatch.write_mesh(folder / name, mesh)
-    (folder / "list.csv").write_text("\n".join(["path", *scans]))
+    for name, vertices in zip([*GROUPS, "../../new_scan"], alike.vertices, strict=True):
+        isomatch.write_mesh(folder / f"OUT/corresponded/{name}.ply", Mesh(vertices, alike.faces))
+    (folder / "list.csv").write_text("\n".join(["path", *(f"scans/{name}.ply" for name in SCANS)]))
     (folder / "groups.csv").write_text("\n".join(["name,group", *map(",".join, GROUPS.items())]))
     return folder
+
+
+def textured(mesh):
+    """An animal with a picture on it and two joints."""
+    place = (mesh.vertices - mesh.vertices.min(axis=0)) / np.ptp(mesh.vertices, axis=0)
+    weights = np.column_stack([place[:, 0], 1 - place[:, 0]])
+    data = (
+        Attribute("uv", "point", "uv", place[:, :2]),
+        Attribute("weights", "point", "weights", weights, names={0: "head", 1: "tail"}),
+    )
+    picture = io.BytesIO()
+    matplotlib.image.imsave(picture, np.eye(4), format="png")
+    return with_texture(Asset(mesh.vertices, Polygons.of_triangles(mesh.faces), data), picture.getvalue())
 
 
 RUN = {page.relative_to(ROOT).as_posix(): blocks(page.read_text(encoding="utf-8")) for page in PAGES}
@@ -102,7 +120,9 @@ def test_blocks_run(page, shapes, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", [page for page, found in RUN.items() if any(b.mark == "long" for b in found)])
+@pytest.mark.parametrize(
+    "page", [page for page, found in RUN.items() if any(b.mark == "long" for b in found)]
+)
 def test_long_blocks_run(page, shapes, tmp_path, monkeypatch):
     shutil.copytree(shapes, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
