@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOWEST := $(VENV)/lowest
 LOCK := requirements-dev.txt
+PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks lock lowest clean
+.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -60,6 +61,9 @@ lowest: $(VENV)/uv
 	$</bin/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest -n auto --dist loadfile \
 		$(addprefix tests/,surfaces geodesics bases descriptors correspondence baselines view cli)
+
+release-check: $(VENV)/dev $(VENV)/uv
+	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)
 
 clean:
 	rm -rf $(VENV) demo

@@ -79,8 +79,14 @@ def run(page, wanted):
 
 @pytest.fixture(scope="module")
 def shapes(tmp_path_factory):
-    """The files that the pages name."""
+    """A folder of the files that the pages name."""
     folder = tmp_path_factory.mktemp("shapes")
+    write_shapes(folder)
+    return folder
+
+
+def write_shapes(folder):
+    """Write the files that the pages name."""
     for part in ("scans", "OUT/corresponded"):
         (folder / part).mkdir(parents=True)
     for name, animal, made in zip("ab", ("cat", "lion"), example_pair()):
@@ -93,7 +99,6 @@ def shapes(tmp_path_factory):
         isomatch.write_mesh(folder / f"OUT/corresponded/{name}.ply", Mesh(vertices, alike.faces))
     (folder / "list.csv").write_text("\n".join(["path", *(f"scans/{name}.ply" for name in SCANS)]))
     (folder / "groups.csv").write_text("\n".join(["name,group", *map(",".join, GROUPS.items())]))
-    return folder
 
 
 def textured(mesh):
