@@ -2,8 +2,9 @@
 
     python release/check.py 3.11 3.12 …
 
-needs uv in the environment, which finds or fetches the Pythons. In each the wheel, which is built from the sdist, is
-imported, and the examples of the readme are run as they are printed; then its doctests, one of which needs an extra. Files are left in ``dist``.
+needs uv in the environment, which finds or fetches the Pythons. The wheel is built from the sdist. In each environment
+it is imported, and the examples of the readme are run as they are printed; then the doctests, one of which needs an
+extra. The files are left in ``dist``.
 """
 
 from __future__ import annotations
