@@ -2,9 +2,9 @@
 
     python benchmarks/consistency.py --data DIR -o OUT [SET ...]
 
-writes ``consistency.csv``, one row for each set and share of wrong maps. Wrong maps are, by turns, the best that
-reverses the orientation and, where a runner-up of the match turns the shape, that one refined. What is already in
-``OUT`` is not computed again.
+writes ``consistency.csv``, one row for each set and share of wrong maps, and ``cycles_table.csv``. Wrong maps are, by
+turns, the best that reverses the orientation and, where a runner-up of the match turns the shape, that one refined.
+What is already in ``OUT`` is not computed again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from isomatch import Mesh, PreparedShape, match, match_both, write_mesh
 from isomatch.collections import Collection, PairMaps, agree, agreement_of
 from isomatch.collections.consistency import CONTRADICTED, inconsistency
 from isomatch.datasets import BenchmarkPair, Creature, creature, ground_truth, remeshed
-from studies import asked_for, mean_error, write_rows
+from studies import asked_for, mean_error, write_rows, write_table
 
 SETS = ("creatures", "faust_r", "tosca_iso_r")
 PEOPLE = tuple(f"tr_reg_{i:03}" for i in (0, 1, 3, 4, 10, 11, 13, 14, 20, 21, 23, 24))
@@ -214,9 +214,11 @@ def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "consistency.csv", SETS)
+    cycles = []
     for n in (4, 6, 8, 12, 20):
-        cells = [f"{recall:.2f}, {precision:.2f}" for recall, precision in (limits(n, p) for p in SHARES[1:])]
-        print(f"| {n} | {' | '.join(cells)} |", flush=True)
+        told = {f"{share:.0%} wrong": "{:.2f}, {:.2f}".format(*limits(n, share)) for share in SHARES[1:]}
+        cycles.append({"shapes": n} | told)
+    write_table(asked.output / "cycles_table.csv", cycles)
     rows = []
     for name in asked.kinds or SETS:
         study, known = study_of(name, Path(asked.data)), dict[str, float]()
