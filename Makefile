@@ -7,7 +7,7 @@ LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks lock lowest release-check clean
+.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -47,7 +47,10 @@ types: $(VENV)/dev
 	$(BIN)/mypy
 
 benchmark: $(VENV)/dev
-	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA)) --page docs
+	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA))
+
+results: $(VENV)/dev
+	$(BIN)/python benchmarks/results.py $(if $(DATA),--data $(DATA),--list) $(if $(OUT),-o $(OUT)) $(STEPS)
 
 microbenchmarks: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds

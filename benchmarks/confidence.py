@@ -158,9 +158,10 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         right = [r for r in known if error[id(r)] < RIGHT and r["outcome"] != "HINTS_CONTRADICTED"]
         poor = [r for r in known if RIGHT <= error[id(r)] <= WRONG]
         wrong = [r for r in known if error[id(r)] > WRONG]
-        line: dict[str, Any] = {"kind": kind, "maps": len(chosen)}
+        line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
         for name, members in (("right", right), ("poor", poor), ("wrong", wrong)):
-            line |= {name: len(members), f"{name}_flagged": sum(r["outcome"] not in SURE for r in members)}
+            flagged = sum(row["outcome"] not in SURE for row in members)
+            line[f"{name}, of them flagged"] = f"{len(members)}, {flagged}"
         table.append(line | {"ambiguous": sum(r["outcome"] == "SYMMETRY_AMBIGUOUS" for r in chosen)})
     return table
 

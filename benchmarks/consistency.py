@@ -2,9 +2,9 @@
 
     python benchmarks/consistency.py --data DIR -o OUT [SET ...]
 
-writes ``consistency.csv``, one row for each set and share of wrong maps, and ``cycles_table.csv``. Wrong maps are, by
-turns, the best that reverses the orientation and, where a runner-up of the match turns the shape, that one refined.
-What is already in ``OUT`` is not computed again.
+writes ``consistency.csv``, one row for each set and share of wrong maps, ``consistency_table.csv`` and
+``cycles_table.csv``. Wrong maps are, by turns, the best that reverses the orientation and, where a runner-up of the match
+turns the shape, that one refined. What is already in ``OUT`` is not computed again.
 """
 
 from __future__ import annotations
@@ -193,6 +193,24 @@ def measured(name: str, study: Study, folder: Path, share: float, known: dict[st
     return row
 
 
+def shown(row: dict[str, Any]) -> dict[str, Any]:
+    """Give a row as the page shows it."""
+    worst = row["consistency_wrong"]
+    return {
+        "set": f"{row['set']}, {row['pairs']} pairs",
+        "wrong maps, that look sure": f"{row['wrong']}, {row['wrong_sure']}",
+        "found": row["found"],
+        "right flagged": row["right_flagged"],
+        "replaced": row["replaced"],
+        "mean error": f"{row['error_before']:.2f} → {row['error_after']:.2f}",
+        "failures": f"{row['failures_before']} → {row['failures_after']}",
+        "sure failures": f"{row['sure_failures_before']} → {row['sure_failures_after']}",
+        "inconsistency of right maps, wrong maps": (
+            f"≤ {row['consistency_right']:.3f}, {'–' if worst is None else f'≥ {worst:.2f}'}"
+        ),
+    }
+
+
 def limits(n: int, share: float, draws: int = 60) -> tuple[float, float]:
     """Recall and precision among n shapes with one symmetry, where a share of the maps at random is mirrored.
 
@@ -226,3 +244,4 @@ if __name__ == "__main__":
         rows += [measured(name, study, asked.output / name, share, known) for share in SHARES]
         print(*rows, sep="\n", flush=True)
     write_rows(asked.output / "consistency.csv", COLUMNS, rows)
+    write_table(asked.output / "consistency_table.csv", [shown(row) for row in rows])
