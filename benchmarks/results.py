@@ -23,6 +23,7 @@ import platform
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -201,6 +202,7 @@ def main() -> None:
         )
     if not (asked.data or asked.pages or asked.list):
         parser.error("--data is needed, or --pages, or --list")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the seconds so far are kept
     for step in STEPS:
         if asked.pages or (asked.steps and step.name not in asked.steps):
             continue
