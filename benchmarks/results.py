@@ -4,9 +4,9 @@
     python benchmarks/results.py --pages                           # only fills the pages from docs/results
     python benchmarks/results.py --list
 
-The commands of a step write into ``OUT/SOURCE/STEP``, where SOURCE is the hash of ``src``: a step that was interrupted
+The command of a step writes into ``OUT/SOURCE/STEP``, where SOURCE is the hash of ``src``: a step that was interrupted
 continues there if nothing has changed. Its tables are copied to ``docs/results``, and other files beside the pages.
-``docs/results/stamps.json`` says of what each step is: the source, the commands, the machine, versions of packages, the
+``docs/results/stamps.json`` says of what each step is: the source, the command, the machine, versions of packages, the
 revision, the date and the seconds. A step whose stamp is the present one is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
@@ -21,7 +21,6 @@ import hashlib
 import json
 import platform
 import re
-import shlex
 import shutil
 import signal
 import subprocess
@@ -51,11 +50,11 @@ def source_hash(folder: Path = ROOT / "src") -> str:
 
 def present_stamp(step: Step) -> Stamp:
     """Say with what a step would be measured now."""
-    scripts = sorted({part for command in step.commands for part in command.split() if part.endswith(".py")})
+    scripts = [word for word in step.command.split() if word.endswith(".py")]
     code = b"".join((ROOT / path).read_bytes() for path in [*scripts, "benchmarks/studies.py"])
     return {
         "source": source_hash(),
-        "commands": list(step.commands),
+        "command": step.command,
         "scripts": hashlib.sha256(code).hexdigest()[:16],
         "machine": machine(),
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
@@ -84,7 +83,7 @@ def is_present(step: Step, known: dict[str, Stamp]) -> bool:
 
 
 def measure(step: Step, data: str, output: Path) -> None:
-    """Run the commands of a step, copy what they wrote, and stamp it."""
+    """Run the command of a step, copy what it wrote, and stamp it."""
     stamp = present_stamp(step)
     out = output / stamp["source"] / step.name
     out.mkdir(parents=True, exist_ok=True)
@@ -92,10 +91,9 @@ def measure(step: Step, data: str, output: Path) -> None:
     spent = float(clock.read_text()) if clock.exists() else 0.0
     started = time.monotonic()
     try:
-        for command in step.commands:
-            words = [word.format(data=data, out=out) for word in shlex.split(command)]
-            program = {"python": [sys.executable], "isomatch": [sys.executable, "-m", "isomatch"]}[words[0]]
-            subprocess.run([*program, *words[1:]], cwd=ROOT, check=True)
+        name, *words = (word.format(data=data, out=out) for word in step.command.split())
+        program = {"python": [sys.executable], "isomatch": [sys.executable, "-m", "isomatch"]}[name]
+        subprocess.run([*program, *words], cwd=ROOT, check=True)
     finally:
         seconds = round(spent + time.monotonic() - started)
         clock.write_text(str(seconds))

@@ -110,7 +110,7 @@ def toy(tmp_path, monkeypatch):
     monkeypatch.setattr(results, "ROOT", tmp_path)
     monkeypatch.setattr(results, "RESULTS", tmp_path / "docs" / "results")
     return Step(
-        "toy", 1, ("python benchmarks/toy.py {out}",), {"toy": "table.csv"}, {"toy/runs.txt": "runs.txt"}
+        "toy", 1, "python benchmarks/toy.py {out}", {"toy": "table.csv"}, {"toy/runs.txt": "runs.txt"}
     )
 
 
@@ -124,7 +124,7 @@ def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_pa
         assert list(csv.DictReader(file)) == [{"a": "1", "b": "2"}]
     assert (tmp_path / "docs/toy/runs.txt").read_text() == "xx"
     stamp = json.loads((tmp_path / "docs/results/stamps.json").read_text())["toy"]
-    assert set(stamp) == {*ONE, "commands", "scripts"}
+    assert set(stamp) == {*ONE, "command", "scripts"}
     with (tmp_path / "benchmarks/toy.py").open("a") as file:
         file.write("# changed\n")
     assert not results.is_present(toy, results.stamps())
