@@ -18,9 +18,10 @@ import pytest
 import isomatch
 from corresponded import random_shapes
 from isomatch import Asset, Mesh
+from isomatch.assets import Attribute, Polygons, with_texture
 from isomatch.cli import main
 from isomatch.datasets import creature, example_pair
-from isomatch.surfaces import Attribute, Polygons, decimate, with_texture
+from isomatch.resolution import decimate
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
