@@ -8,6 +8,7 @@ writes what ``isomatch bench`` writes, and two tables: ``accuracy_table.csv``, a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -40,21 +41,20 @@ def accuracy(summary: list[Row]) -> Iterator[Row]:
 
 
 def classes(rows: list[Row]) -> Iterator[Row]:
-    """Errors of the pairs of each two classes of shapes, and how many maps are called right."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    """Errors of the pairs of each two classes of shapes, and how many maps are called right, for each method."""
+    groups: dict[str, list[Row]] = {}
     for row in rows:
-        ends = (end.split("_")[0].rstrip("0123456789") for end in row["pair"].split("-"))
-        groups.setdefault((" → ".join(dict.fromkeys(ends)), row["method"]), []).append(row)
-    for (kind, method), members in groups.items():
-        errors = [row["error"] for row in members if row.get("error") is not None]
-        yield {
-            "shapes": kind,
-            "method": f"`{method}`",
-            "pairs": len(members),
-            "mean": f"{np.mean(errors):.2f}",
-            "worst": f"{max(errors):.1f}",
-            "called right": sum(row.get("outcome") == "CONVERGED" for row in members),
-        }
+        ends = (re.sub(r"[_\d]+$", "", end) for end in row["pair"].split("-"))
+        groups.setdefault(" → ".join(dict.fromkeys(ends)), []).append(row)
+    for kind, members in groups.items():
+        line: Row = {"shapes": kind, "pairs": len({row["pair"] for row in members})}
+        for method in dict.fromkeys(row["method"] for row in rows):
+            of_method = [row for row in members if row["method"] == method]
+            errors = [row["error"] for row in of_method if row.get("error") is not None]
+            right = sum(row.get("outcome") == "CONVERGED" for row in of_method)
+            line[f"{method}: mean, worst"] = f"{np.mean(errors):.2f}, {max(errors):.1f}" if errors else "–"
+            line[f"{method}: called right"] = right
+        yield line
 
 
 if __name__ == "__main__":

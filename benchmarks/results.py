@@ -70,6 +70,15 @@ def machine() -> str:
     return f"{found[1] if found else platform.machine()}, {processors()} processors"
 
 
+def revision() -> str:
+    """Name the commit, and tell whether what measures was changed since."""
+    head, changed = (
+        subprocess.run(["git", *command], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+        for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src", "benchmarks"))
+    )
+    return head + "-changed" * bool(changed)
+
+
 def stamps() -> dict[str, Stamp]:
     """Stamps of all results."""
     path = RESULTS / "stamps.json"
@@ -103,8 +112,7 @@ def measure(step: Step, data: str, output: Path) -> None:
     ]:
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(out / file, target)
-    git = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True)
-    stamp |= {"revision": git.stdout.strip(), "date": date.today().isoformat(), "seconds": seconds}
+    stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
     text = json.dumps(dict(sorted((stamps() | {step.name: stamp}).items())), indent=1)
     (RESULTS / "stamps.json").write_text(text + "\n", encoding="utf-8")
 
