@@ -25,12 +25,11 @@ from isomatch.resolution import decimate
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
     *(
         page
         for page in sorted((ROOT / "docs").rglob("*.md"))
-        if not page.relative_to(ROOT).match("docs/_*/**")
+        if "/_" not in page.relative_to(ROOT).as_posix()
     ),
 ]
 BLOCK = re.compile(
