@@ -114,7 +114,34 @@ def textured(mesh):
     return with_texture(Asset(mesh.vertices, Polygons.of_triangles(mesh.faces), data), picture.getvalue())
 
 
+def test_blocks_are_told_by_language_and_mark():
+    page = "```python\n1\n```\n<!-- not run: needs DATA -->\n```sh\nisomatch a\n```\n"
+    page += "<!-- long: -->\n```console\n$ isomatch b\n```\n"
+    assert [(b.language, b.mark, b.line) for b in blocks(page)] == [
+        ("python", None, 1),
+        ("sh", "not run", 5),
+        ("console", None, 9),
+    ]
+    assert commands("$ isomatch match a \\\n  b # why\nls\n") == [["match", "a", "b"]]
+
+
+def test_a_block_that_fails_shows_its_line():
+    with pytest.raises(ZeroDivisionError) as failed:
+        run("page.md", [Block("python", "x = 1\n", 2, None), Block("python", "\nx / 0\n", 9, None)])
+    assert (str(failed.traceback[-1].path), failed.traceback[-1].lineno) == ("page.md", 10)
+    with pytest.raises(AssertionError, match=r"page\.md:6: isomatch match nothing\.ply"):
+        run("page.md", [Block("sh", "isomatch match nothing.ply none.ply -o x\n", 5, None)])
+
+
 RUN = {page.relative_to(ROOT).as_posix(): blocks(page.read_text(encoding="utf-8")) for page in PAGES}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_block_is_overlooked(page):
+    fences = re.findall(
+        r"^[ >]*`{3,}(?:python|sh|bash|console)\b", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(fences) == len(RUN[page.relative_to(ROOT).as_posix()]), "a block is indented or not closed"
 
 
 @pytest.mark.parametrize("page", [page for page, found in RUN.items() if any(not b.mark for b in found)])
