@@ -1,0 +1,66 @@
+"""The site: ``make docs`` builds it into ``docs/_build/html``, without the network."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE / "_extensions"), str(HERE.parent / "src")]
+
+import isomatch  # noqa: E402
+
+project = "isomatch"
+author = "The isomatch authors"
+copyright = author
+version = release = isomatch.__version__
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "numpydoc",
+    "myst_parser",
+    "sphinx_gallery.gen_gallery",
+    "cyclopts.ext.sphinx",
+    "mathml",
+    "house",
+    "reference",
+    "repository_links",
+]
+exclude_patterns = ["_build", "_extensions", "gallery/**/*.md5", "gallery/**/*.py"]
+nitpicky = True
+suppress_warnings = ["config.cache"]
+
+default_role = "py:obj"
+add_module_names = False
+autosummary_generate = True
+autodoc_typehints = "none"  # the docstrings give types with shapes and units
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False  # the template of a class lists them
+numpydoc_class_members_toctree = False
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_block"]
+myst_heading_anchors = 4
+html_math_renderer = "mathml"
+
+templates_path = ["_templates"]
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_theme = "furo"
+html_title = "isomatch"
+html_show_sphinx = False
+html_copy_source = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "ignore_pattern": "blender_shape_keys|__init__",
+    "within_subsection_order": "ExampleTitleSortKey",
+    "image_scrapers": ("matplotlib",),
+    "reset_modules": (),
+    "download_all_examples": False,
+    "show_memory": False,
+    "min_reported_time": 1e9,
+    "remove_config_comments": True,
+    "reference_url": {"isomatch": None},
+    "plot_gallery": "True",
+}
