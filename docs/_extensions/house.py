@@ -96,7 +96,9 @@ def _uncrossed(rows, links):
     """Sort each row by the mean place of what it is linked to, several times."""
     for sweep in range(12):
         places = {
-            (storey, each): k - (len(row) - 1) / 2 for storey, row in enumerate(rows) for k, each in enumerate(row)
+            (storey, each): k - (len(row) - 1) / 2
+            for storey, row in enumerate(rows)
+            for k, each in enumerate(row)
         }
         order = range(len(rows)) if sweep % 2 else reversed(range(len(rows)))
         for storey in order:
@@ -136,7 +138,9 @@ def drawing(graph):
         path = f"M{x[storey, upper]:.0f} {y(storey) + HEIGHT}"
         for each in steps:
             above, below = y(storey) + HEIGHT, y(storey - 1)
-            start = x[storey, upper if storey == level[upper] else each if each in between else (upper, lower)]
+            start = x[
+                storey, upper if storey == level[upper] else each if each in between else (upper, lower)
+            ]
             end, middle = x[storey - 1, each], (above + below) / 2
             path += f"C{start:.0f} {middle:.0f} {end:.0f} {middle:.0f} {end:.0f} {below}"
             if each in between:

@@ -12,7 +12,9 @@ def inline(writer, node):
 
 def block(writer, node):
     """Write a formula on lines of its own."""
-    writer.body.append(writer.starttag(node, "div", CLASS="math") + tex2mathml(node.astext(), as_block=True) + "</div>")
+    writer.body.append(
+        writer.starttag(node, "div", CLASS="math") + tex2mathml(node.astext(), as_block=True) + "</div>"
+    )
     raise SkipNode
 
 

@@ -40,7 +40,11 @@ def described(module, name):
     """Return the text below an assignment in the file that the stub takes a name from."""
     stub = ast.parse(Path(module.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     source = next(
-        node.module for node in stub.body if isinstance(node, ast.ImportFrom) for a in node.names if a.name == name
+        node.module
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for a in node.names
+        if a.name == name
     )
     text = Path(importlib.util.find_spec(source).origin)
     body = ast.parse(text.read_text(encoding="utf-8")).body
@@ -105,7 +109,9 @@ def find_home(app, env, node, contnode):
         full = f"{home}.{first}"
     if full not in domain.objects:
         return None
-    return domain.resolve_xref(env, node["refdoc"], app.builder, "obj", full, node, literal("", contnode.astext()))
+    return domain.resolve_xref(
+        env, node["refdoc"], app.builder, "obj", full, node, literal("", contnode.astext())
+    )
 
 
 homes_of_site = homes()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from isomatch import Asset
-from isomatch.surfaces import Attribute, Polygons
+from isomatch.assets import Attribute, Polygons
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 2, 0], [2, 2, 0], [3, 1, 1]])
 POLYGONS = Polygons([0, 1, 2, 3, 3, 2, 4, 2, 5, 4, 1, 6, 5, 4, 2], [4, 3, 3, 5])

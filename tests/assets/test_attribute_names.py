@@ -5,7 +5,7 @@ import pytest
 from made import POINTS, POLYGONS
 
 from isomatch import Asset, MeshError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute, Polygons, write_contents
+from isomatch.assets import Attribute, Polygons, write_contents
 
 RISING, FALLING = np.arange(7.0), 7 - np.arange(7.0)
 

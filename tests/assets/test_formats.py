@@ -9,7 +9,7 @@ import pytest
 from made import ATTRIBUTES, POINTS, POLYGONS, whole
 
 from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.surfaces import FORMATS
+from isomatch.assets import FORMATS
 
 COLUMNS = ("polygons", "colour", "label", "face label", "scalar", "vector", "normal", "uv", "weights")
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"

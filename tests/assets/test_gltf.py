@@ -8,8 +8,8 @@ import trimesh
 from made import whole
 
 from isomatch import Asset, FormatError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute
-from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
+from isomatch.assets import Attribute
+from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
 

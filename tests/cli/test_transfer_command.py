@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, read_asset, read_mesh, write_asset
+from isomatch.assets import Attribute, Polygons
 from isomatch.cli import main
 from isomatch.datasets import example_pair
-from isomatch.surfaces import Attribute, Polygons
 
 
 @pytest.fixture

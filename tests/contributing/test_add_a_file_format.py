@@ -15,10 +15,11 @@ import re
 import numpy as np
 import pytest
 
+from isomatch.assets import FORMATS, Contents, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.assets.formats._text import format_rows, is_count, read_lines
 from isomatch.cli import main
 from isomatch.errors import FormatError
-from isomatch.surfaces import FORMATS, Contents, Mesh, MeshFormat, read_mesh, read_point_cloud, write_mesh
-from isomatch.surfaces.io._text import format_rows, is_count, read_lines
+from isomatch.surfaces import Mesh
 from zoo import torus, zoo
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch import read_asset, write_asset
+from isomatch.assets import Contents
+from isomatch.assets.formats import FORMATS
 from isomatch.errors import FormatError
-from isomatch.surfaces import Contents
-from isomatch.surfaces.io import FORMATS
 from zoo import grid, torus
 
 PLY_WITH_EVERYTHING = (

@@ -10,17 +10,11 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
+from isomatch.assets.contents import Contents
+from isomatch.assets.library_meshes import to_meshio, to_open3d, to_pyvista, to_trimesh
+from isomatch.assets.objects import contents_of
 from isomatch.errors import MeshError, some
-from isomatch.surfaces import (
-    Contents,
-    Mesh,
-    contents_of,
-    to_meshio,
-    to_open3d,
-    to_pyvista,
-    to_trimesh,
-    welded,
-)
+from isomatch.surfaces import Mesh, welded
 
 
 @dataclass(frozen=True, eq=False, repr=False)

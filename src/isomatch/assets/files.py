@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 
 from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats._by_suffix import read_contents, write_contents
 from isomatch.errors import FormatError, InputError
-from isomatch.surfaces import Attribute, read_contents, write_contents
 
 
 def read_asset(path: str | os.PathLike[str]) -> Asset:

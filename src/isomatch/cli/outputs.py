@@ -13,8 +13,8 @@ import isomatch
 from isomatch import view
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed, made_folder, staged, write_text
+from isomatch.assets import Attribute
 from isomatch.cli.terminal import json_text, say, say_table
-from isomatch.surfaces import Attribute
 
 RESULT = "result.json"
 

@@ -14,9 +14,10 @@ import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed, made_folder, write_csv, write_text
+from isomatch.assets import Attribute, Contents, write_contents, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
-from isomatch.surfaces import Attribute, Contents, Mesh, write_contents, write_mesh
+from isomatch.surfaces import Mesh
 
 RECORD = "statistics.json"
 DEVIATIONS = 2

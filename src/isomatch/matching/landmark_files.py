@@ -19,8 +19,9 @@ from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray, numbers_of
 from isomatch._files import is_whole_number, opened, text_lines
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import FormatError, LandmarkError
-from isomatch.surfaces import Graph, SurfaceLike, surface_from
+from isomatch.surfaces import Graph
 
 logger = logging.getLogger(__name__)
 

@@ -18,11 +18,12 @@ from isomatch._array_file import ArrayFormat, Stored, save_arrays
 from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
+from isomatch.assets import SurfaceLike
 from isomatch.bases import LaplaceBasis
 from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
-from isomatch.surfaces import Mesh, SurfaceLike
+from isomatch.surfaces import Mesh
 
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),

@@ -8,10 +8,10 @@ from io import BytesIO
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray
-from isomatch.assets import Asset
+from isomatch.assets import Asset, base_colours, with_texture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import PrecisePoints, base_colours, rasterise, with_texture
+from isomatch.surfaces import PrecisePoints, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 

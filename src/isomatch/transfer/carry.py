@@ -10,10 +10,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from isomatch.assets import Asset
+from isomatch.assets import Asset, Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.transfer.bridge import Bridge, columns
 from isomatch.transfer.choices import Labelling, Side
 from isomatch.transfer.rotations import rotations
