@@ -5,6 +5,7 @@ Run ``python docs/_extensions/house.py`` to draw ``docs/images/house.svg`` again
 
 import ast
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[2] / "src" / "isomatch"
@@ -51,7 +52,7 @@ def storeys(graph):
 
 
 def necessary(graph):
-    """Imports that do not follow from others: a room reaches the others through them."""
+    """Leave out imports that follow from others: a room reaches those through what it imports anyway."""
     below = {}
     for room in sorted(graph, key=storeys(graph).get):
         below[room] = graph[room].union(*(below[other] for other in graph[room]))
@@ -85,7 +86,7 @@ def lanes(graph):
     links = {}
     for upper, *between, lower in chains:
         whole = [upper, *between, lower]
-        for k, (above, below) in enumerate(zip(whole, whole[1:])):
+        for k, (above, below) in enumerate(pairwise(whole)):
             storey = level[upper] - k
             links.setdefault((storey, above), []).append((storey - 1, below))
             links.setdefault((storey - 1, below), []).append((storey, above))
@@ -93,24 +94,21 @@ def lanes(graph):
 
 
 def _uncrossed(rows, links):
-    """Sort each row by the mean place of what it is linked to, several times."""
+    """Sort each row by the mean place of what it is linked to, upwards and downwards in turn."""
+    place = {}
+    for storey, row in enumerate(rows):
+        _number(row, storey, place)
     for sweep in range(12):
-        places = {
-            (storey, each): k - (len(row) - 1) / 2
-            for storey, row in enumerate(rows)
-            for k, each in enumerate(row)
-        }
-        order = range(len(rows)) if sweep % 2 else reversed(range(len(rows)))
-        for storey in order:
-
-            def mean(each, storey=storey):
-                near = [places[link] for link in links.get((storey, each), [])]
-                return sum(near) / len(near) if near else places[storey, each]
-
-            rows[storey].sort(key=mean)
-            for k, each in enumerate(rows[storey]):
-                places[storey, each] = k - (len(rows[storey]) - 1) / 2
+        for storey in range(len(rows)) if sweep % 2 else reversed(range(len(rows))):
+            linked = {each: [place[link] for link in links.get((storey, each), [])] for each in rows[storey]}
+            rows[storey].sort(key=lambda each: sum(linked[each]) / len(linked[each]))
+            _number(rows[storey], storey, place)
     return rows
+
+
+def _number(row, storey, place):
+    for k, each in enumerate(row):
+        place[storey, each] = k - (len(row) - 1) / 2
 
 
 def drawing(graph):
