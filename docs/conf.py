@@ -6,6 +6,9 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE / "_extensions"), str(HERE.parent / "src")]
 
+from gallery_files import copy_examples, files_scraper  # noqa: E402
+from sphinx_gallery.sorting import ExplicitOrder  # noqa: E402
+
 import isomatch  # noqa: E402
 
 project = "isomatch"
@@ -49,18 +52,25 @@ html_title = "isomatch"
 html_show_sphinx = False
 html_copy_source = False
 
+html_extra_path = ["_build/extra"]
+
+copy_examples()
 sphinx_gallery_conf = {
-    "examples_dirs": "../examples",
+    "examples_dirs": "_build/examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"\.py$",
-    "ignore_pattern": "blender_shape_keys|__init__",
-    "within_subsection_order": "ExampleTitleSortKey",
-    "image_scrapers": ("matplotlib",),
+    "ignore_pattern": "blender_shape_keys",  # needs Blender
+    "subsection_order": ExplicitOrder(
+        [f"_build/examples/{name}" for name in ("matching", "trust", "using", "distances")]
+    ),
+    "within_subsection_order": "in_order.InOrder",
+    "image_scrapers": ("matplotlib", files_scraper),
     "reset_modules": (),
+    "nested_sections": False,
     "download_all_examples": False,
     "show_memory": False,
+    "write_computation_times": False,
     "min_reported_time": 1e9,
-    "remove_config_comments": True,
-    "reference_url": {"isomatch": None},
-    "plot_gallery": "True",
+    "default_thumb_file": str(HERE / "images" / "demo.png"),
+    "thumbnail_size": (480, 320),
 }

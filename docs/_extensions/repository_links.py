@@ -18,9 +18,9 @@ def to_pages(app, name, source):
         path = PurePosixPath(match["path"])
         if path.name in PAGES:
             return f"]({PAGES[path.name]}"
-        return f"](/gallery/{path.stem}.rst"
+        return f"](/gallery/{path.parent.name}/{path.stem}.rst"
 
-    source[0] = re.sub(r"\]\((?:\.\./)+(?P<path>\w+\.md|examples/\w+\.py)", page, source[0])
+    source[0] = re.sub(r"\]\((?:\.\./)+(?P<path>\w+\.md|examples/\w+/\w+\.py)", page, source[0])
 
 
 def setup(app):

@@ -2,8 +2,8 @@
 A shape without its pose
 ========================
 
-The canonical form of a surface lies in space so that straight distances approximate the geodesic ones. Poses of one body
-have nearly the same form.
+The canonical form of a surface lies in space so that straight distances approximate the geodesic ones. Poses of one
+body have nearly the same form.
 """
 
 from isomatch import Mesh, canonical_form

@@ -2,8 +2,8 @@
 Your own descriptor
 ===================
 
-Functions that should correspond are a hint: a thickness, an activation, a learned feature. Give an array with a row for each
-vertex, for either shape. Here, two noisy measurements tell the two ends of a symmetric shape apart.
+Functions that should correspond are a hint: a thickness, an activation, a learned feature. Give an array with a row
+for each vertex, for either shape. Here, two noisy measurements tell the two ends of a symmetric shape apart.
 """
 
 import numpy as np

@@ -2,8 +2,9 @@
 Your own distances
 ==================
 
-All that matching needs of a metric is its columns: distances from one point to all others. A matrix, a function or an engine
-will do. Here, paths along the edges of the mesh cost more where the surface is low, as if the animal waded through water.
+All that matching needs of a metric is its columns: distances from one point to all others. A matrix, a function or
+an engine will do. Here, paths along the edges of the mesh cost more where the surface is low, as if the animal
+waded through water.
 """
 
 import numpy as np
@@ -35,7 +36,7 @@ class Wading(ColumnEngine):
 
 low, high = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
 engine = Wading(mesh, water=low + 0.4 * (high - low))
-engine.distances_from([0]).shape
+print("distances from two vertices:", engine.distances_from([0, 5]).shape)
 
 # %%
 # Wherever distances are used, the engine can be given: in a basis, in farthest point sampling, and in a match, by

@@ -2,8 +2,8 @@
 Continue from the map of another method
 =======================================
 
-A map of any method can be given as a start: one target vertex for each source vertex, −1 where unknown. It is refined, and
-it wins unless another map fits better.
+A map of any method can be given as a start: one target vertex for each source vertex, −1 where unknown. It is
+refined, and it wins unless another map fits better.
 """
 
 import numpy as np

@@ -2,8 +2,8 @@
 Give landmarks
 ==============
 
-Landmarks are pairs (source vertex, target vertex) that you know. Three are enough, five far from each other are better.
-Automatic maps compete with them: a wrong landmark is contradicted, not obeyed.
+Landmarks are pairs (source vertex, target vertex) that you know. Three are enough, five far from each other are
+better. Automatic maps compete with them: a wrong landmark is contradicted, not obeyed.
 """
 
 import numpy as np

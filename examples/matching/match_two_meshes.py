@@ -2,8 +2,8 @@
 Match two meshes
 ================
 
-Two poses of an animal, with different triangulations, are matched without any hint. Corresponding points have the same
-colour. The animals are made by isomatch, so the exact truth is known, and the error can be measured.
+Two poses of an animal, with different triangulations, are matched without any hint. Corresponding points have the
+same colour. The animals are made by isomatch, so the exact truth is known, and the error can be measured.
 """
 
 import numpy as np

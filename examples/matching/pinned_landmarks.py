@@ -2,8 +2,8 @@
 Landmarks that hold exactly
 ===========================
 
-By default, landmarks lead to a map, and their images are those that fit best everywhere. With ``pin=0`` they are exactly
-the points that you gave, and the map around them bends.
+By default, landmarks lead to a map, and their images are those that fit best everywhere. With ``pin=0`` they are
+exactly the points that you gave, and the map around them bends.
 """
 
 import numpy as np

@@ -2,8 +2,8 @@
 A point cloud
 =============
 
-Points without triangles can be matched, too. Such maps rest on distances and spectra alone, which do not tell a shape from
-its mirror image, so give landmarks where that matters.
+Points without triangles can be matched, too. Such maps rest on distances and spectra alone, which do not tell a
+shape from its mirror image, so give landmarks where that matters.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A symmetric shape, and its other map
 ====================================
 
-A shape with a symmetry has several maps that are equally good. One of them is returned, the outcome says so, and the others
-are among the alternatives.
+A shape with a symmetry has several maps that are equally good. One of them is returned, the outcome says so, and
+the others are among the alternatives.
 """
 
 import numpy as np
@@ -23,14 +23,11 @@ print("the source has:", result.symmetries[0])
 
 colours = position_colours(target)
 maps = {"returned": result.map, "first alternative": result.alternatives[0].map}
-images = [surface_image(target, colours, lambda c: np.clip(c, 0, 1), camera_of(target))]
-for found in maps.values():
-    images.append(
-        surface_image(source, found.pull_back(colours), lambda c: np.clip(c, 0, 1), camera_of(target))
-    )
+shown = [(target, colours), *((source, found.pull_back(colours)) for found in maps.values())]
+images = [surface_image(mesh, paint, lambda c: np.clip(c, 0, 1), camera_of(target)) for mesh, paint in shown]
 figure, _ = arranged_panels(images, ["target", *maps], per_row=3)
 figure.savefig("two_maps.png")
 
 # %%
-# Landmarks decide, and so does ``Config(start="pose")`` if the shapes lie in space in the same way. On the command line,
-# ``isomatch choose DIR 1`` continues with the first alternative.
+# Landmarks decide, and so does ``Config(start="pose")`` if the shapes lie in space in the same way. On the
+# command line, ``isomatch choose DIR 1`` continues with the first alternative.

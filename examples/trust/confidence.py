@@ -2,8 +2,8 @@
 How far to trust each vertex
 ============================
 
-A map may be right as a whole and poor in places. ``expected_error`` estimates the error of each image, without knowing the
-truth. Here, the truth is known, and drawn for comparison.
+A map may be right as a whole and poor in places. ``expected_error`` estimates the error of each image, without
+knowing the truth. Here, the truth is known, and drawn for comparison.
 """
 
 import numpy as np

@@ -2,9 +2,9 @@
 The report of a match
 =====================
 
-:func:`isomatch.view.write_report` writes one HTML file that needs no network: the outcome, what to do, both shapes in 3D and
-the alternatives. ``isomatch match`` writes it as ``report.html``. Turn the shapes below; click on one, and its image
-appears on the other.
+:func:`isomatch.view.write_report` writes one HTML file that needs no network: the outcome, what to do, both shapes
+in 3D and the alternatives. ``isomatch match`` writes it as ``report.html``. Turn the shapes below; click on one,
+and its image appears on the other.
 """
 
 from isomatch import match

@@ -2,8 +2,8 @@
 A wrong map, and how it is told
 ===============================
 
-A single view shows half of a body. Such scans are mostly matched wrongly, and reported so. An outcome is not a proof, but
-no other than ``CONVERGED`` and ``PARTIAL`` should be used without looking.
+A single view shows half of a body. Such scans are mostly matched wrongly, and reported so. An outcome is not a
+proof, but no other than ``CONVERGED`` and ``PARTIAL`` should be used without looking.
 """
 
 from isomatch import match

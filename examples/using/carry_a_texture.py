@@ -2,9 +2,10 @@
 Carry a texture
 ===============
 
-Files carry more than points and triangles: colours, labels, texture coordinates, skinning weights. :func:`isomatch.read_asset`
-reads all of it, and :func:`isomatch.carry_attributes` writes it onto another shape. Here a checker goes from one animal to
-another. ``isomatch transfer MAP SOURCE TARGET -o FILE`` does the same for files.
+Files carry more than points and triangles: colours, labels, texture coordinates, skinning weights.
+:func:`isomatch.read_asset` reads all of it, and :func:`isomatch.carry_attributes` writes it onto another shape.
+Here a checker goes from one animal to another. ``isomatch transfer MAP SOURCE TARGET -o FILE`` does the same for
+files.
 """
 
 from pathlib import Path

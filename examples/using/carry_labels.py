@@ -23,8 +23,9 @@ labels[(labels == 1) & (y < 0)] = 4
 names = ["body", "forelegs", "head", "tail", "hind legs"]
 
 # %%
-# The map leads from the scan to the labelled shape, so that labels can be pulled back. Integers are never averaged: each
-# vertex gets the label of the vertex nearest to its image, or the value of ``fill`` if it has none.
+# The map leads from the scan to the labelled shape, so that labels can be pulled back. Integers are never
+# averaged: each vertex gets the label of the vertex nearest to its image, or the value of ``fill`` if it has
+# none.
 
 result = match(scan, labelled.mesh)
 on_scan = result.map.pull_back(labels, fill=-1)

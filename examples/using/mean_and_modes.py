@@ -2,8 +2,8 @@
 From a folder of organs to mean and modes
 =========================================
 
-Eight kidneys of different build and bend, each with its own triangulation, are matched with one of them, brought into one
-topology, and described by their mean and the modes in which they vary.
+Eight kidneys of different build and bend, each with its own triangulation, are matched with one of them, brought
+into one topology, and described by their mean and the modes in which they vary.
 """
 
 from pathlib import Path

@@ -2,8 +2,8 @@
 One topology, and the shapes between
 ====================================
 
-:meth:`isomatch.MatchResult.as_mesh` gives the target's surface with the vertices and faces of the source. Then vertex i of
-one is vertex i of the other, as shape keys, blend shapes and statistics need it.
+:meth:`isomatch.MatchResult.as_mesh` gives the target's surface with the vertices and faces of the source. Then
+vertex i of one is vertex i of the other, as shape keys, blend shapes and statistics need it.
 """
 
 from isomatch import Mesh, match, wrap
@@ -22,9 +22,10 @@ wrapped = wrap(result.map, source, target)
 print(f"turned over: {wrapped.inverted_before} faces, {wrapped.inverted} after mending")
 
 # %%
-# Now vertices can be interpolated. The source is moved onto the target first, so that the shapes between do not shrink.
+# Now vertices can be interpolated. The source is moved onto the target first, so that the shapes between do not
+# shrink.
 
-from isomatch.statistics import CorrespondedShapes, generalised_procrustes  # noqa: E402
+from isomatch.statistics import CorrespondedShapes, generalised_procrustes
 
 pair = CorrespondedShapes.of_meshes({"source": source, "target": shared})
 aligned = generalised_procrustes(pair.vertices).aligned
