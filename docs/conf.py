@@ -1,5 +1,6 @@
 """The site: ``make docs`` builds it into ``docs/_build/html``, without the network."""
 
+import logging
 import sys
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from gallery_files import copy_examples, files_scraper  # noqa: E402
 from sphinx_gallery.sorting import ExplicitOrder  # noqa: E402
 
 import isomatch  # noqa: E402
+
+logging.getLogger("isomatch").setLevel(logging.WARNING)  # an example may load a package that logs everything
 
 project = "isomatch"
 author = "The isomatch authors"

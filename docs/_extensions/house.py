@@ -45,9 +45,11 @@ def storeys(graph):
     """Storey of each room: one above the highest room that it imports."""
     level = {}
     while len(level) < len(graph):
-        for room in sorted(set(graph) - set(level)):
-            if graph[room] <= set(level):
-                level[room] = 1 + max((level[other] for other in graph[room]), default=-1)
+        ready = [room for room in sorted(set(graph) - set(level)) if graph[room] <= set(level)]
+        if not ready:
+            raise ValueError(f"these rooms import each other: {sorted(set(graph) - set(level))}")
+        for room in ready:
+            level[room] = 1 + max((level[other] for other in graph[room]), default=-1)
     return level
 
 

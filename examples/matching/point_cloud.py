@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch import PointCloud, distance_engine, farthest_point_sampling, match
 from isomatch.datasets import creature, ground_truth
-from isomatch.view import position_colours
+from isomatch.view import position_colours, to_screen
 
 scanned, model = creature(3000, pose=1), creature(3000, pose=2, triangulation=1)
 points = PointCloud(scanned.mesh.vertices)
@@ -30,7 +30,7 @@ for k, (xyz, paint) in enumerate(
     [(points.vertices, result.map.pull_back(colours)), (model.mesh.vertices, colours)], 1
 ):
     axes = figure.add_subplot(1, 2, k, projection="3d")
-    axes.scatter(*xyz.T, c=np.clip(paint, 0, 1), s=3)
+    axes.scatter(*xyz.T, c=to_screen(paint), s=3)
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.view_init(15, -20)

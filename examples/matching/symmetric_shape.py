@@ -6,11 +6,9 @@ A shape with a symmetry has several maps that are equally good. One of them is r
 the others are among the alternatives.
 """
 
-import numpy as np
-
 from isomatch import match
 from isomatch.datasets import organ
-from isomatch.view import arranged_panels, camera_of, position_colours, surface_image
+from isomatch.view import arranged_panels, camera_of, position_colours, surface_image, to_screen
 
 source = organ("liver", 2500, symmetry="turn", pose=1).mesh
 target = organ("liver", 2500, symmetry="turn", pose=2).mesh
@@ -24,7 +22,7 @@ print("the source has:", result.symmetries[0])
 colours = position_colours(target)
 maps = {"returned": result.map, "first alternative": result.alternatives[0].map}
 shown = [(target, colours), *((source, found.pull_back(colours)) for found in maps.values())]
-images = [surface_image(mesh, paint, lambda c: np.clip(c, 0, 1), camera_of(target)) for mesh, paint in shown]
+images = [surface_image(mesh, paint, to_screen, camera_of(target)) for mesh, paint in shown]
 figure, _ = arranged_panels(images, ["target", *maps], per_row=3)
 figure.savefig("two_maps.png")
 

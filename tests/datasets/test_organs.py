@@ -72,6 +72,7 @@ def test_the_set_has_asymmetric_and_symmetric_pairs():
     assert pair.truth.max(axis=0).tolist() <= [pair.source.n_vertices - 1, pair.target.n_vertices - 1]
     assert organs.load(*organs.pairs[0]).mirrored is None
 
+
 def test_an_unknown_organ_is_refused_by_name():
     with pytest.raises(SettingError, match="unknown organ 'spleen'; choose from kidney"):
         organ("spleen")
