@@ -61,8 +61,8 @@ copy_examples()
 sphinx_gallery_conf = {
     "examples_dirs": "_build/examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"\.py$",
-    "ignore_pattern": "blender_shape_keys",  # needs Blender
+    "filename_pattern": r"/(?!blender)\w+\.py$",  # one needs Blender
+    "ignore_pattern": r"__init__",
     "subsection_order": ExplicitOrder(
         [f"_build/examples/{name}" for name in ("matching", "trust", "using", "distances")]
     ),

@@ -1,26 +1,22 @@
-"""Links that leave ``docs/`` for a file of the repository, which the site shows as a page of its own."""
+"""Files of the repository as pages of the site, and links to them and to the examples."""
 
 import re
-from pathlib import PurePosixPath
+from pathlib import Path
 
-PAGES = {
-    "CONTRIBUTING.md": "/contributing.md",
-    "CHANGELOG.md": "/changelog.md",
-    "SECURITY.md": "/security.md",
-    "README.md": "/index.md",
+ROOT = Path(__file__).parents[2]
+PAGES = {name: f"/{name.lower()}" for name in ("CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")} | {
+    "README.md": "/index.md"
 }
+INCLUDED = re.compile(r"```\{include\} \.\./(\w+\.md)\n.*?```", re.DOTALL)
 
 
 def to_pages(app, name, source):
-    """Send links such as ``../CONTRIBUTING.md`` and ``../examples/NAME.py`` to the pages made from these files."""
-
-    def page(match):
-        path = PurePosixPath(match["path"])
-        if path.name in PAGES:
-            return f"]({PAGES[path.name]}"
-        return f"](/gallery/{path.parent.name}/{path.stem}.rst"
-
-    source[0] = re.sub(r"\]\((?:\.\./)+(?P<path>\w+\.md|examples/\w+/\w+\.py)", page, source[0])
+    """Include files with their links turned; links to a file or an example lead to the page that is made from it."""
+    text = INCLUDED.sub(
+        lambda found: (ROOT / found[1]).read_text(encoding="utf-8").replace("](docs/", "]("), source[0]
+    )
+    text = re.sub(r"\]\((?:\.\./)*([A-Z]+\.md)", lambda found: f"]({PAGES.get(found[1], found[1])}", text)
+    source[0] = re.sub(r"\]\((?:\.\./)*examples/(\w+/\w+)\.py", r"](/gallery/\1.rst", text)
 
 
 def setup(app):

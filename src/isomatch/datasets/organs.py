@@ -43,7 +43,7 @@ class Organ:
     rest : (n, 3) array
         Position of each vertex on the rest surface, which all organs of one kind, style and symmetry share.
     symmetry : {"none", "mirror", "turn"}
-        Which map of `SIGNS` carries the rest surface onto itself; bending does not change it.
+        Which map carries the rest surface onto itself; bending does not change it.
     """
 
     mesh: Mesh
@@ -59,7 +59,7 @@ def organ(
     Parameters
     ----------
     kind : str
-        One of `PLANS`.
+        "kidney", "hippocampus", "liver", "heart", "nodule", "face", "cortex" or "tube".
     n_vertices : int
         Number of vertices, to 5 % of closed organs, of open ones to 15 %.
     style : int
