@@ -72,6 +72,7 @@ sphinx_gallery_conf = {
     "nested_sections": False,
     "download_all_examples": False,
     "show_memory": False,
+    "show_signature": False,
     "write_computation_times": False,
     "min_reported_time": 1e9,
     "default_thumb_file": str(HERE / "images" / "demo.png"),
