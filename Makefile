@@ -7,7 +7,7 @@ LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
+.PHONY: demo docs test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -26,6 +26,13 @@ $(VENV)/uv:
 
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
+
+$(VENV)/docs: pyproject.toml $(VENV)/core
+	$(BIN)/python $(PIP) -e '.[docs]'
+	@touch $@
+
+docs: $(VENV)/docs
+	$(BIN)/python -m sphinx -n -W --keep-going docs docs/_build/html
 
 test: $(VENV)/dev lint types
 	$(BIN)/python -m pytest -n auto --dist loadfile

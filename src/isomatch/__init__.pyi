@@ -1,4 +1,4 @@
-from isomatch.assets import Asset, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
+from isomatch.assets import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -53,6 +53,7 @@ __version__: str
 
 __all__ = [
     "Asset",
+    "Attribute",
     "BothDirections",
     "CanonicalForm",
     "Collection",

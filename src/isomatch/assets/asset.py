@@ -142,7 +142,7 @@ class Asset:
         """The surface for matching: triangles between welded points, where the file puts them.
 
         Points at exactly the same position are one vertex, so that seams are closed. Its faces are those of
-        `polygons.triangles`, in order; vertices are numbered by the first of their points.
+        ``polygons.triangles``, in order; vertices are numbered by the first of their points.
         """
         return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 

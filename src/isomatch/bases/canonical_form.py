@@ -42,7 +42,7 @@ class CanonicalForm:
     values : (dim,) array of float
         Eigenvalues of −½ J D² J that belong to the axes, decreasing.
     stress : float
-        √(Σ w_i (|x_i − x_j| − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
+        √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
         that a Euclidean space of this dimension cannot reproduce.
     """
 

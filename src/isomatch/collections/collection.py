@@ -52,7 +52,7 @@ class Collection:
     shapes : tuple of Entry
         Names and files of the shapes.
     pairs : str
-        Which pairs are matched, see `pairs_of`.
+        Which pairs are matched, see `create`.
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
     config : Config
@@ -86,12 +86,13 @@ class Collection:
         folder : path_like
             Where prepared shapes, maps and tables are kept.
         shapes : path_like or iterable of path_like
-            See `entries_of`.
+            A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
+            with a column ``path``, relative to its folder, and perhaps ``name``; or the files.
         pairs : str
-            "star": the template with each other shape; "all"; "chain"; or a CSV file, see `pairs_of`. Each pair is
-            matched in both directions.
+            "star": the template with each other shape; "all"; "chain", each with the next; or a CSV file with
+            columns ``source`` and ``target``. Each pair is matched in both directions.
         template : str, optional
-            Name of a shape, or its file; by default the medoid, see `medoid`.
+            Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
         config : Config, optional
             Settings of the matches.
         seed : int
@@ -220,9 +221,10 @@ class Collection:
         Parameters
         ----------
         executor : str or Executor
-            See `workers_of`.
+            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
+            executor of `concurrent.futures`.
         jobs : int, optional
-            How many run at once.
+            How many run at once; by default one for each processor.
         shard : (int, int)
             Which part of the pairs: index from 0, and their number. Several runs, on one machine or on many that see
             the same folder, each do one. Each prepares the shapes it needs.
@@ -232,7 +234,7 @@ class Collection:
         Raises
         ------
         InputError
-            If the executor is not usable, see `workers_of`.
+            If the executor is not known, or the cluster does not answer.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """

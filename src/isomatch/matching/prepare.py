@@ -276,7 +276,7 @@ class PreparedShape(SmoothShape):
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Maps of the shape onto itself, by rows of its search vertices; see `find_symmetries`."""
+        """Maps of the shape onto itself, by rows of its search vertices."""
         settings = self.config.symmetry
         vertices = self.sample_vertices[: self.config.n_search]
         basis = SampledBasis(self.laplace.vectors, vertices)

@@ -124,7 +124,7 @@ class Quality:
         Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
         outside, near −1 it mirrors, between it is twisted; nan without triangles on both.
     distortion_mean, distortion_p95 : float
-        Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
+        Mean and 95th percentile of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance divided by √area of its
         own surface, over pairs of a farthest point sample and a spread vertex; marched on the source, low-rank on the
         target, so that the error of the basis, about half a per cent, is part of it. A graph's distances are scaled to
         the same average.

@@ -96,7 +96,7 @@ class MeshReport:
         Vertices with the defect. A coincident vertex is at exactly the position of an earlier one.
     out_of_range_faces, repeated_index_faces, duplicate_faces, zero_area_faces, sliver_faces : (d,) array of
     int
-        Faces with the defect; see `ZERO_AREA_RATIO` and `SLIVER_RATIO`.
+        Faces with the defect; see ``ZERO_AREA_RATIO`` and ``SLIVER_RATIO`` in this file.
     non_manifold_edges, inconsistent_edges : (d, 2) array of int
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int

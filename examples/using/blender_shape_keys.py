@@ -1,9 +1,15 @@
-"""In Blender: a matched shape as a shape key, and vertex groups carried to it by topology.
+"""
+Shape keys in Blender
+=====================
 
-    isomatch match SOURCE.ply TARGET.ply -o result --as-mesh shared.ply
-    blender --background --python examples/blender_shape_keys.py -- SOURCE.ply shared.ply picture.png
+A matched shape becomes a shape key, and vertex groups are carried to it by topology.
 
-With ``pip install bpy``, ``python examples/blender_shape_keys.py SOURCE.ply shared.ply picture.png`` will do.
+.. code-block:: console
+
+    $ isomatch match SOURCE.ply TARGET.ply -o result --as-mesh shared.ply
+    $ blender --background --python examples/using/blender_shape_keys.py -- SOURCE.ply shared.ply picture.png
+
+With ``pip install bpy``, ``python examples/using/blender_shape_keys.py SOURCE.ply shared.ply picture.png`` will do.
 """
 
 import sys
