@@ -21,10 +21,11 @@ from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import (
     Hints,
 )
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
-from isomatch.matching.result import MatchResult, Outcome
+from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.vertex_confidence import expected_errors
 from isomatch.surfaces import Mesh
