@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
-from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.attribute import Attribute, Domain, Kind
+from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 

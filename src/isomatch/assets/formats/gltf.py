@@ -11,7 +11,8 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, told_apart
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.formats._gltf_attributes import (
     gather,
     joined,
