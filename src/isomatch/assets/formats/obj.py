@@ -12,7 +12,7 @@ from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import MeshError, some
-from isomatch.surfaces import Mesh, first_equal
+from isomatch.surfaces import Mesh, welded
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
 """The keyword of each attribute that is written before the faces that it holds for."""
@@ -120,12 +120,12 @@ def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     if not found:
         return np.zeros((0, width)), np.full(len(corners), -1)
     values = found[0].values[:, :width].astype(np.float64)
-    is_none = np.isnan(values).any(axis=1)
+    rows = np.flatnonzero(~np.isnan(values).any(axis=1))
     of_points = found[0].domain == "point"
-    first = np.arange(len(values)) if of_points else first_equal(values)
-    new = (first == np.arange(len(first))) & ~is_none
-    index = np.where(is_none, -1, (np.cumsum(new) - 1)[first])
-    return values[new], index[corners] if of_points else index
+    kept, place = (np.arange(len(rows)),) * 2 if of_points else welded(values[rows])
+    index = np.full(len(values), -1)
+    index[rows] = place
+    return values[rows[kept]], index[corners] if of_points else index
 
 
 def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
