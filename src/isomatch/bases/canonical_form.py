@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike
 from isomatch.bases.choices import Weighting
 from isomatch.bases.distance_basis import orthonormalised
 from isomatch.bases.domain import basis_domain
@@ -25,7 +26,6 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.surfaces import SurfaceLike
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 

@@ -13,11 +13,12 @@ from isomatch._arrays import AnyArray, FloatArray, single
 from isomatch._memory import require_memory
 from isomatch._settings import generator
 from isomatch._threads import row_product, serial_blas
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
-from isomatch.surfaces import Mesh, Surface, SurfaceLike, surface_from
+from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 

@@ -13,6 +13,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from isomatch._limits import peak_memory
+from isomatch.assets import surface_from
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
@@ -20,7 +21,6 @@ from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
 from isomatch.errors import FormatError
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
-from isomatch.surfaces import surface_from
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 

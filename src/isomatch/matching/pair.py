@@ -9,13 +9,13 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
-from isomatch.surfaces import SurfaceLike
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +132,14 @@ class ShapePair(SmoothPair):
     def sideless(self) -> bool:
         """Whether the target has symmetries but no inside, so that rotations cannot be told from mirror images."""
         return bool(self.target.symmetries) and self.target.one_sided
+
+    @property
+    def round(self) -> bool:
+        """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
+        counts = [
+            sum(each.orientation >= 0 for each in shape.symmetries) for shape in (self.source, self.target)
+        ]
+        return min(counts) >= self.config.outcome.many_rotations
 
     @property
     def notes(self) -> tuple[str, ...]:

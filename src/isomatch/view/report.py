@@ -84,7 +84,7 @@ def write_report(
     Raises
     ------
     DescriptorError
-        If a layer does not have one number for each source vertex.
+        If a layer does not have one number for each source vertex, or has the name of one that is always there.
     LandmarkError
         If landmarks are not pairs of integers.
     UnwritableFileError
