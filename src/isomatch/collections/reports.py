@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from isomatch.assets import mesh_from
 from isomatch.collections.collection import Collection, is_contradicted
 from isomatch.collections.jobs import row_of
 from isomatch.collections.layout import Layout
@@ -20,7 +21,6 @@ from isomatch.collections.pairs import Pair
 from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, workers_of
 from isomatch.matching import MatchResult, Outcome, Quality
-from isomatch.surfaces import mesh_from
 from isomatch.view import write_report
 
 ALSO = 3  # the worst of the pairs that are not in doubt
