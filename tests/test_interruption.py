@@ -99,6 +99,13 @@ def test_what_is_told_reaches_the_thread_that_asked():
     assert seen == [(7, threading.get_ident())]
 
 
+def test_what_is_told_from_threads_reaches_the_thread_that_asked(monkeypatch):
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
+    seen = []
+    parallel_map(lambda i: tell(lambda value: seen.append((value, threading.get_ident())), i), range(4))
+    assert sorted(seen) == [(i, threading.get_ident()) for i in range(4)]
+
+
 class Enough(Exception):
     """The caller's own."""
 

@@ -1,14 +1,17 @@
 """Work on several threads gives the results of one."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from threading import Barrier
+from itertools import count
+from threading import Barrier, Event
 
 import numpy as np
 import pytest
 
 from isomatch._cached import cached_property
 from isomatch._threads import ROWS, parallel_map, row_product
+from isomatch.surfaces import Mesh, surface_in_use
 
 
 @pytest.mark.parametrize("n", [0, 1, ROWS, 2 * ROWS + 3])
@@ -69,3 +72,30 @@ def test_properties_of_two_objects_are_computed_at_once():
 def test_a_property_is_known_by_its_class():
     assert Shape.title.__doc__ == "What it is called."
     assert "title" in vars(Shape)
+
+
+def test_a_surface_is_found_by_its_hash_while_others_are_hashed():
+    here = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    known = [here.moved(here.vertices + i) for i in range(2000)]
+    assert len({mesh.content_hash for mesh in known}) == 2000
+    done = Event()
+
+    def hash_others():
+        for i in count():
+            if done.is_set():
+                return
+            assert here.moved(here.vertices - i).content_hash
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            work = [pool.submit(hash_others) for _ in range(2)]
+            try:
+                assert surface_in_use(known[7].content_hash) is known[7]
+                assert all(surface_in_use("none") is None for _ in range(300))
+            finally:
+                done.set()
+        assert all(each.result() is None for each in work)
+    finally:
+        sys.setswitchinterval(interval)

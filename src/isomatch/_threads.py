@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from isomatch._arrays import FloatArray
-from isomatch._interruption import POLL, Call, current_call, stop_if_abandoned
+from isomatch._interruption import current_call, in_background, stop_if_abandoned
 from isomatch._limits import processors
 from isomatch.errors import SettingError
 
@@ -48,7 +48,9 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     workers = min(n_threads(), len(todo))
     if workers <= 1 or getattr(_inside, "item", False):
         return [_applied(function, item) for item in todo]
-    call = current_call() or Call()
+    call = current_call()
+    if call is None:
+        return in_background(lambda: parallel_map(function, todo))
     results: dict[int, R] = {}
     errors: dict[int, BaseException] = {}
     numbers, taking = iter(range(len(todo))), Lock()
@@ -70,8 +72,7 @@ def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         for thread in threads:
             thread.start()
         for thread in threads:
-            while thread.is_alive():
-                thread.join(POLL)
+            thread.join()
     except BaseException:
         call.abandoned = True
         raise

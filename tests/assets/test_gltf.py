@@ -148,6 +148,17 @@ def test_weights_of_more_joints_than_a_point_can_have(tmp_path):
     np.testing.assert_allclose(found.dense_weights[0, [0, 2]], np.array([0.4, 0.2]) / 0.85, atol=1e-6)
 
 
+def test_new_joints_are_bound_where_they_are(tmp_path):
+    """As files may leave unsaid, but then several readers crash."""
+    write_asset(tmp_path / "a.glb", whole())
+    gltf = unpacked((tmp_path / "a.glb").read_bytes(), "a.glb")
+    skin = gltf.json["skins"][0]
+    accessor = gltf.json["accessors"][skin["inverseBindMatrices"]]
+    start = gltf.json["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    matrices = np.frombuffer(gltf.blob, "<f4", 16 * accessor["count"], start).reshape(-1, 4, 4)
+    assert np.array_equal(matrices, np.tile(np.eye(4), (len(skin["joints"]), 1, 1)))
+
+
 def test_a_seam_splits_points_morphs_and_all(path, tmp_path):
     asset = read_asset(path)
     uv = Attribute("uv", "corner", "uv", np.random.default_rng(1).random((12, 2)).astype(np.float32))

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from isomatch.assets import Contents, read_mesh, write_mesh
-from isomatch.assets.formats import FORMATS
+from isomatch.assets import FORMATS, Asset, read_mesh, write_mesh
 from isomatch.errors import DescriptorError, FormatError, MeshError, MissingFileError
 from isomatch.surfaces import Mesh
 from zoo import grid, torus, zoo
@@ -29,7 +28,7 @@ def meshes(draw, width=64):
 
 def round_trip(mesh, suffix, options):
     mesh_format = FORMATS[suffix]
-    return mesh_format.read(mesh_format.write(Contents.of_mesh(mesh), **options), "file")
+    return mesh_format.read(mesh_format.write(Asset.of_mesh(mesh), **options), "file")
 
 
 def assert_same(a, b):
@@ -177,7 +176,7 @@ def test_missing_files_and_folders(tmp_path):
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_a_damaged_file_gives_a_mesh_or_one_line_that_says_where(suffix, options, data):
-    content = bytearray(FORMATS[suffix].write(Contents.of_mesh(grid(3, 3)), **options))
+    content = bytearray(FORMATS[suffix].write(Asset.of_mesh(grid(3, 3)), **options))
     start = data.draw(st.integers(0, len(content)))
     content[start : start + data.draw(st.integers(0, 6))] = data.draw(st.binary(max_size=4))
     message = "file:1: expected nothing else"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch.assets import Contents
+from isomatch.assets import Asset
 from isomatch.assets.formats import obj, off, stl
 from isomatch.errors import FormatError
 
@@ -145,7 +145,7 @@ def test_stl_text(name):
 @pytest.mark.parametrize("start", [b"solid made by a careless program", b"binary"])
 def test_stl_binary_whatever_its_first_word(start):
     text = stl.read(f"solid\n{TWO_FACETS}endsolid\n".encode(), "a.stl")
-    data = start.ljust(80) + stl.write(Contents.of_mesh(text))[80:]
+    data = start.ljust(80) + stl.write(Asset.of_mesh(text))[80:]
     np.testing.assert_array_equal(stl.read(data, "a.stl").faces, HALVES)
 
 

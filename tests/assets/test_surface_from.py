@@ -42,7 +42,8 @@ def open3d_mesh(vertices, triangles):
     except ImportError:
         return SimpleNamespace(vertices=list(vertices), triangles=list(triangles))
     return open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(vertices), open3d.utility.Vector3iVector(triangles)
+        open3d.utility.Vector3dVector(np.array(vertices)),
+        open3d.utility.Vector3iVector(np.array(triangles, dtype=np.int32)),
     )
 
 
@@ -96,6 +97,7 @@ def test_without_faces_the_vertices_are_points(tmp_path):
         tmp_path / "points.off",
         (VERTICES, []),
         pyvista.PolyData(VERTICES, faces=np.zeros(0, dtype=int)),
+        trimesh.PointCloud(VERTICES),
     ):
         assert isinstance(surface_from(given), PointCloud)
         assert mesh_from(given).n_faces == 0
@@ -112,8 +114,8 @@ def test_surfaces_stay_what_they_are():
         (VERTICES, "a numpy.ndarray is no mesh; give a Mesh, the path .* PointCloud"),
         ([VERTICES, TRIANGLES], "builtins.list is no mesh"),
         (None, "NoneType is no mesh"),
-        (trimesh.Scene([trimesh.creation.box()]), "trimesh.*Scene is no mesh"),
-        (trimesh.PointCloud(VERTICES), "PointCloud is no mesh; .* where points will do"),
+        (trimesh.Scene([trimesh.creation.box()]), r"trimesh.*Scene is no mesh; its to_geometry\(\) is one;"),
+        (SimpleNamespace(points=VERTICES), "SimpleNamespace is no mesh; .* where points will do"),
         (pyvista.ImageData(), "ImageData is no mesh"),
         (meshio.Mesh(VERTICES, [("tetra", [[0, 1, 2, 3]])]), "no triangles, quads or polygons but tetra"),
         ((VERTICES, [[0, 1, 2, 3]]), r"faces have shape \(1, 4\), .* split polygons"),

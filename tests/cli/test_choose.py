@@ -63,6 +63,7 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     assert main(["choose", str(result), "2", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record == json.loads((result / "result.json").read_text())
+    assert record["origin"] == "try 1"
     assert "alternative 2, from try 1, was chosen" in record["notes"][0]
     assert [each["origin"].split(",")[0] for each in record["alternatives"]] == ["the map before", "try 0"]
     assert [each["energy"] for each in record["alternatives"]] == [None, 0.1]
@@ -78,6 +79,18 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     assert np.median(moved) < 0.05 * np.sqrt(target.area)
     report = (result / "report.html").read_text(encoding="utf-8")
     assert "<figcaption>Alternative 1, from the map before, extremities</figcaption>" in report
+
+
+def test_choosing_again_tells_where_maps_came_from(result):
+    record = json.loads((result / "result.json").read_text())
+    first = record["origin"]
+    del record["files"]["report"]
+    (result / "result.json").write_text(json.dumps(record))
+    for number in ("1", "2"):
+        assert main(["choose", str(result), number]) == 0
+    record = json.loads((result / "result.json").read_text())
+    origins = [record["origin"], *(each["origin"] for each in record["alternatives"])]
+    assert origins == ["try 1", "the map before, try 0", first]
 
 
 def test_landmarks_are_held_on_and_the_pose_no_longer_leads(shapes, tmp_path):

@@ -114,6 +114,11 @@ def test_unmatched_values_are_not_pushed():
     assert Correspondence([0, -1], 1).push_forward([2.0, np.nan], [1.0, 1.0]).tolist() == [2.0]
 
 
+def test_where_no_image_lies_an_integral_is_0_even_without_area():
+    f = Correspondence([0, 0], 3)
+    assert f.push_forward([1.0, 2.0], [1.0, 1.0], target_areas=[2.0, 1.0, 0.0]).tolist() == [1.5, 0.0, 0.0]
+
+
 @pytest.mark.parametrize(
     ("values", "source_areas", "target_areas", "message"),
     [

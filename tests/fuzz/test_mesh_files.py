@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch import read_asset, write_asset
-from isomatch.assets import Contents
-from isomatch.assets.formats import FORMATS
+from isomatch.assets import FORMATS, Asset
 from isomatch.errors import FormatError
 from zoo import grid, torus
 
@@ -32,7 +31,7 @@ MIXED_BINARY_PLY = (
 
 
 def written(suffix, mesh, **options):
-    return FORMATS[suffix].write(Contents.of_mesh(mesh), **options)
+    return FORMATS[suffix].write(Asset.of_mesh(mesh), **options)
 
 
 SEEDS = {

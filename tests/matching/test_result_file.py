@@ -123,6 +123,28 @@ def test_points_and_graphs_in_files(tmp_path):
         assert PreparedShape.load(tmp_path / "shape.npz").surface.content_hash == surface.content_hash
 
 
+@pytest.mark.parametrize(
+    ("name", "row", "value", "message"),
+    [
+        ("sample_vertices", 3, 10**9, r"sample_vertices 0…1000000000 are outside 0…\d+"),
+        ("body_vertex", 0, -2, "body_vertex -2…"),
+        ("user_vertex", 0, 10**6, "user_vertex 1…1000000 are outside"),
+        ("owner", 1, -1, "owner -1…"),
+        ("extremities", 0, 10**6, "extremities"),
+    ],
+)
+def test_vertices_that_a_prepared_shape_does_not_have(tmp_path, example, name, row, value, message):
+    """Of a file that was made on purpose, with the right digest."""
+    shape = prepare(example[0].mesh, Config(levels=LevelSettings(matched=1000, polished=2000)))
+    holder = shape.detail.transfer.coarse if name == "owner" else shape
+    changed = getattr(holder, name).copy()
+    changed[row] = value
+    object.__setattr__(holder, name, changed)
+    shape.save(tmp_path / "shape.npz")
+    with pytest.raises(FormatError, match=rf"shape\.npz: not a prepared shape \({message}"):
+        PreparedShape.load(tmp_path / "shape.npz")
+
+
 def test_what_is_no_prepared_shape(tmp_path, prepared_example, result):
     path = tmp_path / "shape.npz"
     prepared_example[0].save(path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature
+from isomatch.datasets import creature, relabelled
 from isomatch.matching import SymmetrySettings, prepare_pair
 from isomatch.matching.search import symmetric_variants
 from shapes import box, cylinder, disguised, icosphere
@@ -93,6 +93,17 @@ def test_copies_of_symmetric_shapes_are_ambiguous(name):
 def test_symmetric_shapes_of_other_triangles_are_ambiguous(name):
     found = match(SYMMETRIC[name](), disguised(OTHERWISE_CUT[name](), seed=2).mesh)
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
+
+
+def test_a_ball_is_ambiguous_however_well_a_map_fits():
+    """Its triangles betray one map, beside which coarse settings find no other."""
+    settings = Config(n_columns=40, rank=8, n_functions=60, n_search=300, n_refine=500, refinement="smooth")
+    copy, new_vertex = relabelled(icosphere(3), 96)
+    found = match(icosphere(3), copy, config=settings)
+    assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
+    assert found.quality.rival > settings.outcome.tie
+    known = np.column_stack([np.arange(0, 600, 100), new_vertex[:600:100]])
+    assert match(icosphere(3), copy, landmarks=known).outcome is Outcome.CONVERGED
 
 
 def test_a_dent_resolves_the_symmetry():

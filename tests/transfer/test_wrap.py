@@ -58,6 +58,16 @@ def test_inverted_faces_are_mended_on_the_surface(seed):
     assert np.linalg.norm(wrapped.mesh.vertices - source.vertices, axis=1).max() < 0.5
 
 
+def test_what_is_mended_here_does_not_depend_on_what_is_mended_there():
+    strip = flat_grid(40, 5)
+    images = np.tile(np.arange(200), (2, 1))
+    images[:, 22] = 32
+    images[1, 152] = 167
+    one, both = (wrap(Correspondence(image, 200), strip, strip) for image in images)
+    assert both.inverted_before > one.inverted_before > both.inverted == one.inverted == 0
+    np.testing.assert_allclose(both.mesh.vertices[:100], one.mesh.vertices[:100], atol=1e-9)
+
+
 def test_vertices_at_a_seam_stay_together():
     whole = flat_grid(5, 5)
     corners, faces = whole.faces.ravel(), np.arange(whole.faces.size).reshape(-1, 3)
@@ -86,6 +96,16 @@ def test_what_has_no_image_continues_what_has():
     wanted = source.vertices @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
     np.testing.assert_allclose(wrapped.mesh.vertices[49:], wanted[49:], atol=1e-9)
     np.testing.assert_allclose(wrapped.mesh.vertices[:49], wanted[:49], atol=1e-6)
+
+
+def test_vertices_without_faces_move_with_the_surface_near_them():
+    grid, n = flat_grid(30, 30), 500
+    rng = np.random.default_rng(0)
+    source = Mesh(np.vstack([grid.vertices, rng.uniform(0, 30, (n, 3))]), grid.faces)
+    image = np.append(np.arange(900), np.full(n, -1))
+    wrapped = wrap(Correspondence(image, 900), source, grid.moved(grid.vertices + 1))
+    assert wrapped.extended == n
+    np.testing.assert_allclose(wrapped.mesh.vertices, source.vertices + 1, atol=1e-9)
 
 
 def test_a_map_of_other_surfaces_is_refused():

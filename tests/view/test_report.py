@@ -295,6 +295,15 @@ def test_the_stretch_of_a_similarity_is_one_and_of_a_scaled_part_its_scale(pair)
     assert np.median(values[~far]) == 1.0
 
 
+@pytest.mark.parametrize("name", ["position", "stretch", "expected error"])
+def test_a_layer_takes_no_name_of_another(pair, result, name, tmp_path):
+    source, target, _ = pair
+    with pytest.raises(DescriptorError, match=f"a layer '{name}' of its own"):
+        write_report(
+            tmp_path / "report.html", source, target, result, layers={name: np.zeros(source.n_vertices)}
+        )
+
+
 @pytest.mark.parametrize("values", [np.zeros(7), np.zeros((2968, 1)), ["a"] * 2968])
 def test_a_layer_needs_one_number_for_each_source_vertex(pair, result, values, tmp_path):
     with pytest.raises(DescriptorError, match="layer 'error'"):

@@ -9,8 +9,10 @@ from isomatch.datasets import example_pair, ground_truth
 from isomatch.surfaces import Mesh
 from isomatch.view import ValuePanel, draw_map, position_colours
 from isomatch.view.camera import camera_of, turn_to_target
+from shapes import icosphere
 
 WIDTH = 400
+BALL = icosphere(2)
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +100,20 @@ def test_the_camera_finds_which_axis_is_up(pair, up):
     np.testing.assert_allclose(camera @ camera.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(camera) == pytest.approx(1)
     assert camera[1]["xyz".index(up)] > 0.9
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_long_animal_stands_on_its_legs(pair, up):
+    animal = pair[0].vertices * [1, 2, 1]
+    camera = camera_of(Mesh(animal if up == "z" else animal[:, [1, 2, 0]], pair[0].faces))
+    assert camera[1]["xyz".index(up)] > 0.9
+
+
+@pytest.mark.parametrize("up", [1, 2])
+def test_the_floor_of_a_file_tells_what_is_up(up):
+    ball = BALL.vertices * [1, 3, 2] + [0, 7, 8]
+    ball[:, up] -= ball[:, up].min()
+    assert camera_of(Mesh(ball, BALL.faces))[1, up] > 0.9
 
 
 def test_a_sheet_is_seen_from_above():

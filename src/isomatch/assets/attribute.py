@@ -144,6 +144,11 @@ class Attribute:
         return values.astype(np.uint8) if values.dtype.kind == "b" else values
 
     @property
+    def is_tangent(self) -> bool:
+        """Whether these are tangents, along which the first texture coordinate rises."""
+        return self.kind == "vector" and self.name.startswith("tangent")
+
+    @property
     def full(self) -> float:
         """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
         kind = self.values.dtype

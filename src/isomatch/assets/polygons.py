@@ -72,6 +72,12 @@ class Polygons:
         return triangulate(self.corners, self.sizes)
 
     @property
+    def starts(self) -> IntArray:
+        """(p,) the first corner of each polygon."""
+        starts: IntArray = np.cumsum(self.sizes) - self.sizes
+        return starts
+
+    @property
     def of_triangle(self) -> IntArray:
         """(m,) the polygon that each triangle is a piece of."""
         return np.repeat(np.arange(len(self)), self.sizes - 2)

@@ -35,6 +35,8 @@ class SpectralGmdsConfig(Settings):
         Weights of the distances, of the hints or signatures, and of the map of the previous stage.
     icp_steps : int
         Maximum number of iterations in the spectral domain that turn the functional map into a map of points.
+    final_sizes : tuple of int
+        Laplace–Beltrami functions with which the map of points grows at the end, as in ZoomOut; empty leaves it as it is.
     orientation : {"any", "preserve", "reverse"}
         Orientation that the outcome expects; distances do not depend on it.
     """
@@ -44,6 +46,9 @@ class SpectralGmdsConfig(Settings):
     data_weight: float = setting(1.0, least=0)
     previous_weight: float = setting(1.0, least=0)
     icp_steps: int = setting(15, least=1)
+    final_sizes: tuple[int, ...] = setting(
+        tuple(range(20, 201, 5)), "as `zoomout` from a map; docs/paper.md, Spectral GMDS", least=3, empty=True
+    )
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
@@ -90,6 +95,8 @@ def spectral_gmds(
     Reconstructed: the data term, with heat in place of the authors' features; the weights, which are all one; the stages,
     each of which is drawn to the map of the previous one; and the orthogonal projection after each stage. Because the
     first function is constant, the constraints determine the first row and column of α, and the rest has a closed form.
+    The growth at the end is that of Melzi et al., *ZoomOut*, 2019: where shapes stretch, the energy is least beside the
+    truth, and few functions fitted to the map of points forget the difference.
     """
     config = config or SpectralGmdsConfig()
     with serial_blas():
@@ -98,6 +105,9 @@ def spectral_gmds(
         alpha, origin = coefficient_map(task, config)
         task.timer.start("refinement")
         functional_map = task.orthogonal_icp(alpha, len(alpha), config.icp_steps)
+        if config.final_sizes:
+            sizes = sorted({task.functions_at_most(k) for k in config.final_sizes})
+            functional_map = task.spectra.grown(task.spectra.image(functional_map), sizes)
         return task.spectral_result(functional_map, config, origin)
 
 

@@ -17,6 +17,8 @@ from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part
 from isomatch.errors import FormatError, SettingError
 
+BEFORE = "the map before, "
+
 _NEEDED: dict[str, type] = {
     "source": str,
     "target": str,
@@ -74,11 +76,11 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
                 progress=part(tell, 0.05, 0.85),
             )
         left = [_alternative(each, found) for each, found in zip(others, maps)]
-        del left[number - 1]
-        left.insert(0, _alternative({"origin": f"the map before, {record['origin']}"}, former))
-        chosen = f"alternative {number}, from {others[number - 1]['origin']}"
+        origin = left.pop(number - 1).origin
+        left.insert(0, replace(_alternative(record, former), origin=BEFORE + record["origin"]))
+        chosen = f"alternative {number}, from {origin}"
         note = f"{chosen}, was chosen and refined; the map before is alternative 1"
-        result = replace(result, alternatives=tuple(left), notes=(note, *result.notes))
+        result = replace(result, alternatives=tuple(left), origin=origin, notes=(note, *result.notes))
         tell("writing", 0.85)
         record = results.write(
             *shapes,
@@ -119,4 +121,4 @@ def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) ->
     energy, orientation = (
         nan if evidence.get(name) is None else evidence[name] for name in ("energy", "orientation")
     )
-    return matching.Alternative(lambda: found, energy, orientation, evidence["origin"])
+    return matching.Alternative(lambda: found, energy, orientation, evidence["origin"].removeprefix(BEFORE))

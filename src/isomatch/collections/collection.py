@@ -16,6 +16,7 @@ import numpy as np
 
 from isomatch._cached import cached_property
 from isomatch._files import write_text, writing
+from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
@@ -277,8 +278,9 @@ class Collection:
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
         """Let the next run match pairs again: those that failed, or those that ended with low confidence.
 
-        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept. Shapes
-        that could not be prepared are tried again with "failed".
+        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
+        that others contradict gives way to the new one. Shapes that could not be prepared are tried again with
+        "failed".
 
         Returns
         -------
@@ -293,7 +295,8 @@ class Collection:
                 for pair, record in list(ledger.rows.pairs.items()):
                     if state_of(record) == which:
                         attempt = record["attempt"] + (which == "low")
-                        ledger.put_pair(pair, {"state": "todo", "time": time.time(), "attempt": attempt})
+                        todo = {"state": "todo", "time": time.time(), "attempt": attempt}
+                        ledger.put_pair(pair, {**todo, "contradicted": is_contradicted(record)})
                         again.append(pair)
         return again
 
@@ -331,9 +334,11 @@ class Collection:
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
         shapes = [rows.shapes[name] for name in pair]
         hashes = (shapes[0]["hash"], shapes[1]["hash"])
-        attempt = rows.pairs.get(pair, {}).get("attempt", 0)
+        row = rows.pairs.get(pair, {})
+        attempt = row.get("attempt", 0)
         key = key_of(self.config, self.seed + attempt, *hashes)
-        return PlannedPair(pair, key, (shapes[0]["key"], shapes[1]["key"]), hashes, attempt)
+        keys = (shapes[0]["key"], shapes[1]["key"])
+        return PlannedPair(pair, key, keys, hashes, attempt, row.get("contradicted", False))
 
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:
@@ -359,6 +364,11 @@ def state_of(record: Record) -> str:
     if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
         return "low"
     return str(record["state"])
+
+
+def is_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, as far as they were compared."""
+    return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
 
 
 def _row_of(record: Record | Exception) -> Record:

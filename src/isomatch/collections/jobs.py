@@ -40,6 +40,8 @@ class PlannedPair(NamedTuple):
         ``content_hash`` of the surfaces.
     attempt : int
         Added to the seed.
+    contradicted : bool
+        Whether other maps contradict the earlier one, so that any new one replaces it.
     """
 
     pair: Pair
@@ -47,6 +49,7 @@ class PlannedPair(NamedTuple):
     shapes: tuple[str, str]
     hashes: tuple[str, str]
     attempt: int
+    contradicted: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,8 @@ class Job:
             "memory": peak_memory(),
         }
         maps = PairMaps(found.there.map, found.back.map, record)
-        if plan.attempt and earlier and _unsureness(earlier.record) <= _unsureness(record):
+        keep = plan.attempt and not plan.contradicted
+        if keep and earlier and _unsureness(earlier.record) <= _unsureness(record):
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record

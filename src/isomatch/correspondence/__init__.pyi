@@ -30,7 +30,7 @@ from isomatch.correspondence.nearest_neighbours import (
     nearest_of_few,
     nearest_rows,
 )
-from isomatch.correspondence.precise_points import (
+from isomatch.correspondence.nearest_points import (
     faces_around_vertices,
     nearest_points,
 )

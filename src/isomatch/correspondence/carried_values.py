@@ -58,6 +58,8 @@ def pushed_forward(
     weighted = rows.reshape(n_source, prod(rows.shape[1:])) * areas[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         pushed: FloatArray = (transposed @ np.where(matched[:, None], weighted, 0.0)) / total[:, None]
+    if target_areas is not None:
+        pushed[transposed @ np.ones(n_source) == 0] = 0.0  # no image lies there, even if there is no area
     return pushed.reshape(n_target, *rows.shape[1:])
 
 

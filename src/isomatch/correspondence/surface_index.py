@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells
-from isomatch.correspondence.precise_points import nearest_points
+from isomatch.correspondence.nearest_points import nearest_points
 from isomatch.surfaces import PrecisePoints
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.assets import SurfaceLike, mesh_from
@@ -17,12 +19,13 @@ from isomatch.errors import MapError
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
-ROUNDS = 60  # of mending; of seven pairs of people five had no inverted face after fewer
-RINGS = 2  # of vertices around inverted faces, that move with them
-MOST_RINGS = 12  # where fewer do not help
-STEPS = 12  # of the minimisation in each round, before images go back to the surface
-LONGEST = 0.5  # of the median edge, that an image moves in a round
+ROUNDS = 60  # of mending; most pairs have no inverted face after fewer
+RINGS = 2  # of vertices around inverted faces, that move with them: a region
+MOST_RINGS = 12  # of a region that fewer do not help
+STEPS = 12  # of the minimisation in each round, before images go back to the surface; more in a wider region
+LONGEST = 0.5  # of the median edge, that an image moves in a round; more in a wider region
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of it, tried until the energy is less; the last is made anyway
+N_GUIDES = 30  # vertices with an image, with which a component without any moves
 FLAT = 1e-3  # times the area that a face should have: a face with less is mended too
 
 
@@ -73,7 +76,8 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     -----
     The mending minimises distortion of the faces around, for which inversion is a large but finite cost that grows from
     round to round: V. Garanzha et al., *Foldover-free Maps in 50 Lines of Code*, SIGGRAPH 2021, here in the tangent
-    planes of the target. Each round is linear in the faces that take part.
+    planes of the target. Each round is linear in the faces that take part. Where the target is folded as sharply as its
+    own triangles, a few may remain.
 
     Examples
     --------
@@ -148,25 +152,37 @@ class _Mending:
         share = self._determinants()
         before = int((share <= 0).sum())
         best = before, self.images.corners.copy(), self.images.barycentric.copy()
-        moving, rings = np.zeros(len(self.x), dtype=bool), RINGS
+        moving, rings = np.zeros(len(self.x), dtype=bool), np.full(len(self.x), RINGS)
         for _ in range(ROUNDS):
-            bad = share <= FLAT
-            if not bad.any():
+            bad = self.faces[share <= FLAT]
+            if not len(bad):
                 break
-            around = np.zeros(len(self.x), dtype=bool)
-            around[self.faces[bad]] = True
-            for _ in range(rings):
-                around |= self.adjacent @ around > 0
-            moving |= around
-            if not self._round(np.flatnonzero(moving), np.flatnonzero(moving[self.faces].any(axis=1)), share):
-                rings = min(rings + 1, MOST_RINGS)
+            for n in np.unique(rings[bad]):
+                around = np.zeros(len(self.x), dtype=bool)
+                around[bad[rings[bad].max(axis=1) == n]] = True
+                for _ in range(n):
+                    around |= self.adjacent @ around > 0
+                moving |= around
+            for rows, near in self._regions(moving, np.unique(bad)):
+                width = rings[rows].max()
+                if not self._round(rows, near, share, width / RINGS):
+                    rings[rows] = min(width + 1, MOST_RINGS)
             share = self._determinants()
             if (share <= 0).sum() < best[0]:
                 best = int((share <= 0).sum()), self.images.corners.copy(), self.images.barycentric.copy()
         self.images.corners[:], self.images.barycentric[:] = best[1:]
         return before, best[0]
 
-    def _round(self, rows: IntArray, near: IntArray, share: FloatArray) -> bool:
+    def _regions(self, moving: BoolArray, bad: IntArray) -> list[tuple[IntArray, IntArray]]:
+        """Group moving vertices (m,) into connected regions with bad ones; each with the faces that have any of them."""
+        rows = np.flatnonzero(moving)
+        _, region = connected_components(self.adjacent[rows][:, rows])
+        number = np.full(len(moving), -1)
+        number[rows] = region
+        of_face = number[self.faces].max(axis=1)
+        return [(rows[region == each], np.flatnonzero(of_face == each)) for each in np.unique(number[bad])]
+
+    def _round(self, rows: IntArray, near: IntArray, share: FloatArray, wider: float) -> bool:
         """Move some vertices to a lower energy of the faces near them; False if that is not lower."""
         members, faces = np.unique(self.faces[near], return_inverse=True)
         faces, inverse = faces.reshape(-1, 3), self.inverse_shape[near]
@@ -183,9 +199,10 @@ class _Mending:
             return value, along.ravel()
 
         start = here[moved]
-        found = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": STEPS})
+        steps, longest = int(STEPS * (1 + wider) / 2), wider * LONGEST * self.edge
+        found = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": steps})
         move = found.x.reshape(-1, 3) - start
-        move *= np.minimum(1, LONGEST * self.edge / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
+        move *= np.minimum(1, longest / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
         least = _energy(here, faces, planes, inverse, soft)[0]
         improved = False
         for part in SHARES:
@@ -236,19 +253,18 @@ def _energy(
     (p, q), (r, s) = np.moveaxis(jacobian, 0, 2)
     det = p * s - q * r
     root = np.sqrt(det * det + soft * soft)
-    chi = (det + root) / 2
+    chi = np.where(det > 0, det + root, soft * soft / (root - np.minimum(det, 0.0))) / 2
     size = ((jacobian**2).sum(axis=(1, 2)) + det * det + 1) / 2
     cofactors = np.moveaxis(np.array([[s, -r], [-q, p]]), 2, 0)
     by_det = det / chi - size * (1 + det / root) / (2 * chi**2)
     slope = jacobian / chi[:, None, None] + cofactors * by_det[:, None, None]
     by_edges = planes.transpose(0, 2, 1) @ slope @ inverse.transpose(0, 2, 1)  # (m, 3, 2)
     by_corner = np.stack([-by_edges.sum(axis=2), by_edges[:, :, 0], by_edges[:, :, 1]], axis=1).reshape(-1, 3)
-    total = [np.bincount(faces.ravel(), column, len(x)) for column in by_corner.T]
-    return float((size / chi).sum()), np.stack(total, axis=1)
+    return float((size / chi).sum()), _sums(by_corner, faces.ravel(), len(x))
 
 
 def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray:
-    """Place the other vertices: harmonic where linked to known ones, else rigid with the 30 nearest known ones."""
+    """Place the other vertices: harmonic where linked to known ones, else rigid with the nearest known ones."""
     placed = positions.copy()
     linked = np.isin(mesh.components, mesh.components[known])
     ends = mesh.edges
@@ -260,12 +276,21 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
     if len(unknown):
         side = -(laplacian[unknown][:, known] @ positions[known])
         placed[unknown] = spsolve(laplacian[unknown][:, unknown].tocsc(), side).reshape(-1, 3)
-    for label in np.unique(mesh.components[~linked]):
-        rows = np.flatnonzero(mesh.components == label)
-        apart = np.linalg.norm(mesh.vertices[known] - mesh.vertices[rows].mean(axis=0), axis=1)
-        guides = np.flatnonzero(known)[np.argsort(apart)[:30]]
-        here, there = mesh.vertices[guides].mean(axis=0), positions[guides].mean(axis=0)
-        u, _, vt = np.linalg.svd((mesh.vertices[guides] - here).T @ (positions[guides] - there))
-        u[:, 2] *= np.linalg.det(u @ vt)
-        placed[rows] = (mesh.vertices[rows] - here) @ u @ vt + there
+    rows = np.flatnonzero(~linked)
+    _, component, sizes = np.unique(mesh.components[rows], return_inverse=True, return_counts=True)
+    centres = _sums(mesh.vertices[rows], component, len(sizes)) / sizes[:, None]
+    guides = np.flatnonzero(known)
+    nearest = cKDTree(mesh.vertices[guides]).query(centres, range(1, min(N_GUIDES, len(guides)) + 1))[1]
+    here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
+    middles = here.mean(axis=1), there.mean(axis=1)
+    here, there = here - middles[0][:, None], there - middles[1][:, None]
+    u, _, vt = np.linalg.svd(here.transpose(0, 2, 1) @ there)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    turned = (mesh.vertices[rows] - middles[0][component])[:, None] @ (u @ vt)[component]
+    placed[rows] = turned[:, 0] + middles[1][component]
     return placed
+
+
+def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
+    """Sum values (m, q) within groups: (n_groups, q)."""
+    return np.stack([np.bincount(group, column, n_groups) for column in values.T], axis=1)

@@ -1,24 +1,17 @@
 from isomatch.matching.body import Body, body_of
 from isomatch.matching.both import BothDirections, match_both
 from isomatch.matching.config import (
-    AnchorSettings,
     Config,
     Hypotheses,
     MatchSettings,
     Orientation,
-    OutcomeSettings,
-    PreparationSettings,
     Refinement,
-    RefinementSettings,
     Resolution,
-    SearchSettings,
-    SelectionSettings,
     Start,
-    SymmetrySettings,
 )
 from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
-from isomatch.matching.landmark_files import nearest_landmarks, read_landmarks
+from isomatch.matching.landmarks import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
@@ -30,6 +23,15 @@ from isomatch.matching.quality import (
     outcome_of,
 )
 from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
+from isomatch.matching.settings import (
+    AnchorSettings,
+    OutcomeSettings,
+    PreparationSettings,
+    RefinementSettings,
+    SearchSettings,
+    SelectionSettings,
+    SymmetrySettings,
+)
 from isomatch.matching.stage_timer import Progress, StageTimer, show_progress, two_arguments
 from isomatch.matching.vertex_confidence import expected_errors
 

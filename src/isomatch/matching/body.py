@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.matching.config import PreparationSettings
+from isomatch.matching.settings import PreparationSettings
 from isomatch.mending import check, repair, separate_sheets
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 

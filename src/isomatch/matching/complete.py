@@ -24,7 +24,7 @@ from isomatch.matching.joint_refinement import (
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
-from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.result import Alternative, MatchResult, Outcome
 from isomatch.matching.search import (
     Hypothesis,
     hypotheses_from_hints,
@@ -128,9 +128,12 @@ def complete_result(
         timer.start("carry")
     refined = [fit.candidate for fit in (selection.winner, *selection.rivals)]
     alternatives = _alternatives(pair, [*refined, *found.eligible, *found.rivals])
+    outcome = outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None)
+    if pair.round and not hints.any:
+        outcome = Outcome.least_sure((outcome, Outcome.SYMMETRY_AMBIGUOUS))
     return MatchResult(
         map=level.source.correspondence(level.target, points),
-        outcome=outcome_of(pair, quality, pair.config.orientation, hints.any, elastic is not None),
+        outcome=outcome,
         quality=quality,
         expected_error=pair.source.lift_smooth(errors),
         alternatives=alternatives,

@@ -134,6 +134,14 @@ class ShapePair(SmoothPair):
         return bool(self.target.symmetries) and self.target.one_sided
 
     @property
+    def round(self) -> bool:
+        """Whether both shapes have so many rotations that those found are a few of a continuous group, as of a ball."""
+        counts = [
+            sum(each.orientation >= 0 for each in shape.symmetries) for shape in (self.source, self.target)
+        ]
+        return min(counts) >= self.config.outcome.many_rotations
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What was repaired or left out of either shape."""
         return tuple(f"{side}: {note}" for side in ("source", "target") for note in getattr(self, side).notes)

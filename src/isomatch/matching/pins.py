@@ -11,10 +11,10 @@ from scipy.spatial import cKDTree
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
-from isomatch.matching.config import RefinementSettings
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
-from isomatch.matching.result import MatchResult
+from isomatch.matching.result import MatchResult, Outcome
+from isomatch.matching.settings import RefinementSettings
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 
 TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
@@ -43,8 +43,8 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
     Returns
     -------
     MatchResult
-        With the map, its landmark error, and notes on what was moved. The outcome and the other measures are those of the
-        map before.
+        With the map, its landmark error, and notes on what was moved. The other measures and the outcome are those of the
+        map before, but where that contradicted the landmarks, which now hold, confidence in it is low.
 
     Notes
     -----
@@ -74,7 +74,11 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
     ends = target.body_vertex[np.column_stack([found.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
     quality = replace(result.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
-    return replace(result, map=found, quality=quality, notes=(*result.notes, *notes))
+    outcome, bound = result.outcome, pair.config.outcome.contradiction
+    contradicted = quality.landmark_error > bound or quality.initial_map_error > bound
+    if outcome is Outcome.HINTS_CONTRADICTED and not contradicted:
+        outcome = Outcome.LOW_CONFIDENCE
+    return replace(result, map=found, outcome=outcome, quality=quality, notes=(*result.notes, *notes))
 
 
 class _Bending:

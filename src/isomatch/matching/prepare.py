@@ -310,7 +310,7 @@ def prepare(
         Draws where sampling starts, and seeds the eigensolver.
     distances : (n, n) array, callable or DistanceEngine, optional
         Your own distances between the vertices of ``surface``, in its units, in place of ``config.engine``; see
-        `distance_engine`. Finite within the main component.
+        `distance_engine`. Finite within the main component. A callable is called on other threads than the caller's.
     progress : callable, optional
         Called with the name of each stage and the share that is done; see `match`.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import fields
 from hashlib import blake2b
 from pathlib import Path
@@ -43,6 +44,17 @@ KINDS: dict[str, Any] = {
     )
 }
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names
+
+NUMBERED: dict[
+    str, tuple[int, Callable[[Any], int]]
+] = {  # fields of vertices: the least, and how many there are
+    "body_vertex": (-1, lambda part: len(part.user_vertex)),
+    "user_vertex": (0, lambda part: len(part.body_vertex)),
+    "sample_vertices": (0, lambda part: part.body.n_vertices),
+    "column_vertices": (0, lambda part: part.body.n_vertices),
+    "extremities": (0, lambda part: part.body.n_vertices),
+    "owner": (0, lambda part: part.mesh.n_vertices),
+}
 
 
 def write_prepared(path: Path, shape: Any) -> None:
@@ -110,14 +122,35 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
             found = arrays[plain["array"]]
         else:
             found = kinds[plain["is"]](**{name: built(part) for name, part in plain["parts"].items()})
+            _require_vertices(found)
         made.append(found)
         return found
 
     try:
         shape = built(json.loads(head["about"]))
-    except (InputError, KeyError, IndexError, TypeError, ValueError, RecursionError) as error:
+        if not isinstance(shape, kind):
+            raise ValueError("it holds something else")
+        for n, numbers in (
+            (shape.surface.n_vertices, shape.body_vertex),
+            (shape.body.n_vertices, shape.user_vertex),
+        ):
+            if len(numbers) != n:
+                raise ValueError(f"{len(numbers)} numbers of vertices for {n} vertices")
+    except (InputError, AttributeError, KeyError, IndexError, TypeError, ValueError, RecursionError) as error:
         refuse(str(error))
-    return shape if isinstance(shape, kind) else refuse("it holds something else")
+    return shape
+
+
+def _require_vertices(part: Any) -> None:
+    """Raise `ValueError` if fields of a part that hold numbers of vertices hold others."""
+    for name, (least, count) in NUMBERED.items():
+        numbers = getattr(part, name, None)
+        if numbers is None:
+            continue
+        if numbers.ndim != 1 or numbers.dtype.kind != "i":
+            raise ValueError(f"{name} are not numbers of vertices")
+        if len(numbers) and not least <= numbers.min() <= numbers.max() < count(part):
+            raise ValueError(f"{name} {numbers.min()}…{numbers.max()} are outside {least}…{count(part) - 1}")
 
 
 def _digest(about: str, arrays: list[AnyArray]) -> str:

@@ -19,8 +19,7 @@ from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
 from isomatch.assets import SurfaceLike
-from isomatch.bases import LaplaceBasis
-from isomatch.correspondence import UNMATCHED, Correspondence, FunctionalMap, wrap
+from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
 from isomatch.surfaces import Mesh
@@ -342,15 +341,6 @@ class MatchResult:
             raise FormatError(
                 f"{path}: not a match result ({error}); expected a file written by {FORMAT.writer}"
             ) from None
-
-    def to_functional(
-        self,
-        source: LaplaceBasis | SurfaceLike,
-        target: LaplaceBasis | SurfaceLike,
-        k: int = 50,
-    ) -> FunctionalMap:
-        """Express the map in Laplace–Beltrami functions; see `Correspondence.to_functional`."""
-        return self.map.to_functional(source, target, k)
 
     def _repr_html_(self) -> str:
         """Table of the outcome and the quality, and the picture of the map, for notebooks."""

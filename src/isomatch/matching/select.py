@@ -9,7 +9,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.matching.config import Orientation, OutcomeSettings, SelectionSettings
+from isomatch.matching.config import Orientation
+from isomatch.matching.settings import OutcomeSettings, SelectionSettings
 
 
 class Evidence(Protocol):

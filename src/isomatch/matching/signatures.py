@@ -7,7 +7,7 @@ import numpy as np
 from isomatch._arrays import FloatArray
 from isomatch.bases import LaplaceBasis
 from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
-from isomatch.matching.config import PreparationSettings
+from isomatch.matching.settings import PreparationSettings
 from isomatch.surfaces import Mesh
 
 

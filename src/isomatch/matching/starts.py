@@ -12,10 +12,10 @@ from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map
 from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
 from isomatch.errors import SettingError
-from isomatch.matching.config import SearchSettings
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.settings import SearchSettings
 from isomatch.surfaces import Graph, Surface
 
 

@@ -19,7 +19,7 @@ from isomatch.correspondence import (
     nearest_under_rotation,
     signed_procrustes,
 )
-from isomatch.matching.config import SymmetrySettings
+from isomatch.matching.settings import SymmetrySettings
 
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 

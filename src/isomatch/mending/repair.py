@@ -124,7 +124,7 @@ def repair(
     faces[in_range] = survivor[faces[in_range]]
 
     bad = unsound_faces(mesh.vertices, faces)
-    face_index = np.flatnonzero(~bad.any | (bad.duplicate & ~remove_duplicates))
+    face_index = np.flatnonzero(~bad.any | (bad.duplicate & (not remove_duplicates)))
     faces = faces[face_index]
 
     finite = np.isfinite(mesh.vertices).all(axis=1)

@@ -42,13 +42,13 @@ class Prolongation:
 
     Examples
     --------
-    >>> from isomatch.surfaces import decimate
+    >>> from isomatch.resolution import decimate
     >>> turn = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     >>> points = [[np.cos(t), np.sin(t), z] for t in turn for z in (0.0, 0.2)]
     >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
     >>> fine = Mesh(points, np.array(faces) % 40)
-    >>> transfer = Prolongation(fine, decimate(fine, 20))
-    >>> there_and_back = transfer.to_fine(transfer.on_coarse)
+    >>> prolongation = Prolongation(fine, decimate(fine, 20))
+    >>> there_and_back = prolongation.to_fine(prolongation.on_coarse)
     >>> bool((there_and_back.corners[:, 0] == np.arange(40)).all())
     True
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hashlib import blake2b
+from threading import Lock
 from typing import TYPE_CHECKING
 from weakref import WeakSet
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from isomatch.surfaces.surface import Surface
 
 _IN_USE: WeakSet[Surface] = WeakSet()
+_LOCK = Lock()  # a set must not grow while it is listed
 
 
 def hash_of(surface: Surface, *arrays: AnyArray) -> str:
@@ -22,10 +24,13 @@ def hash_of(surface: Surface, *arrays: AnyArray) -> str:
     for array in arrays:
         found.update(str(array.shape).encode())
         found.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
-    _IN_USE.add(surface)
+    with _LOCK:
+        _IN_USE.add(surface)
     return found.hexdigest()
 
 
 def surface_in_use(content_hash: str) -> Surface | None:
     """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
-    return next((surface for surface in list(_IN_USE) if surface.content_hash == content_hash), None)
+    with _LOCK:
+        surfaces = list(_IN_USE)
+    return next((surface for surface in surfaces if surface.content_hash == content_hash), None)

@@ -14,8 +14,9 @@ from isomatch.surfaces import Mesh
 
 AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # from the broad side, and above the horizon
 FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above
-UPRIGHT = 1.6  # height over width above which the long axis of a shape is upright, as of a standing person
+UPRIGHT = 1.6  # length over depth above which the long axis of a shape that can stand on it is upright, as of a person
 CONTACT = 0.06  # of the height; vertices this close to the ground support the shape
+LEANING = 0.02  # of the height; so far beyond its support may be the centroid of what stands
 LEAN = np.radians(65.0)  # a source rotated by less than this is left as it is; only its pose may differ
 SNAP = np.radians(35.0)  # a rotation within this angle of quarter turns is replaced by them
 
@@ -28,7 +29,7 @@ def camera_of(mesh: Mesh, up_axis: int | None = None) -> FloatArray:
     mesh : Mesh
         A sheet, which is seen from above, or a shape whose y or z axis points up, as in nearly all files.
     up_axis : {1, 2}, optional
-        The axis that points up; by default it is guessed, which may fail for elongated shapes.
+        The axis that points up; by default it is guessed from how the shape stands.
 
     Returns
     -------
@@ -59,13 +60,21 @@ def _principal_axes(points: FloatArray, areas: FloatArray) -> tuple[FloatArray, 
 
 
 def _up_axis(mesh: Mesh) -> int:
-    """Guess the up axis, 1 or 2: one along which the shape is tall, otherwise the one on which it stands more stably."""
+    """Guess the up axis, 1 or 2: that on whose zero the shape stands in its file, if it does so on one of them.
+
+    Otherwise it is one along which the shape is long and on which it can stand: a wolf is long, but would fall on its
+    nose. Otherwise it is the one on which the shape stands more stably.
+    """
     used = mesh.vertices[mesh.vertex_areas > 0]
     extent = np.ptp(used, axis=0)
-    for axis in (1, 2):
-        if extent[axis] > UPRIGHT * np.delete(extent, axis).max():
+    on_the_floor = [axis for axis in (1, 2) if abs(used[:, axis].min()) < CONTACT * extent[axis]]
+    if len(on_the_floor) == 1:
+        return on_the_floor[0]
+    stability = {axis: _stability(mesh, axis) for axis in (1, 2)}
+    for axis, depth in ((1, 2), (2, 1)):
+        if extent[axis] > UPRIGHT * extent[depth] and stability[axis] > -LEANING:
             return axis
-    return 1 if _stability(mesh, 1) > _stability(mesh, 2) else 2
+    return 1 if stability[1] > stability[2] else 2
 
 
 def _stability(mesh: Mesh, axis: int) -> float:

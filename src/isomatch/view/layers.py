@@ -16,6 +16,7 @@ from isomatch.errors import DescriptorError
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 
+BUILT_IN = ("position", "stretch", "expected error")  # the first two are there of every map
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
@@ -65,6 +66,8 @@ def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Lay
     """Check values by name, and let the ramp span all but the outliers; `DescriptorError` if they do not fit."""
     layers = {}
     for name, given in values.items():
+        if name in BUILT_IN:
+            raise DescriptorError(f"every report has a layer {name!r} of its own; give yours another name")
         rows = numbers_of(given, f"layer {name!r}", DescriptorError)
         if rows.shape != (n_source,):
             raise DescriptorError(

@@ -84,7 +84,7 @@ def write_report(
     Raises
     ------
     DescriptorError
-        If a layer does not have one number for each source vertex.
+        If a layer does not have one number for each source vertex, or has the name of one that is always there.
     LandmarkError
         If landmarks are not pairs of integers.
     UnwritableFileError
@@ -297,9 +297,7 @@ def _alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> 
         "</figure>"
         for i, other in enumerate(others, 1)
     )
-    return (
-        f'<div class="stills">{figures}</div>' if others else "<p>No other map was left to compare with.</p>"
-    )
+    return f'<div class="stills">{figures}</div>' if others else "<p>There are none here.</p>"
 
 
 def _evidence(other: Alternative) -> str:

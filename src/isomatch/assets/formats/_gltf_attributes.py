@@ -8,9 +8,9 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Kind, guessed_kind, unused_name
-from isomatch.assets.contents import Part
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, transforms
+from isomatch.assets.parts import Part
 
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),
@@ -216,15 +216,16 @@ def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, m
     """Write the four largest weights of each point, or as many fours as it has."""
     sets = 1 if attribute.joints is None else max(-(-attribute.values.shape[1] // 4), 1)
     joints, weights = attribute.strongest(4 * sets)
-    joints = _skin_joints(gltf.json, attribute, mesh)[joints]
+    joints = _skin_joints(gltf, attribute, mesh)[joints]
     for i in range(sets):
         columns = slice(4 * i, 4 * i + 4)
         keys[f"JOINTS_{i}"] = gltf.add_array(joints[:, columns].astype(np.uint16))
         keys[f"WEIGHTS_{i}"] = gltf.add_array(weights[:, columns].astype(np.float32))
 
 
-def _skin_joints(document: dict[str, Any], attribute: Attribute, mesh: int) -> IntArray:
+def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int) -> IntArray:
     """Return the number of each joint in the skin of a mesh; a skin is added unless one has joints of these names."""
+    document = gltf.json
     nodes = document["nodes"]
     names = [attribute.names.get(i, f"joint_{i}") for i in range(attribute.n_joints)]
     users = [node for node in nodes if node.get("mesh") == mesh]
@@ -239,7 +240,11 @@ def _skin_joints(document: dict[str, Any], attribute: Attribute, mesh: int) -> I
     nodes += [{"name": name, **matrix} for name in names]
     for scene in document.get("scenes", [])[:1]:
         scene.setdefault("nodes", []).extend(joints)
-    document.setdefault("skins", []).append({"joints": joints})
+    at_rest = np.tile(
+        np.eye(4), (len(joints), 1, 1)
+    )  # what is also meant without it, but some readers need it
+    skin = {"joints": joints, "inverseBindMatrices": gltf.add_matrices(at_rest)}
+    number = gltf.append("skins", skin)
     for node in users:
-        node["skin"] = len(document["skins"]) - 1
+        node["skin"] = number
     return np.arange(len(names))

@@ -12,9 +12,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from isomatch._arrays import AnyArray
+from isomatch._arrays import AnyArray, FloatArray
 from isomatch._files import opened
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MeshError
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -22,6 +22,7 @@ _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
 _SMALL = 2**24  # entries that any file may claim
 _MOST_REPEATED = 64  # entries for each byte of data
 
@@ -103,6 +104,17 @@ class GltfData:
         }
         return self.append("accessors", accessor)
 
+    def add_matrices(self, matrices: FloatArray) -> int:
+        """Append a new accessor of (k, 4, 4) matrices; return its index."""
+        columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
+        accessor = {
+            "bufferView": self.add_bytes(columns.tobytes()),
+            "componentType": 5126,
+            "count": len(columns),
+            "type": "MAT4",
+        }
+        return self.append("accessors", accessor)
+
     def add_bytes(self, data: bytes, **properties: object) -> int:
         """Append bytes, at a multiple of 4; return the index of their buffer view."""
         self.blob += b"\0" * (-len(self.blob) % 4)
@@ -142,6 +154,7 @@ def unpacked(data: bytes, name: str) -> GltfData:
                 "it is cut short, copy or export it again"
             )
         blob += content[: buffer["byteLength"]]
+    _without_compression(found)
     for view in found.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
         view["buffer"] = 0
@@ -153,6 +166,16 @@ def unpacked(data: bytes, name: str) -> GltfData:
             image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
             image["bufferView"] = gltf.add_bytes(_content(image.pop("uri"), folder))
     return gltf
+
+
+def _without_compression(document: dict[str, Any]) -> None:
+    """Leave out the compressed twins of arrays that are there without compression too, and are read and written."""
+    primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
+    for entry in [*primitives, *document.get("bufferViews", []), *document.get("buffers", [])]:
+        for name in _COMPRESSED:
+            entry.get("extensions", {}).pop(name, None)
+    used = document.get("extensionsUsed", [])
+    used[:] = [name for name in used if name not in _COMPRESSED]
 
 
 def packed(gltf: GltfData, binary: bool) -> bytes:
@@ -167,6 +190,9 @@ def packed(gltf: GltfData, binary: bool) -> bytes:
     ).encode()
     if not binary:
         return text
+    size = len(text) + len(blob)
+    if size > _LARGEST_GLB:
+        raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
     chunks = _chunk(_JSON, text, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
     return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.assets.attribute import unused_name
-from isomatch.assets.contents import product
 from isomatch.assets.formats._gltf_data import GltfData
+from isomatch.assets.parts import product
 
 Matrix = tuple[tuple[float, ...], ...]
 TRIANGLES, STRIP, FAN = 4, 5, 6

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from isomatch._files import writing
 from isomatch.errors import FormatError, IsomatchError
 
 
@@ -32,5 +33,6 @@ def on_disk(data: bytes, suffix: str) -> Iterator[Path]:
     """Keep bytes in a file while the block runs, for readers that take nothing else."""
     with TemporaryDirectory(prefix="isomatch-") as folder:
         path = Path(folder) / f"file{suffix}"
-        path.write_bytes(data)
+        with writing(path):
+            path.write_bytes(data)
         yield path

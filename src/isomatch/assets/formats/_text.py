@@ -182,7 +182,7 @@ def read_lines(
     name : str
         Name of the file, for messages.
     data : bytes
-        Its contents, or the rest of them.
+        Its asset, or the rest of them.
     before : int
         Number of lines that precede these bytes in the file.
     continued : bool

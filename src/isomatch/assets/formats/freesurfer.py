@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._packages import package
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.contents import Contents
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.polygons import Polygons
 
@@ -38,13 +38,13 @@ class FreeSurferDocument:
     stamp: str = "created by isomatch"
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in millimetres of its own coordinates."""
     freesurfer = _package()
     with reading(name, "a FreeSurfer surface"), on_disk(data, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
         document = FreeSurferDocument(volume, stamp)
-        return Contents(points, Polygons.of_triangles(np.asarray(faces, dtype=np.int64)), document=document)
+        return Asset(points, Polygons.of_triangles(np.asarray(faces, dtype=np.int64)), document=document)
 
 
 def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
@@ -62,15 +62,13 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
         return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
 
 
-def write(contents: Contents) -> bytes:
+def write(asset: Asset) -> bytes:
     """Write a surface, in single precision."""
     freesurfer = _package()
-    document = (
-        contents.document if isinstance(contents.document, FreeSurferDocument) else FreeSurferDocument()
-    )
+    document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
     with on_disk(b"", "") as path:
         freesurfer.write_geometry(
-            path, contents.points, contents.polygons.triangles, document.stamp, document.volume or None
+            path, asset.points, asset.polygons.triangles, document.stamp, document.volume or None
         )
         return path.read_bytes()
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._packages import package
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, guessed_kind
-from isomatch.assets.contents import Contents
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError
@@ -25,7 +25,7 @@ class GiftiDocument:
     arrays: tuple[tuple[Attribute, Any], ...]
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read points, triangles and all values on the points."""
     image, attributes = _read(data, name)
     found = {array.intent: array.data for array in reversed(image.darrays)}
@@ -36,7 +36,7 @@ def read_contents(data: bytes, name: str) -> Contents:
                 "it by read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
-        return Contents(
+        return Asset(
             found[_POINTS],
             Polygons.of_triangles(found[_TRIANGLES]),
             tuple(attribute for attribute, _ in attributes),
@@ -62,24 +62,24 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain == "point" and attribute.kind != "weights"
 
 
-def write(contents: Contents) -> bytes:
+def write(asset: Asset) -> bytes:
     """Write a surface; what was read and did not change is written as it was."""
     gifti = _package()
-    document = contents.document if isinstance(contents.document, GiftiDocument) else GiftiDocument(None, ())
+    document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument(None, ())
     image = gifti.GiftiImage()
     given: dict[int, Any] = {}
     if document.image is not None:
         image.meta = document.image.meta
         given = {array.intent: array for array in reversed(document.image.darrays)}
     for intent, values in (
-        (_POINTS, contents.points.astype(np.float32)),
-        (_TRIANGLES, contents.polygons.triangles.astype(np.int32)),
+        (_POINTS, asset.points.astype(np.float32)),
+        (_TRIANGLES, asset.polygons.triangles.astype(np.int32)),
     ):
         array = given.get(intent)
         described = {} if array is None else {"coordsys": array.coordsys, "meta": array.meta}
         image.add_gifti_data_array(gifti.GiftiDataArray(values, intent, **described))
     same = {id(attribute): array for attribute, array in document.arrays}
-    attributes = sorted(contents.attributes, key=lambda attribute: id(attribute) not in same)
+    attributes = sorted(asset.attributes, key=lambda attribute: id(attribute) not in same)
     one_table = _numbered(attributes)
     for attribute, numbered in zip(attributes, one_table):
         image.add_gifti_data_array(same.get(id(attribute)) or _array(gifti, numbered))

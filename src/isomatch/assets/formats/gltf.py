@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, told_apart
-from isomatch.assets.contents import Contents, Part
 from isomatch.assets.formats._gltf_attributes import (
     gather,
     joined,
@@ -30,6 +30,7 @@ from isomatch.assets.formats._gltf_scene import (
     triangles,
 )
 from isomatch.assets.formats._reading import reading
+from isomatch.assets.parts import Part
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
@@ -48,7 +49,7 @@ class GltfDocument:
     attributes: tuple[Attribute, ...]
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
         gltf = unpacked(data, name)
@@ -56,7 +57,7 @@ def read_contents(data: bytes, name: str) -> Contents:
         return _read(gltf)
 
 
-def _read(gltf: GltfData) -> Contents:
+def _read(gltf: GltfData) -> Asset:
     placed = transforms(gltf.json)
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
@@ -80,11 +81,11 @@ def _read(gltf: GltfData) -> Contents:
     names = dict.fromkeys(name for each in found for name in each)
     attributes = tuple(joined([each.get(name) for each in found], parts) for name in names)
     polygons = Polygons.of_triangles(np.concatenate(faces))
-    contents = Contents(np.concatenate(points), polygons, attributes, tuple(parts))
+    asset = Asset(np.concatenate(points), polygons, attributes, tuple(parts))
     return replace(
-        contents,
+        asset,
         document=GltfDocument(
-            gltf.json, bytes(gltf.blob), tuple(primitives), contents.points, polygons, attributes
+            gltf.json, bytes(gltf.blob), tuple(primitives), asset.points, polygons, attributes
         ),
     )
 
@@ -103,33 +104,33 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.kind == "weights" or attribute.values.ndim == 1 or 2 <= attribute.values.shape[1] <= 4
 
 
-def write_glb(contents: Contents) -> bytes:
+def write_glb(asset: Asset) -> bytes:
     """Write a ``.glb`` file: the one that was read, with what is new or different."""
-    return packed(_written(contents), binary=True)
+    return packed(_written(asset), binary=True)
 
 
-def write_gltf(contents: Contents) -> bytes:
+def write_gltf(asset: Asset) -> bytes:
     """Write a ``.gltf`` file that contains its buffer, otherwise like `write_glb`."""
-    return packed(_written(contents), binary=False)
+    return packed(_written(asset), binary=False)
 
 
-def _written(contents: Contents) -> GltfData:
-    document = contents.document
-    if not isinstance(document, GltfDocument) or contents.polygons is not document.polygons:
-        document = new_document(len(contents.polygons.corner_of_triangle))
-        contents = replace(contents.placed, parts=())
-        if not len(contents.polygons):
+def _written(asset: Asset) -> GltfData:
+    document = asset.document
+    if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
+        document = new_document(len(asset.polygons.corner_of_triangle))
+        asset = replace(asset.placed, parts=())
+        if not len(asset.polygons):
             raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
-    attributes = told_apart(contents.attributes, of_all=True)
+    attributes = told_apart(asset.attributes, of_all=True)
     new = [a for a in attributes if not any(a is given for given in document.attributes)]
     changed = {a.name for a in document.attributes if not any(a is each for each in attributes)}
-    split = split_at_seams(contents.polygons, len(contents.points), new)
+    split = split_at_seams(asset.polygons, len(asset.points), new)
     is_new = not len(document.points)
-    is_split = len(split.source) > len(contents.points)
-    is_moved = not np.array_equal(contents.points, document.points)
-    faces = split.corners[contents.polygons.corner_of_triangle]
-    part_of_point = contents.part_of_point[split.source]
+    is_split = len(split.source) > len(asset.points)
+    is_moved = not np.array_equal(asset.points, document.points)
+    faces = split.corners[asset.polygons.corner_of_triangle]
+    part_of_point = asset.part_of_point[split.source]
     first_point = first_triangle = stop = 0
     for part, places in enumerate(document.primitives):
         start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
@@ -141,7 +142,7 @@ def _written(contents: Contents) -> GltfData:
         if is_split:
             gather(gltf, keys, rows - first_point)
         if is_moved:
-            position = contents.points[rows].astype(np.float32)
+            position = asset.points[rows].astype(np.float32)
             if not np.isfinite(position).all():
                 raise MeshError(
                     "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
@@ -160,11 +161,11 @@ def _written(contents: Contents) -> GltfData:
                 for target in primitive.get("targets", []):
                     gather(gltf, target, rows - first_point)
                 indices = faces[first_triangle : first_triangle + n_triangles] - start
-                indices = _outwards(indices, contents.parts[part].transform if contents.parts else None)
+                indices = _outwards(indices, asset.parts[part].transform if asset.parts else None)
                 primitive["indices"] = gltf.add_array(indices.ravel().astype(np.uint32), target=34963)
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
-        first_point += int((contents.part_of_point == part).sum())
+        first_point += int((asset.part_of_point == part).sum())
     return gltf
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch.assets.contents import Contents
+from isomatch._arrays import IntArray
+from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, new_document
@@ -17,10 +17,8 @@ from isomatch.assets.formats.gltf import GltfDocument, new_document
 _LISTS = ("images", "samplers", "textures", "materials")
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
-C = TypeVar("C", bound=Contents)
 
-
-def with_materials_of(receiver: C, giver: Contents, giver_triangle: IntArray) -> C:
+def with_materials_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
     """Return the receiver with the materials and textures of the giver, if that is a glTF file.
 
     A primitive takes the material of most of its triangles: ``giver_triangle`` is that of each of them, −1 for none.
@@ -64,7 +62,7 @@ def with_materials_of(receiver: C, giver: Contents, giver_triangle: IntArray) ->
     return _closed(receiver, document, gltf)
 
 
-def with_skin_of(receiver: C, giver: Contents) -> C:
+def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now."""
     given = giver.document
     if not isinstance(given, GltfDocument) or not given.json.get("skins"):
@@ -100,13 +98,13 @@ def with_skin_of(receiver: C, giver: Contents) -> C:
             inverse = np.stack([np.linalg.inv(there[joint]) @ own for joint in names])
             skin = {
                 "joints": [new[joint] for joint in names],
-                "inverseBindMatrices": _add_matrices(gltf, inverse),
+                "inverseBindMatrices": gltf.add_matrices(inverse),
             }
             node["skin"] = gltf.append("skins", skin)
     return _closed(receiver, document, gltf)
 
 
-def with_texture(receiver: C, png: bytes) -> C:
+def with_texture(receiver: Asset, png: bytes) -> Asset:
     """Return the receiver as a glTF file with one material of one picture."""
     document, gltf = _opened(receiver)
     image = gltf.append("images", {"bufferView": gltf.add_bytes(png), "mimeType": "image/png"})
@@ -150,7 +148,7 @@ def base_colours(document: object) -> tuple[IntArray, list[tuple[bytes, list[flo
     return material_of_triangles(document), looks
 
 
-def _opened(receiver: Contents) -> tuple[GltfDocument, GltfData]:
+def _opened(receiver: Asset) -> tuple[GltfDocument, GltfData]:
     document = receiver.document
     if not isinstance(document, GltfDocument):
         document = replace(
@@ -159,7 +157,7 @@ def _opened(receiver: Contents) -> tuple[GltfDocument, GltfData]:
     return document, GltfData(copy.deepcopy(document.json), bytearray(document.blob))
 
 
-def _closed(receiver: C, document: GltfDocument, gltf: GltfData) -> C:
+def _closed(receiver: Asset, document: GltfDocument, gltf: GltfData) -> Asset:
     return replace(receiver, document=replace(document, json=gltf.json, blob=bytes(gltf.blob)))
 
 
@@ -173,14 +171,3 @@ def _shift_textures(entry: Any, by: int) -> None:
             if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
                 value["index"] += by
             _shift_textures(value, by)
-
-
-def _add_matrices(gltf: GltfData, matrices: FloatArray) -> int:
-    columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
-    accessor = {
-        "bufferView": gltf.add_bytes(columns.tobytes()),
-        "componentType": 5126,
-        "count": len(columns),
-        "type": "MAT4",
-    }
-    return gltf.append("accessors", accessor)

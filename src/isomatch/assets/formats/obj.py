@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.contents import Contents
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import MeshError, some
@@ -36,7 +36,7 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(vertices, triangulate(*_polygons(face_lines, vertex_lines)))
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
     lines = read_lines(name, data, continued=True)
     vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
@@ -83,7 +83,7 @@ def read_contents(data: bytes, name: str) -> Contents:
             if text.replace(" ", "").isdecimal()
         ),
     )
-    return Contents(points, Polygons(corners, sizes), tuple(attributes), document=document)
+    return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -95,56 +95,57 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.kind in ("uv", "normal")
 
 
-def write(contents: Contents) -> bytes:
+def write(asset: Asset) -> bytes:
     """Write an OBJ file; colours follow the positions as three numbers from 0 to 1."""
-    document = contents.document if isinstance(contents.document, ObjDocument) else ObjDocument()
-    corners, sizes = contents.polygons.corners, contents.polygons.sizes
-    outside = np.flatnonzero((corners < 0) | (corners >= len(contents.points)))
+    document = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
+    corners, sizes = asset.polygons.corners, asset.polygons.sizes
+    if not len(asset.points):
+        raise MeshError("there are no points, and an OBJ file without any cannot be read; write a .ply file")
+    outside = np.flatnonzero((corners < 0) | (corners >= len(asset.points)))
     if len(outside):
         raise MeshError(
-            f"faces {some(contents.polygons.of_corner[outside])} refer to vertices outside "
-            f"0…{len(contents.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
+            f"faces {some(asset.polygons.of_corner[outside])} refer to vertices outside "
+            f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
         )
-    texts = [*(f"mtllib {library}\n".encode() for library in document.libraries), _vertices(contents)]
+    texts = [*(f"mtllib {library}\n".encode() for library in document.libraries), _vertices(asset)]
     indices = [corners]
     for keyword, _, kind, width in _INDEXED:
-        table, index = _table(contents, kind, width)
+        table, index = _table(asset, kind, width)
         texts.append(format_rows(f"{keyword}{' %r' * width}\n", table))
         indices.append(index)
-    texts.append(_faces(contents, indices, sizes))
+    texts.append(_faces(asset, indices, sizes))
     texts += [f"{element}\n".encode() for element in document.elements]
     return b"".join(texts)
 
 
-def _vertices(contents: Contents) -> bytes:
-    colours = contents.of_kind("colour")
+def _vertices(asset: Asset) -> bytes:
+    colours = asset.of_kind("colour")
     if not colours:
-        return format_rows("v %r %r %r\n", contents.points)
+        return format_rows("v %r %r %r\n", asset.points)
     colors = colours[0].fractions[:, :3]
     if colours[0].values.dtype.kind == "f":
-        return format_rows("v %r %r %r %r %r %r\n", np.hstack([contents.points, colors]))
-    return format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([contents.points, colors]))
+        return format_rows("v %r %r %r %r %r %r\n", np.hstack([asset.points, colors]))
+    return format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([asset.points, colors]))
 
 
-def _table(contents: Contents, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
+def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     """Return the different values of an attribute and the index of that of each corner; -1 where there is none."""
-    corners = contents.polygons.corners
-    found = contents.of_kind(kind)
+    corners = asset.polygons.corners
+    found = asset.of_kind(kind)
     if not found:
         return np.zeros((0, width)), np.full(len(corners), -1)
     values = found[0].values[:, :width].astype(np.float64)
-    if found[0].domain == "point":
-        return values, corners
-    first = first_equal(values)
-    new = (first == np.arange(len(first))) & ~np.isnan(values).any(axis=1)
-    return values[new], np.where(np.isnan(values).any(axis=1), -1, (np.cumsum(new) - 1)[first])
+    is_none = np.isnan(values).any(axis=1)
+    of_points = found[0].domain == "point"
+    first = np.arange(len(values)) if of_points else first_equal(values)
+    new = (first == np.arange(len(first))) & ~is_none
+    index = np.where(is_none, -1, (np.cumsum(new) - 1)[first])
+    return values[new], index[corners] if of_points else index
 
 
-def _faces(contents: Contents, indices: list[IntArray], sizes: IntArray) -> bytes:
+def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
     vertex, texture, normal = indices
-    statements = [
-        a for name in _STATEMENTS for a in contents.attributes if (a.name, a.domain) == (name, "face")
-    ]
+    statements = [a for name in _STATEMENTS for a in asset.attributes if (a.name, a.domain) == (name, "face")]
     plain = (texture < 0).all() and (normal < 0).all()
     if plain and not statements and (sizes == 3).all():
         return format_rows("f %d %d %d\n", vertex.reshape(-1, 3) + 1)

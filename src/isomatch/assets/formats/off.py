@@ -7,8 +7,8 @@ import re
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.contents import Contents
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
@@ -31,7 +31,7 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(_positions(rows), triangulate(corners, sizes))
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read an OFF file with the colours and normals of its vertices."""
     lines = read_lines(name, data)
     rows, polygons = _tables(lines)
@@ -47,7 +47,7 @@ def read_contents(data: bytes, name: str) -> Contents:
         if kind == "color" and values.max(initial=0) > 1 and (values == np.rint(values) % 256).all():
             values = values.astype(np.uint8)
         attributes.append(Attribute(kind, "point", "normal" if kind == "normal" else "colour", values))
-    return Contents(_positions(rows), Polygons(*polygons), tuple(attributes))
+    return Asset(_positions(rows), Polygons(*polygons), tuple(attributes))
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -55,12 +55,12 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain == "point" and attribute.kind in ("normal", "colour")
 
 
-def write(contents: Contents) -> bytes:
+def write(asset: Asset) -> bytes:
     """Write an OFF file."""
-    letters, template, columns = "", "%r %r %r", [contents.points]
+    letters, template, columns = "", "%r %r %r", [asset.points]
     letter_of: dict[Kind, str] = {"normal": "N", "colour": "C"}
     for kind, letter in letter_of.items():
-        for attribute in contents.of_kind(kind):
+        for attribute in asset.of_kind(kind):
             letters = letter + letters
             values = attribute.values[:, :3]
             if kind == "colour":
@@ -69,14 +69,14 @@ def write(contents: Contents) -> bytes:
                 values = octets if whole else attribute.fractions[:, :3]
             template += " %d %d %d" if kind == "colour" and whole else " %r %r %r"
             columns.append(values)
-    sizes = contents.polygons.sizes
+    sizes = asset.polygons.sizes
     if (sizes == 3).all():
-        faces = format_rows("3 %d %d %d\n", contents.polygons.corners.reshape(-1, 3))
+        faces = format_rows("3 %d %d %d\n", asset.polygons.corners.reshape(-1, 3))
     else:
         once = np.ones(len(sizes), dtype=np.int64)
-        words = [(once, numbered(sizes)), (sizes, numbered(contents.polygons.corners))]
+        words = [(once, numbered(sizes)), (sizes, numbered(asset.polygons.corners))]
         faces = interleaved_lines(words, len(sizes))
-    head = f"{letters}OFF\n{len(contents.points)} {len(sizes)} 0\n".encode()
+    head = f"{letters}OFF\n{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.contents import Contents
 from isomatch.assets.formats._ply_attributes import Columns, read_columns, write_columns
 from isomatch.assets.formats._ply_body import Table, read_tables
 from isomatch.assets.formats._ply_header import Header, Property, read_header
@@ -40,7 +40,7 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(_positions(tables, name), triangulate(*_polygons(tables, name)))
 
 
-def read_contents(data: bytes, name: str) -> Contents:
+def read_asset(data: bytes, name: str) -> Asset:
     """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
     header = read_header(data, name)
     tables = _tables(data, name, header)
@@ -75,7 +75,7 @@ def read_contents(data: bytes, name: str) -> Contents:
         face,
         others,
     )
-    return Contents(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
+    return Asset(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -85,11 +85,11 @@ def keeps(attribute: Attribute) -> bool:
     )
 
 
-def write(contents: Contents, binary: bool | None = None) -> bytes:
+def write(asset: Asset, binary: bool | None = None) -> bytes:
     """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
-    document = contents.document if isinstance(contents.document, PlyDocument) else PlyDocument()
+    document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
     byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
-    polygons = contents.polygons
+    polygons = asset.polygons
     if np.abs(polygons.corners).max(initial=0) >= 2**31:
         raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
     kind = np.dtype("f4" if document.positions == "float" else "f8")
@@ -98,9 +98,9 @@ def write(contents: Contents, binary: bool | None = None) -> bytes:
         (
             "vertex",
             (
-                *(Cells(Property(axis, kind), contents.points[:, i]) for i, axis in enumerate("xyz")),
+                *(Cells(Property(axis, kind), asset.points[:, i]) for i, axis in enumerate("xyz")),
                 *write_columns(
-                    contents.attributes,
+                    asset.attributes,
                     "point",
                     document.vertex.names,
                     polygons.sizes,
@@ -108,14 +108,14 @@ def write(contents: Contents, binary: bool | None = None) -> bytes:
                 ),
                 *document.vertex.others,
             ),
-            len(contents.points),
+            len(asset.points),
         ),
         (
             "face",
             (
                 lists,
                 *write_columns(
-                    contents.attributes,
+                    asset.attributes,
                     "face",
                     document.face.names,
                     polygons.sizes,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.assets.contents import Contents
+from isomatch.assets.asset import Asset
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh, welded
@@ -41,9 +41,9 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(points[kept], vertex.reshape(-1, 3))
 
 
-def write(contents: Contents, binary: bool = True) -> bytes:
+def write(asset: Asset, binary: bool = True) -> bytes:
     """Write an STL file, binary in single precision, or text with all digits."""
-    mesh = Mesh(contents.points, contents.polygons.triangles)
+    mesh = Mesh(asset.points, asset.polygons.triangles)
     corners = mesh.vertices[mesh.sound_faces]  # (m, 3, 3)
     lengths = np.linalg.norm(mesh.face_cross, axis=1, keepdims=True)
     normals = np.divide(mesh.face_cross, lengths, out=np.zeros_like(mesh.face_cross), where=lengths > 0)

@@ -10,8 +10,8 @@ from scipy.linalg import solve
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, nearest_rows
-from isomatch.matching.config import ElasticSettings
 from isomatch.matching.elastic.elastic_shape import ElasticShape, Samples
+from isomatch.matching.settings import ElasticSettings
 from isomatch.surfaces import vertex_normals
 
 RIDGE = 1e-9

@@ -1,4 +1,4 @@
-"""Precise images: the nearest point inside the triangles around the nearest vertex."""
+"""The nearest point of the triangles around the nearest vertex: precise images."""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
-from isomatch.assets.contents import Contents
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 
@@ -37,8 +36,8 @@ def geometry_of(given: object) -> Geometry:
     return geometry(given, points, cells)
 
 
-def contents_of(given: object) -> Contents:
-    """Return what a mesh of trimesh, PyVista, meshio or Open3D holds: points, polygons and attributes.
+def held_by(given: object) -> tuple[AnyArray, Polygons, tuple[Attribute, ...]]:
+    """Return points, polygons and attributes of a mesh of trimesh, PyVista, meshio or Open3D, or a point cloud.
 
     Raises
     ------
@@ -47,7 +46,7 @@ def contents_of(given: object) -> Contents:
     """
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    return Contents(found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found)))
+    return found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found))
 
 
 def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:
@@ -73,6 +72,16 @@ def _triangles(given: object, points: Any, faces: Any) -> Geometry:
     return Geometry(
         np.asarray(points), array.ravel(), np.full(len(array), array.shape[1]), np.arange(len(array))
     )
+
+
+def _tensors(given: Any, vertex: Any, triangle: Any) -> Geometry:
+    none = np.zeros((0, 3), dtype=np.int64)
+    points = _numpy(vertex["positions"]) if "positions" in vertex else none
+    return _triangles(given, points, _numpy(triangle["indices"]) if "indices" in triangle else none)
+
+
+def _numpy(tensor: Any) -> AnyArray:
+    return np.asarray(tensor.cpu().numpy())
 
 
 def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
@@ -153,12 +162,33 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
     places: tuple[tuple[str, str, Domain, Kind], ...] = (
         ("vertex_normals", "normal", "point", "normal"),
         ("vertex_colors", "color", "point", "colour"),
+        ("triangle_normals", "normal", "face", "normal"),
         ("triangle_uvs", "uv", "corner", "uv"),
+        ("normals", "normal", "point", "normal"),  # of point clouds, as the next
+        ("colors", "color", "point", "colour"),
     )
     for source, name, domain, kind in places:
         values = np.asarray(getattr(given, source, ()))
         if len(values):
             yield Attribute(name, domain, kind, values)
+
+
+def _tensor_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    is_cloud = _has(given, "point")
+    yield from _of_tensors(given.point if is_cloud else given.vertex, "point")
+    if not is_cloud:
+        yield from _of_tensors(given.triangle, "face")
+
+
+def _of_tensors(tensors: Any, domain: Domain) -> Iterator[Attribute]:
+    for name, tensor in sorted(tensors.items()):
+        if name not in ("positions", "indices"):
+            values = _numpy(tensor)
+            title = "uv" if name == "texture_uvs" else name
+            if values.ndim == 3:  # one row for each corner
+                yield from _arrays({title: values.reshape(-1, values.shape[2])}, "corner")
+            else:
+                yield from _arrays({title: values}, domain)
 
 
 def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
@@ -174,10 +204,17 @@ Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], It
 _LIBRARIES: dict[tuple[str, str], Reader] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
+    ("vertex", "triangle"): (_tensors, _tensor_attributes),
     ("points", "faces"): (_polydata, _polydata_attributes),
     ("points", "cells"): (_blocks, _blocks_attributes),
 }
-"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
+"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, its tensors, PyVista, meshio."""
+_CLOUDS: dict[str, Callable[[Any, Geometry], Iterator[Attribute]]] = {
+    "vertices": _open3d_attributes,
+    "points": _open3d_attributes,
+    "point": _tensor_attributes,
+}
+"""How a ``PointCloud`` is read that has this attribute: trimesh, Open3D, its tensors."""
 
 
 _REMEDIES = {
@@ -187,14 +224,20 @@ _REMEDIES = {
 
 
 def _library(given: object) -> tuple[Any, Any, Reader]:
+    if type(given).__name__ == "PointCloud":
+        for name, attributes in _CLOUDS.items():
+            if _has(given, name):
+                points = getattr(given, name)
+                points = _numpy(points["positions"]) if name == "point" else points
+                return points, np.zeros((0, 3), dtype=np.int64), (_triangles, attributes)
     for names, readers in _LIBRARIES.items():
         if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):
             return getattr(given, names[0]), getattr(given, names[1]), readers
     remedy = next((text for name, text in _REMEDIES.items() if hasattr(given, name)), "")
     raise MeshError(
-        f"a {type(given).__module__}.{type(given).__qualname__} is no mesh; give a Mesh, the path of a mesh file, a "
-        "tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); where "
-        f"points will do, PointCloud(points){remedy}"
+        f"a {type(given).__module__}.{type(given).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
+        "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
+        "where points will do, PointCloud(points)"
     )
 
 

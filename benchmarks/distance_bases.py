@@ -1,19 +1,16 @@
 """Distance bases of the TOSCA wolf: error against rank, and against preparation time, for every method.
 
-    python benchmarks/bench_distances.py
+    python benchmarks/distance_bases.py --data DIR -o OUT
 
-writes ``docs/benchmarks/distance_bases.csv`` and ``.png``, and the errors on other shapes at k = 50 as multiples of the
-optimum, ``distance_ratios.csv``; needs ``tosca`` and ``tosca_iso_r`` under ``ISOMATCH_DATA``.
+writes ``distance_bases.csv`` and ``.png``, ``distance_bases_table.csv``, and the errors on other shapes at k = 50 as
+multiples of the optimum, ``distance_ratios.csv``; needs ``tosca`` and ``tosca_iso_r``.
 """
 
-import csv
 import time
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-
-from conftest import DATA
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -21,17 +18,19 @@ import matplotlib.pyplot as plt
 from isomatch import Mesh, distance_basis, geodesic_distances, laplace_basis
 from isomatch.datasets import creature
 from isomatch.paper.basis_error import projected, relative_error
+from studies import asked_for, write_rows, write_table
 
-OUT = Path(__file__).parents[1] / "docs" / "benchmarks"
 RANKS = (5, 10, 20, 30, 40, 50, 75, 100)
+SHOWN = (5, 10, 20, 30, 50, 100)  # in the table
 COLUMNS = (60, 80, 100, 140, 200, 300, 400)
 METHODS = {"predicted": "C3", "nystrom": "C0", "fmds": "C2", "smds": "C4"}
 NAMES = {
     "exact": "exact (optimum)",
-    "laplace": "Laplace basis",
+    "predicted": "predicted columns (default)",
     "nystrom": "Nyström",
     "fmds": "FMDS",
     "smds": "SMDS",
+    "laplace": "Laplace basis",
 }
 
 
@@ -57,7 +56,7 @@ def measure(mesh, distances):
                 yield weights, method, k, p, error, round(seconds, 3)
 
 
-def draw(rows):
+def draw(rows, path):
     """Error against rank at p = 2 k, and against preparation time at k = 50, for both weights."""
     figure, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained", sharey=True)
     for (by_rank, by_time), weights in zip(axes, ("uniform", "area")):
@@ -84,14 +83,14 @@ def draw(rows):
         for axis in (by_rank, by_time):
             axis.grid(alpha=0.3, which="both")
     axes[0, 0].legend()
-    figure.savefig(OUT / "distance_bases.png", dpi=110)
+    figure.savefig(path, dpi=110)
 
 
-def ratios():
+def ratios(data):
     """Give shape, weights, method, p and error / optimum at k = 50, on other shapes."""
     meshes = {"creature": creature(4000).mesh}
     for name in ("centaur0", "cat0"):
-        with np.load(DATA / "tosca_iso_r" / f"{name}.npz") as held:
+        with np.load(data / "tosca_iso_r" / f"{name}.npz") as held:
             meshes[name] = Mesh(held["vertices"], held["faces"])
     for name, mesh in meshes.items():
         distances = all_distances(mesh)
@@ -118,24 +117,33 @@ def all_distances(mesh):
     return (distances + distances.T) / 2
 
 
+def table(rows):
+    """Errors for some ranks, for both weights and every method, from 2 k columns."""
+    for weights in ("uniform", "area"):
+        for method, name in NAMES.items():
+            line = {"weights": weights, "method": name}
+            for w, m, k, p, error, _ in rows:
+                if (w, m) == (weights, method) and k in SHOWN and (p == 2 * k or method not in METHODS):
+                    line[f"k = {k}"] = f"{error:.4f}"
+            yield line
+
+
 def main():
     """Measure, write, draw."""
-    with np.load(DATA / "tosca" / "wolf.npz") as poses:
+    asked = asked_for(__doc__, "tables and curves")
+    data = Path(asked.data)
+    with np.load(data / "tosca" / "wolf.npz") as poses:
         mesh = Mesh(poses["wolf0"], poses["faces"])
     distance_basis(mesh, 5, 10)  # compiles
     rows = list(measure(mesh, all_distances(mesh)))
-    with open(OUT / "distance_bases.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["weights", "method", "k", "p", "relative_error", "processor_seconds"])
-        writer.writerows([*row[:4], f"{row[4]:.5f}", row[5]] for row in rows)
-    draw(rows)
-    others = list(ratios())
-    with open(OUT / "distance_ratios.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["shape", "weights", "method", "p", "error_over_optimum"])
-        writer.writerows([*row[:4], f"{row[4]:.3f}"] for row in others)
-    for row in rows + others:
-        print(*row)
+    columns = ("weights", "method", "k", "p", "relative_error", "processor_seconds")
+    written = ((*row[:4], f"{row[4]:.5f}", row[5]) for row in rows)
+    write_rows(asked.output / "distance_bases.csv", columns, (dict(zip(columns, row)) for row in written))
+    write_table(asked.output / "distance_bases_table.csv", list(table(rows)))
+    draw(rows, asked.output / "distance_bases.png")
+    columns = ("shape", "weights", "method", "p", "error_over_optimum")
+    others = ((*row[:4], f"{row[4]:.3f}") for row in ratios(data))
+    write_table(asked.output / "distance_ratios.csv", [dict(zip(columns, row)) for row in others])
 
 
 if __name__ == "__main__":

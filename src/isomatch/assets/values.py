@@ -5,18 +5,34 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from isomatch._files import opened, replaced
-from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats import freesurfer, gifti
 from isomatch.errors import FormatError
 
-ATTRIBUTE_FORMATS: dict[str, tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]] = {
-    ".gii": (gifti.read_attributes, gifti.write_attribute),
-    ".annot": (freesurfer.read_attributes, freesurfer.write_attribute),
-    **dict.fromkeys(freesurfer.VALUES, (freesurfer.read_attributes, freesurfer.write_attribute)),
+
+class ValuesFormat(NamedTuple):
+    """How values on points are read and written, and which have a place in the file."""
+
+    read: Callable[[bytes, str], tuple[Attribute, ...]]
+    write: Callable[[Attribute], bytes]
+    keeps: Callable[[Attribute], bool]
+
+
+def _freesurfer(kind: Kind) -> ValuesFormat:
+    def keeps(attribute: Attribute) -> bool:
+        return (attribute.domain, attribute.kind) == ("point", kind)
+
+    return ValuesFormat(freesurfer.read_attributes, freesurfer.write_attribute, keeps)
+
+
+VALUES_FORMATS = {
+    ".gii": ValuesFormat(gifti.read_attributes, gifti.write_attribute, gifti.keeps),
+    ".annot": _freesurfer("label"),
+    **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
 }
-"""How files of each suffix are read and written that hold values on points but no surface."""
 
 
 def read_attributes(path: str | os.PathLike[str]) -> tuple[Attribute, ...]:
@@ -39,9 +55,9 @@ def read_attributes(path: str | os.PathLike[str]) -> tuple[Attribute, ...]:
         As `read_mesh`.
     """
     path = Path(path)
-    read, _ = _attribute_format_of(path)
+    values_format = _format_of(path)
     with opened(path) as file:
-        return read(file.read(), str(path))
+        return values_format.read(file.read(), str(path))
 
 
 def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
@@ -54,23 +70,16 @@ def write_attribute(path: str | os.PathLike[str], attribute: Attribute) -> None:
         for values of corners and faces, FreeSurfer but for labels (``.annot``) and scalars.
     """
     path = Path(path)
-    _, write = _attribute_format_of(path)
-    suffix = path.suffix.lower()
-    if suffix == ".gii":
-        fits = gifti.keeps(attribute)
-    else:
-        fits = attribute.domain == "point" and attribute.kind == ("label" if suffix == ".annot" else "scalar")
-    if not fits:
+    values_format = _format_of(path)
+    if not values_format.keeps(attribute):
         raise FormatError(f"{path}: {attribute!r} has no place in a {path.suffix} file")
-    data = write(attribute)
+    data = values_format.write(attribute)
     with replaced(path) as file:
         file.write(data)
 
 
-def _attribute_format_of(
-    path: Path,
-) -> tuple[Callable[[bytes, str], tuple[Attribute, ...]], Callable[..., bytes]]:
+def _format_of(path: Path) -> ValuesFormat:
     try:
-        return ATTRIBUTE_FORMATS[path.suffix.lower()]
+        return VALUES_FORMATS[path.suffix.lower()]
     except KeyError:
-        raise FormatError(f"{path}: no format of values; use one of {', '.join(ATTRIBUTE_FORMATS)}") from None
+        raise FormatError(f"{path}: no format of values; use one of {', '.join(VALUES_FORMATS)}") from None

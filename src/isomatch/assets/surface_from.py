@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from typing import Any, TypeAlias
 
-from isomatch.assets.formats import read_mesh
-from isomatch.assets.objects import geometry_of
+from isomatch.assets.files import read_mesh
+from isomatch.assets.from_libraries import geometry_of
 from isomatch.assets.polygons import triangulate
+from isomatch.errors import MeshError
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 SurfaceLike: TypeAlias = Any
@@ -25,8 +26,9 @@ def surface_from(given: SurfaceLike) -> Surface:
     ----------
     given : Mesh, PointCloud, Graph, path_like, tuple or object
         A surface, which is returned as it is; the path of a mesh file, see `read_mesh`; a tuple (vertices, faces) of
-        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh`` or ``open3d.geometry.TriangleMesh``,
-        or anything else with the same attributes. Of a meshio mesh, triangles, quads and polygons are taken.
+        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, as
+        tensors or not, or anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D. Of a meshio
+        mesh, triangles, quads and polygons are taken.
 
     Returns
     -------
@@ -64,5 +66,7 @@ def mesh_from(given: SurfaceLike) -> Mesh:
         return read_mesh(given)
     if isinstance(given, tuple) and len(given) == 2:
         return Mesh(*given)
+    if isinstance(given, PointCloud):
+        raise MeshError("a PointCloud is no mesh; give a surface with faces")
     found = geometry_of(given)
     return Mesh(found.points, triangulate(found.corners, found.sizes) if len(found.corners) else [])
