@@ -40,7 +40,7 @@ def write_reports(
     collection : Collection
         The collection.
     which : int, or "doubtful" or "all"
-        So many of the worst pairs; those on the page that are not `CONVERGED`, and the three next; or all.
+        So many of the worst pairs; those on the page that are not ``CONVERGED``, and the three next; or all.
     executor, jobs, time_limit
         As for `Collection.run`.
 
