@@ -116,6 +116,7 @@ def write_gltf(asset: Asset) -> bytes:
 
 
 def _written(asset: Asset) -> GltfData:
+    asset.require_points()
     document = asset.document
     if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
         document = new_document(len(asset.polygons.corner_of_triangle))
