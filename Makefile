@@ -4,9 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOWEST := $(VENV)/lowest
 LOCK := requirements-dev.txt
+PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test test-long fuzz coverage lint types benchmark microbenchmarks lock lowest clean
+.PHONY: demo docs test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -25,6 +26,13 @@ $(VENV)/uv:
 
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
+
+$(VENV)/docs: pyproject.toml $(VENV)/core
+	$(BIN)/python $(PIP) -e '.[docs]'
+	@touch $@
+
+docs: $(VENV)/docs
+	$(BIN)/python -m sphinx -n -W --keep-going docs docs/_build/html
 
 test: $(VENV)/dev lint types
 	$(BIN)/python -m pytest -n auto --dist loadfile
@@ -46,7 +54,10 @@ types: $(VENV)/dev
 	$(BIN)/mypy
 
 benchmark: $(VENV)/dev
-	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA)) --page docs
+	$(BIN)/python benchmarks/performance.py -o $(or $(OUT),performance) $(if $(DATA),--data $(DATA))
+
+results: $(VENV)/dev
+	$(BIN)/python benchmarks/results.py $(if $(DATA),--data $(DATA),--list) $(if $(OUT),-o $(OUT)) $(STEPS)
 
 microbenchmarks: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
@@ -59,7 +70,10 @@ lowest: $(VENV)/uv
 	$</bin/uv venv --quiet --clear --python 3.11 $(LOWEST)
 	$</bin/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest -n auto --dist loadfile \
-		$(addprefix tests/,surfaces geodesics bases descriptors correspondence baselines view cli)
+		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence baselines view cli)
+
+release-check: $(VENV)/dev $(VENV)/uv
+	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)
 
 clean:
 	rm -rf $(VENV) demo

@@ -9,7 +9,6 @@ more than 0.3, wrong maps that were reported as right, and the mean seconds of t
 
 from __future__ import annotations
 
-import csv
 import time
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 
 from isomatch import Config, NotConvergedError, match, prepare
 from isomatch.matching import RefinementSettings, SearchSettings, SelectionSettings
-from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error
+from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error, write_rows, write_table
 
 FAILURE = 10.0
 NOTICEABLE = 0.3  # difference of errors
@@ -88,11 +87,5 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 if __name__ == "__main__":
     asked = asked_for(__doc__, "ablation.csv")
     rows = [row for rows in in_parallel(measured, hard_jobs(asked.data)) for row in rows]
-    table = summary(rows)
-    for name, content in (("ablation_pairs.csv", rows), ("ablation.csv", table)):
-        with (asked.output / name).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, tuple(content[0]))
-            writer.writeheader()
-            writer.writerows(content)
-    for line in table:
-        print("  ".join(f"{key} {value}" for key, value in line.items()))
+    write_rows(asked.output / "ablation_pairs.csv", tuple(rows[0]), rows)
+    write_table(asked.output / "ablation.csv", summary(rows))

@@ -3,7 +3,9 @@
 Nothing is matched. The driver plans, sends tiles, takes rows and writes the ledger as ever; workers are simulated in
 simulated time, to which the seconds that the driver really needs are added. Run, for instance::
 
-    python benchmarks/collection_scale.py --shapes 1000,10000 --workers 16,256,4096
+    python benchmarks/collection_scale.py -o OUT --runs 1000:256 10000:256 400:256:all
+
+writes ``scale_table.csv``.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from __future__ import annotations
 import argparse
 import csv
 import heapq
-import json
 import resource
 import tempfile
 import time
@@ -21,9 +22,11 @@ from pathlib import Path
 import numpy as np
 
 from isomatch.collections import Collection, jobs, workers
+from studies import write_table
 
 PREPARED_MB, MAP_MB = 9.1, 0.19  # of shapes with 5,000 vertices
 FEATURES = 50
+RUNS = ("1000:256", "10000:256", "10000:4096", "100000:256", "400:256:all")
 ROW = {"there": {"outcome": "CONVERGED", "quality": {"misfit": 0.3}}, "back": {}, "text": "x" * 2500}
 
 
@@ -91,13 +94,12 @@ def matched(job, plans):
 def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path) -> dict[str, float]:
     """Run a collection of n shapes on so many workers."""
     shapes = folder / "shapes"
-    if not shapes.exists():
-        shapes.mkdir()
-        for i in range(n):
-            (shapes / f"s{i:06}.off").touch()
+    shapes.mkdir()
+    for i in range(n):
+        (shapes / f"s{i:06}.off").touch()
     entries = [shapes / f"s{i:06}.off" for i in range(n)]
     start = time.perf_counter()
-    made = Collection.create(folder / f"{pairs}_{count}", entries, pairs=pairs)
+    made = Collection.create(folder / "out", entries, pairs=pairs)
     executor = SimulatedWorkers(count, seconds)
     workers.wait = executor.wait
     done = sum(event.what == "pair" for event in made.run(executor, count))
@@ -107,7 +109,7 @@ def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path)
     resumed = time.perf_counter() - start
     return {
         "shapes": n,
-        "pairs": done,
+        "pairs": f"{done:,}, {pairs}",
         "workers": count,
         "hours": round(executor.now / 3600, 2),
         "use": round(executor.busy / (executor.now * count), 3),
@@ -119,13 +121,12 @@ def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path)
 
 
 def main() -> None:
-    """Print a line of JSON for each size and number of workers."""
+    """Write a row for each run."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--shapes", default="1000")
-    parser.add_argument("--workers", default="16,256,4096")
-    parser.add_argument("--pairs", default="star")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for scale_table.csv")
+    parser.add_argument("--runs", nargs="+", default=RUNS, help="SHAPES:WORKERS, with :all for all pairs")
     parser.add_argument("--table", type=Path, help="pairs.csv of a collection, for its seconds")
     options = parser.parse_args()
     seconds = np.random.default_rng(0).lognormal(np.log(3.2), 0.25, 10**6)
@@ -133,10 +134,14 @@ def main() -> None:
         with options.table.open(newline="") as file:
             seconds = np.array([float(row["seconds"]) for row in csv.DictReader(file) if row["seconds"]])
     jobs.Job.prepare_shapes, jobs.Job.match_pairs = prepared, matched
-    for n in map(int, options.shapes.split(",")):
+    rows = []
+    for run in options.runs:
+        n, count, pairs = (*run.split(":"), "star")[:3]
         with tempfile.TemporaryDirectory() as folder:
-            for count in map(int, options.workers.split(",")):
-                print(json.dumps(simulated(n, options.pairs, count, seconds, Path(folder))), flush=True)
+            rows.append(simulated(int(n), pairs, int(count), seconds, Path(folder)))
+        print(*rows[-1].values(), flush=True)
+    options.output.mkdir(parents=True, exist_ok=True)
+    write_table(options.output / "scale_table.csv", rows)
 
 
 if __name__ == "__main__":

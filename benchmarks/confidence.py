@@ -2,8 +2,9 @@
 
     python benchmarks/confidence.py --data DIR -o OUT
 
-writes ``confidence.csv`` (one row for each map) and prints a table. A map counts as right below a mean error of 3, as
-wrong above 10 (geodesic error × 100 / √area), or if the shapes are of different kinds, so that no map is right.
+writes ``confidence.csv`` (one row for each map) and ``confidence_table.csv``. A map counts as right below a mean
+error of 3, as wrong above 10 (geodesic error × 100 / √area), or if the shapes are of different kinds, so that no map
+is right.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import isomatch
 from isomatch import Config
 from isomatch.datasets import BenchmarkPair, DamageChoice, benchmark_set
 from isomatch.matching import SearchSettings
-from studies import asked_for, error_after, in_parallel, mean_error
+from studies import asked_for, error_after, in_parallel, mean_error, write_table
 
 RIGHT, WRONG = 3.0, 10.0
 SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
@@ -157,9 +158,10 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         right = [r for r in known if error[id(r)] < RIGHT and r["outcome"] != "HINTS_CONTRADICTED"]
         poor = [r for r in known if RIGHT <= error[id(r)] <= WRONG]
         wrong = [r for r in known if error[id(r)] > WRONG]
-        line: dict[str, Any] = {"kind": kind, "maps": len(chosen)}
+        line: dict[str, Any] = {"kind": KINDS.get(kind, kind), "maps": len(chosen)}
         for name, members in (("right", right), ("poor", poor), ("wrong", wrong)):
-            line |= {name: len(members), f"{name}_flagged": sum(r["outcome"] not in SURE for r in members)}
+            flagged = sum(row["outcome"] not in SURE for row in members)
+            line[f"{name}, of them flagged"] = f"{len(members)}, {flagged}"
         table.append(line | {"ambiguous": sum(r["outcome"] == "SYMMETRY_AMBIGUOUS" for r in chosen)})
     return table
 
@@ -174,5 +176,4 @@ if __name__ == "__main__":
             results.append(row)
             writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
             file.flush()
-    for line in summary(results):
-        print("  ".join(f"{key} {value}" for key, value in line.items()))
+    write_table(asked.output / "confidence_table.csv", summary(results))

@@ -1,16 +1,15 @@
 """How long a match takes, stage by stage, and how much memory, from 5 000 to a million vertices.
 
-    python benchmarks/performance.py -o OUT [--data DIR] [--largest N] [--page docs]
+    python benchmarks/performance.py -o OUT [--data DIR] [--largest N]
 
-matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``.
-Up to 60 000 vertices, pyFM matches the same pair in the same process; with ``--data``, also pairs of FAUST and TOSCA.
-``--page`` makes the page and its plot of the rows that are in OUT. Rows that are there already are not made again.
+matches pairs of creatures with different triangulations, each in a process of its own, and writes ``performance.csv``,
+its tables ``pairs_table.csv`` and ``stages_table.csv``, and a plot. Up to 60 000 vertices, pyFM matches the same pair in
+the same process; with ``--data``, also pairs of FAUST and TOSCA. Rows that are there already are not made again.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import platform
 import resource
@@ -30,6 +29,7 @@ from isomatch._threads import serial_blas
 from isomatch.datasets import benchmark_set, creature, example_pair, ground_truth
 from isomatch.datasets.shape_set import BenchmarkPair
 from isomatch.matching import prepare
+from studies import write_rows, write_table
 
 SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)
 REAL = {
@@ -66,9 +66,12 @@ def main() -> None:
             subprocess.run([*command, *(("--data", asked.data) if asked.data else ())], check=True)
         rows.append(json.loads(path.read_text(encoding="utf-8")))
         print(_line(rows[-1]), flush=True)
-    _write_table(rows, asked.output / "performance.csv")
-    if asked.page:
-        write_page(rows, asked.page)
+    columns = ("pair", "vertices", "seconds", "cpu seconds", "memory", "error", "pyfm seconds", "pyfm error")
+    flat = (row | row["stages"] for row in rows)
+    write_rows(asked.output / "performance.csv", (*columns, *STAGES, *LATER), flat)
+    write_table(asked.output / "pairs_table.csv", pairs_table(rows))
+    write_table(asked.output / "stages_table.csv", stages_table(rows))
+    _plot(rows, asked.output / "performance.svg")
 
 
 def _asked_for() -> argparse.Namespace:
@@ -78,7 +81,6 @@ def _asked_for() -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for rows and tables")
     parser.add_argument("--data", help="folder of the benchmark sets")
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="vertices of the largest creatures")
-    parser.add_argument("--page", type=Path, help="folder of the page and its plot")
     parser.add_argument("--pyfm", type=int, default=60000, help="vertices up to which pyFM is run beside")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -210,72 +212,31 @@ def _line(row: dict[str, Any]) -> str:
     )
 
 
-def _write_table(rows: list[dict[str, Any]], path: Path) -> None:
-    columns = [
-        "pair",
-        "vertices",
-        "seconds",
-        "cpu seconds",
-        "memory",
-        "error",
-        "pyfm seconds",
-        "pyfm error",
-        *STAGES,
-        *LATER,
-    ]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, extrasaction="ignore")
-        writer.writeheader()
-        for row in rows:
-            flat = row | row["stages"]
-            writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in flat.items()})
-
-
-MARK = "<!-- made by benchmarks/performance.py: {} -->"
-
-
-def write_page(rows: list[dict[str, Any]], folder: Path) -> None:
-    """Write the tables of docs/performance.md between its marks, and its plot."""
-    page = folder / "performance.md"
-    text = page.read_text(encoding="utf-8")
-    for name, table in (("pairs", _pairs_table(rows)), ("stages", _stages_table(rows))):
-        begin, end = MARK.format(name), MARK.format(f"end of {name}")
-        before, rest = text.split(begin)
-        text = before + begin + "\n" + table + end + rest.split(end)[1]
-    page.write_text(text, encoding="utf-8")
-    _write_table(rows, folder / "performance" / "performance.csv")
-    _plot(rows, folder / "performance" / "performance.svg")
-
-
-def _pairs_table(rows: list[dict[str, Any]]) -> str:
-    lines = [
-        "| pair | vertices | seconds | of CPU | memory (GB) | error | pyFM: seconds | error | ratio |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+def pairs_table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Seconds, memory and error of each pair, of pyFM too."""
+    table = []
     for row in rows:
-        beside = ["", "", ""]
+        line = {
+            "pair": row["pair"],
+            "vertices": row["vertices"],
+            "seconds": f"{row['seconds']:.2f}",
+            "of CPU": f"{row['cpu seconds']:.2f}",
+            "memory (GB)": f"{row['memory']:.2f}",
+            "error": f"{row['error']:.2f}",
+        }
+        beside = dict.fromkeys(("pyFM: seconds", "pyFM: error", "ratio"), "")
         if "pyfm seconds" in row:
-            ratio = row["pyfm seconds"] / row["seconds"]
-            beside = [f"{row['pyfm seconds']:.1f}", f"{row['pyfm error']:.2f}", f"{ratio:.1f}"]
-        cells = [
-            row["pair"],
-            str(row["vertices"]),
-            f"{row['seconds']:.2f}",
-            f"{row['cpu seconds']:.2f}",
-            f"{row['memory']:.2f}",
-            f"{row['error']:.2f}",
-            *beside,
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+            numbers = row["pyfm seconds"], row["pyfm error"], row["pyfm seconds"] / row["seconds"]
+            beside = dict(zip(beside, "{:.1f} {:.2f} {:.1f}".format(*numbers).split()))
+        table.append(line | beside)
+    return table
 
 
-def _stages_table(rows: list[dict[str, Any]]) -> str:
+def stages_table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
+    """Seconds of each stage for each size of the creatures, the exponent of the size, and the bound of the largest."""
     made = [row for row in rows if row["pair"].startswith("creature")]
     sizes = np.array([row["vertices"] for row in made])
-    header = [f"{n / 1000:.0f}k" for n in sizes]
-    lines = [f"| stage | {' | '.join(header)} | exponent | lower bound |", "|---|" + "---|" * (len(made) + 2)]
+    table = []
     for stage in (*STAGES, *LATER):
         seconds = np.array([row["stages"][stage] for row in made])
         spent = seconds > 0
@@ -283,11 +244,10 @@ def _stages_table(rows: list[dict[str, Any]]) -> str:
         if spent.sum() > 2:
             exponent = f"{np.polyfit(np.log(sizes[spent]), np.log(seconds[spent]), 1)[0]:.2f}"
         bound = made[-1]["bounds"].get(stage)
-        cells = [f"{value:.2f}" if value else "" for value in seconds]
-        lines.append(
-            f"| {stage} | {' | '.join(cells)} | {exponent} | {'' if not bound else f'{bound:.2f}'} |"
-        )
-    return "\n".join(lines) + "\n"
+        cells = {f"{n / 1000:.0f}k": f"{value:.2f}" if value else "" for n, value in zip(sizes, seconds)}
+        ends = {"exponent": exponent, "lower bound": f"{bound:.2f}" if bound else ""}
+        table.append({"stage": stage} | cells | ends)
+    return table
 
 
 def _plot(rows: list[dict[str, Any]], path: Path) -> None:
@@ -312,7 +272,6 @@ def _plot(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set(xlabel="vertices of each shape", ylabel="seconds", ylim=(0.005, 3000))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7, ncols=2)
-    path.parent.mkdir(exist_ok=True)
     figure.savefig(path, metadata={"Date": None})
 
 

@@ -2,8 +2,8 @@
 
     python benchmarks/real_shapes.py --data DIR -o OUT [KIND ...]
 
-prints a table without hints and with five true landmarks, and writes ``real_shapes.csv``, one row for each map. Rows that
-are already in ``OUT/rows`` are not computed again.
+matches without hints and with five true landmarks, and writes ``real_shapes.csv``, one row for each map, and
+``real_shapes_table.csv``. Rows that are already in ``OUT/rows`` are not computed again.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from isomatch.datasets import benchmark_set
 from isomatch.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import asked_for, in_parallel, write_rows
+from studies import asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "isomatch_5pt")
 LEVELS = {  # of damage; pair i suffers level i, and its source and target take turns
@@ -87,8 +87,8 @@ def judged(job: Job) -> list[dict[str, Any]]:
     return [row | {"kind": kind} for row in read_rows(folder)]
 
 
-def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Lines of a table: errors, wrong maps, those called right, and right maps not called right."""
+def table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """For each kind and method: errors, wrong maps, those called right, and right maps not called right."""
     lines = []
     for kind in dict.fromkeys(row["kind"] for row in rows):
         for method in METHODS:
@@ -100,10 +100,21 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
                 np.mean([row[name] for row in known]) if known else np.nan for name in ("precision", "recall")
             )
             wrong = errors > 10
+            seconds = np.nanmean([row.get("seconds") or np.nan for row in members])
             lines.append(
-                f"| {kind} | {method} | {len(members)} | {errors.mean():.1f} | {np.median(errors):.1f} | {wrong.sum()} "
-                f"| {(called & wrong).sum()} | {(~called & ~wrong).sum()} | {precision:.2f} | {recall:.2f} "
-                f"| {np.nanmean([row.get('seconds') or np.nan for row in members]):.1f} |"
+                {
+                    "kind": kind,
+                    "method": f"`{method}`",
+                    "pairs": len(members),
+                    "mean": f"{errors.mean():.1f}",
+                    "median": f"{np.median(errors):.1f}",
+                    "wrong": wrong.sum(),
+                    "of them called right": (called & wrong).sum(),
+                    "right, flagged": (~called & ~wrong).sum(),
+                    "precision": f"{precision:.2f}",
+                    "recall": f"{recall:.2f}",
+                    "seconds": f"{seconds:.1f}",
+                }
             )
     return lines
 
@@ -113,7 +124,4 @@ if __name__ == "__main__":
     wanted = [job for job in jobs(asked.output, asked.data) if not asked.kinds or job[2] in asked.kinds]
     rows = [row for rows in in_parallel(judged, wanted) for row in rows]
     write_rows(asked.output / "real_shapes.csv", COLUMNS, rows)
-    print(
-        "| kind | method | pairs | mean | median | > 10 | called right | right, flagged | precision | recall | s |"
-    )
-    print(*table(rows), sep="\n")
+    write_table(asked.output / "real_shapes_table.csv", table(rows))

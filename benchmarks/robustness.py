@@ -2,8 +2,8 @@
 
     python benchmarks/robustness.py --data DIR -o OUT
 
-writes ``robustness.csv``, one row for each map, and ``robustness.svg``. Rows that are already in ``OUT/rows`` are not
-computed again.
+writes ``robustness.csv``, one row for each map, ``robustness_table.csv`` and ``robustness.svg``. Rows that are
+already in ``OUT/rows`` are not computed again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from isomatch.datasets import DAMAGES
 from isomatch.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import asked_for, in_parallel, write_rows
+from studies import asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400
@@ -96,27 +96,27 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     figure.savefig(path)
 
 
-def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Lines of a table: mean and largest error, wrong maps, and wrong maps that are called right."""
+def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
+    """For each damage and level: mean and largest error, wrong maps, and wrong maps that are called right."""
     lines = []
     for name, damage in DAMAGES.items():
         for level in (None, *damage.levels):
-            cells = []
+            line = {"damage": f"`{name}`", "level": "none" if level is None else f"{level:g}"}
             for method in METHODS:
                 members = chosen(rows, name, level, method)
                 errors = np.array([row["error"] for row in members if row.get("error") is not None])
                 called = [row["error"] > 10 for row in members if row.get("outcome") == "CONVERGED"]
-                cells.append(
-                    f"{errors.mean():.1f}, {errors.max():.1f} | {(errors > 10).sum()} of {len(errors)}"
-                    + (f" | {len(called)}, {sum(called)}" if method == "isomatch" else "")
-                )
-            lines.append(f"| `{name}` | {'none' if level is None else f'{level:g}'} | {' | '.join(cells)} |")
+                line[f"{method}: mean, worst"] = f"{errors.mean():.1f}, {errors.max():.1f}"
+                line[f"{method}: wrong"] = f"{(errors > 10).sum()} of {len(errors)}"
+                if method == "isomatch":
+                    line["called right, of them wrong"] = f"{len(called)}, {sum(called)}"
+            lines.append(line)
     return lines
 
 
 if __name__ == "__main__":
-    asked = asked_for(__doc__, "robustness.csv and robustness.svg")
+    asked = asked_for(__doc__, "tables and curves")
     rows = [row for rows in in_parallel(judged, jobs(asked.output, asked.data)) for row in rows]
     write_rows(asked.output / "robustness.csv", COLUMNS, rows)
     draw(rows, asked.output / "robustness.svg")
-    print(*table(rows), sep="\n")
+    write_table(asked.output / "robustness_table.csv", table(rows))

@@ -2,13 +2,12 @@
 
     python benchmarks/smoothness.py --data DIR -o OUT
 
-writes ``smoothness.csv``, one row for each map. Both directions are matched; the cycle error is the mean geodesic
-distance, × 100 / √area, between a vertex and where the two maps lead it.
+writes ``smoothness.csv``, one row for each map, and ``smoothness_table.csv``. Both directions are matched; the cycle
+error is the mean geodesic distance, × 100 / √area, between a vertex and where the two maps lead it.
 """
 
 from __future__ import annotations
 
-import csv
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from isomatch import Config, match, prepare
 from isomatch.datasets import benchmark_set
 from isomatch.evaluation import coverage, cycle_errors, dirichlet_energy
 from isomatch.matching import RefinementSettings
-from studies import Job, asked_for, drawn, in_parallel, mean_error
+from studies import Job, asked_for, drawn, in_parallel, mean_error, write_rows, write_table
 
 SEED = 8
 PAIRS = {"faust_r": 5, "tosca_iso_r": 8, "scape": 3}
@@ -57,14 +56,10 @@ if __name__ == "__main__":
     asked = asked_for(__doc__, "smoothness.csv")
     jobs = drawn(asked.data, PAIRS, SEED)
     rows = [row for rows in in_parallel(measured, jobs) for row in rows]
-    with (asked.output / "smoothness.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, tuple(rows[0]))
-        writer.writeheader()
-        writer.writerows(
-            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
+    write_rows(asked.output / "smoothness.csv", tuple(rows[0]), rows)
+    table = []
     for variant in VARIANTS:
         chosen = [row for row in rows if row["variant"] == variant]
-        means = (f"{measure} {np.mean([row[measure] for row in chosen]):.4f}" for measure in MEASURES)
-        print(variant, len(chosen), *means, sep="  ")
+        means = {measure: f"{np.mean([row[measure] for row in chosen]):.3f}" for measure in MEASURES}
+        table.append({"variant": variant, "pairs": len(chosen)} | means)
+    write_table(asked.output / "smoothness_table.csv", table)

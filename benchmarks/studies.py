@@ -130,6 +130,13 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[dict[str, Any]
         )
 
 
+def write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write a table as a page shows it, and print it; columns are those of the first row."""
+    write_rows(path, tuple(rows[0]), rows)
+    for row in rows:
+        print(*row.values(), sep="  ", flush=True)
+
+
 def asked_for(description: str | None, file: str, kinds: Iterable[str] = ()) -> argparse.Namespace:
     """Read ``--data``, ``-o`` and some of the kinds from the command line, and make the folder for the file."""
     parser = argparse.ArgumentParser(description=description)

@@ -9,7 +9,7 @@ import pytest
 import isomatch
 from isomatch.collections import Collection, PairMaps
 from isomatch.datasets import example_pair
-from isomatch.surfaces import decimate
+from isomatch.resolution import decimate
 
 QUICK = (
     "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"

@@ -15,18 +15,22 @@ FOUNDATION = {
 }  # fmt: skip
 SURFACES = FOUNDATION | {"surfaces"}
 ASSETS = SURFACES | {"assets"}
-GEODESICS = SURFACES | {"geodesics"}
+MENDING = ASSETS | {"mending"}
+RESOLUTION = SURFACES | {"resolution"}
+GEODESICS = MENDING | RESOLUTION | {"geodesics"}
 BASES = GEODESICS | {"bases"}
 DESCRIPTORS = BASES | {"descriptors"}
 CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
 MATCHING = CORRESPONDENCE | {"matching"}
-TRANSFER = MATCHING | {"assets", "transfer"}
+TRANSFER = MATCHING | {"transfer"}
 EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
 
 MAY_IMPORT = {
     **dict.fromkeys(FOUNDATION, FOUNDATION),
     "surfaces": SURFACES,
     "assets": ASSETS,
+    "mending": MENDING,
+    "resolution": RESOLUTION,
     "datasets": GEODESICS | {"datasets"},
     "geodesics": GEODESICS,
     "bases": BASES,
@@ -37,7 +41,7 @@ MAY_IMPORT = {
     "baselines": MATCHING | {"baselines"},
     "evaluation": EVALUATION,
     "view": MATCHING | {"view"},
-    "collections": MATCHING | {"assets", "view", "collections"},
+    "collections": MATCHING | {"view", "collections"},
     "statistics": MATCHING | {"view", "statistics"},
     "paper": EVALUATION | {"view", "paper", "__init__"},
     "cli": EVALUATION | TRANSFER | {"collections", "statistics", "view", "paper", "cli", "__init__"},

@@ -92,7 +92,7 @@ def test_a_star_imports_all_public_names():
 @pytest.mark.parametrize(
     ("module", "name"),
     [
-        ("surfaces.check", "surfaces.check"),
+        ("mending.check", "mending.check"),
         ("matching.match", "matching.match"),
         ("bases.distance_basis", "bases.distance_basis"),
         (
@@ -106,7 +106,7 @@ def test_a_module_does_not_hide_the_function_of_its_name(module, name):
 
 
 def test_rooms_are_attributes_of_the_package():
-    loaded_by("import isomatch\nisomatch.surfaces.check, isomatch.errors.MeshError")
+    loaded_by("import isomatch\nisomatch.mending.check, isomatch.errors.MeshError")
 
 
 def test_public_classes_are_pickled_by_name():

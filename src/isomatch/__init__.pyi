@@ -1,4 +1,4 @@
-from isomatch.assets import Asset, read_asset, write_asset
+from isomatch.assets import Asset, Attribute, read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.bases import (
     CanonicalForm,
     DistanceBasis,
@@ -45,23 +45,15 @@ from isomatch.matching import (
     read_landmarks,
     show_progress,
 )
-from isomatch.surfaces import (
-    Graph,
-    Mesh,
-    MeshReport,
-    PointCloud,
-    check,
-    read_mesh,
-    read_point_cloud,
-    repair,
-    write_mesh,
-)
+from isomatch.mending import MeshReport, check, repair
+from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.transfer import bake_texture, carry_attributes
 
 __version__: str
 
 __all__ = [
     "Asset",
+    "Attribute",
     "BothDirections",
     "CanonicalForm",
     "Collection",

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Thread, current_thread, main_thread
 from typing import Any
 
@@ -20,15 +21,27 @@ def worker_processes(
     count: int, initializer: Callable[..., Any] | None = None, arguments: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
     """Open a pool of processes; when an exception ends the block, they are killed at once."""
-    others = set(active_children())
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer, arguments) as pool:
+    context = _Spawning()
+    with ProcessPoolExecutor(count, context, initializer, arguments) as pool:
         try:
             yield pool
         except BaseException:  # such as an interruption, or a caller that wants no more
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in set(active_children()) - others:
-                process.kill()
+            for process in context.started:
+                if process.is_alive():
+                    process.kill()
             raise
+
+
+class _Spawning(SpawnContext):
+    """Starts processes, and knows which."""
+
+    def __init__(self) -> None:
+        self.started: list[SpawnProcess] = []
+
+    def Process(self, *given: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
+        self.started.append(SpawnProcess(*given, **options))
+        return self.started[-1]
 
 
 @cache

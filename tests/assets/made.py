@@ -3,7 +3,7 @@
 import numpy as np
 
 from isomatch import Asset
-from isomatch.surfaces import Attribute, Polygons
+from isomatch.assets import Attribute, Polygons, png_of, with_texture
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 2, 0], [2, 2, 0], [3, 1, 1]])
 POLYGONS = Polygons([0, 1, 2, 3, 3, 2, 4, 2, 5, 4, 1, 6, 5, 4, 2], [4, 3, 3, 5])
@@ -31,3 +31,12 @@ ATTRIBUTES = {
 def whole():
     """The surface with all of them."""
     return Asset(POINTS, POLYGONS, tuple(ATTRIBUTES.values()))
+
+
+TEXTURE = np.zeros((4, 8, 4), np.uint8)  # no two of its rows and columns are the same
+TEXTURE[..., 0], TEXTURE[..., 1], TEXTURE[..., 3] = np.arange(4)[:, None] * 60, np.arange(8) * 30, 255
+
+
+def textured():
+    """The surface with a picture that its texture coordinates refer to."""
+    return with_texture(whole(), png_of(TEXTURE))

@@ -5,7 +5,7 @@ import pytest
 from made import POINTS, POLYGONS
 
 from isomatch import Asset, MeshError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute, Polygons, write_contents
+from isomatch.assets import Attribute, Polygons
 
 RISING, FALLING = np.arange(7.0), 7 - np.arange(7.0)
 
@@ -25,7 +25,7 @@ def test_ply_keeps_values_of_any_name(tmp_path, name, binary):
     part = Attribute(name, "face", "label", [1, 2, 3, 4])
     at_corners = Attribute(name, "corner", "scalar", np.arange(15.0))
     asset = carrying(scalar(name), *others, part, at_corners)
-    assert write_contents(tmp_path / "a.ply", asset, binary=binary) == ()
+    assert write_asset(tmp_path / "a.ply", asset, binary=binary) == ()
     again = read_asset(tmp_path / "a.ply")
     assert np.array_equal(again.points, POINTS)
     assert len(again.attributes) == 5
@@ -48,7 +48,7 @@ def test_gifti_labels_of_several_attributes_keep_their_names(tmp_path):
     bare = Attribute("c", "point", "label", [1, 1, 1, 5, 5, 5, 5])
     write_asset(tmp_path / "a.gii", carrying(one))
     first = read_asset(tmp_path / "a.gii")
-    write_asset(tmp_path / "b.gii", Asset.from_contents(first.with_attributes(two, bare)))
+    write_asset(tmp_path / "b.gii", first.with_attributes(two, bare))
     again = read_asset(tmp_path / "b.gii")
     for given in (one, two, bare):
         found = again.attribute(given.name)

@@ -5,8 +5,8 @@ import pytest
 from made import POINTS, POLYGONS
 
 from isomatch import Asset, read_asset, write_asset
-from isomatch.surfaces import Attribute, read_attributes, write_attribute
-from isomatch.surfaces.seams import merged_corners
+from isomatch.assets import Attribute, read_attributes, write_attribute
+from isomatch.assets.seams import merged_corners
 
 OCTETS = np.arange(21).reshape(7, 3) * 12
 

@@ -1,15 +1,16 @@
 """What each format and library carries in and out: the table of ``docs/formats.md``, row by row."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from made import ATTRIBUTES, POINTS, POLYGONS, whole
+from made import ATTRIBUTES, POINTS, POLYGONS, TEXTURE, textured, whole
 
 from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.surfaces import FORMATS
+from isomatch.assets import FORMATS, base_colours, pixels_of
 
 COLUMNS = ("polygons", "colour", "label", "face label", "scalar", "vector", "normal", "uv", "weights")
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
@@ -26,7 +27,13 @@ SUFFIXES = {
     "GIFTI": ".gii",
     "FreeSurfer": ".pial",
 }
-OBJECTS = ("trimesh", "PyVista", "meshio", "Open3D")
+OBJECTS = {
+    "trimesh": Asset.to_trimesh,
+    "PyVista": Asset.to_pyvista,
+    "meshio": Asset.to_meshio,
+    "Open3D": Asset.to_open3d,
+    "Open3D tensors": lambda asset: asset.to_open3d(tensors=True),
+}
 
 
 def table():
@@ -75,7 +82,9 @@ def at_corners(attribute, polygons):
 
 @pytest.fixture
 def open3d(monkeypatch):
-    """The few classes of Open3D that a mesh is made of."""
+    """Open3D, or the few of its classes that a mesh is made of."""
+    if find_spec("open3d"):
+        return
     module = ModuleType("open3d")
     module.utility = SimpleNamespace(
         Vector3dVector=lambda values: values,
@@ -85,7 +94,28 @@ def open3d(monkeypatch):
     module.geometry = SimpleNamespace(
         TriangleMesh=lambda vertices, triangles: SimpleNamespace(vertices=vertices, triangles=triangles)
     )
+    module.core = SimpleNamespace(Tensor=StubTensor)
+    module.t = SimpleNamespace(
+        geometry=SimpleNamespace(
+            TriangleMesh=lambda vertices, triangles: SimpleNamespace(
+                vertex={"positions": vertices}, triangle={"indices": triangles}
+            )
+        )
+    )
     monkeypatch.setitem(sys.modules, "open3d", module)
+
+
+class StubTensor:
+    """A tensor as Open3D has them: numpy does not know what it is."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def cpu(self):
+        return self
+
+    def numpy(self):
+        return self.values
 
 
 def test_the_page_lists_every_format_and_library():
@@ -111,8 +141,17 @@ def test_a_file_keeps_what_the_page_says(tmp_path, name):
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_an_object_keeps_what_the_page_says(name, open3d):
-    given = getattr(whole(), f"to_{name.lower()}")()
-    found = Asset.from_object(given)
+    found = Asset.from_object(OBJECTS[name](whole()))
     assert kept(found) == table()[name]
     assert found.mesh.n_vertices == 7
     assert found.mesh.n_faces == 7
+
+
+@pytest.mark.parametrize("kind", ["PBR", "simple"])
+def test_a_texture_of_trimesh_goes_out_and_in(kind):
+    given = textured().to_trimesh()
+    if kind == "PBR":
+        given.visual.material = given.visual.material.to_pbr()
+    materials, [(picture, _)] = base_colours(Asset.from_object(given).document)
+    assert set(materials) == {0}
+    assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)

@@ -8,8 +8,8 @@ import trimesh
 from made import whole
 
 from isomatch import Asset, FormatError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute
-from isomatch.surfaces.io._gltf_data import GltfData, packed, unpacked
+from isomatch.assets import Attribute
+from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
 
@@ -146,6 +146,17 @@ def test_weights_of_more_joints_than_a_point_can_have(tmp_path):
     found = read_asset(tmp_path / "w.glb").attribute("weights")
     np.testing.assert_allclose(found.values.sum(axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(found.dense_weights[0, [0, 2]], np.array([0.4, 0.2]) / 0.85, atol=1e-6)
+
+
+def test_new_joints_are_bound_where_they_are(tmp_path):
+    """As files may leave unsaid, but then several readers crash."""
+    write_asset(tmp_path / "a.glb", whole())
+    gltf = unpacked((tmp_path / "a.glb").read_bytes(), "a.glb")
+    skin = gltf.json["skins"][0]
+    accessor = gltf.json["accessors"][skin["inverseBindMatrices"]]
+    start = gltf.json["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    matrices = np.frombuffer(gltf.blob, "<f4", 16 * accessor["count"], start).reshape(-1, 4, 4)
+    assert np.array_equal(matrices, np.tile(np.eye(4), (len(skin["joints"]), 1, 1)))
 
 
 def test_a_seam_splits_points_morphs_and_all(path, tmp_path):

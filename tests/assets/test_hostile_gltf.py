@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import FormatError, read_asset, write_asset
-from isomatch.surfaces.io._gltf_data import GltfData, packed
+from isomatch.assets.formats._gltf_data import GltfData, packed
 
 TRIANGLE = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, carry_attributes, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute
-from isomatch.surfaces.io._gltf_data import GltfData, packed
+from isomatch.assets import Attribute
+from isomatch.assets.formats._gltf_data import GltfData, packed
 from isomatch.transfer import bridge
 
 TETRAHEDRON = np.float32([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]])

@@ -7,7 +7,7 @@ import pytest
 from made import ATTRIBUTES, whole
 
 from isomatch import Asset, FormatError, MeshError, MissingDependencyError, read_asset, read_mesh, write_asset
-from isomatch.surfaces import Attribute, Polygons, read_attributes, write_attribute
+from isomatch.assets import Attribute, Polygons, read_attributes, write_attribute
 
 COLORS = {0: (1.0, 0.0, 0.0, 1.0), 1: (0.0, 1.0, 0.0, 1.0), 2: (0.0, 0.0, 1.0, 1.0)}
 

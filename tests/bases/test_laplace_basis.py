@@ -12,7 +12,7 @@ from isomatch.bases import refined_laplace_basis
 from isomatch.bases.laplace_basis import smallest_eigenpairs
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single
 from isomatch.datasets import creature
-from isomatch.surfaces import Transfer, decimate
+from isomatch.resolution import Prolongation, decimate
 from shapes import cylinder, disguised, icosphere, planar_delaunay
 from zoo import specimen, torus
 
@@ -164,7 +164,7 @@ def test_unusable_meshes(name):
 
 @pytest.fixture(scope="module")
 def transfer(mesh):
-    return Transfer(mesh, decimate(mesh, 1000))
+    return Prolongation(mesh, decimate(mesh, 1000))
 
 
 def refined(transfer, k):
@@ -191,7 +191,7 @@ def test_refined_from_a_coarser_mesh(mesh, transfer, k):
 
 
 def test_refined_from_the_same_mesh_changes_nothing(mesh, basis):
-    transfer = Transfer(mesh, decimate(mesh, mesh.n_vertices))
+    transfer = Prolongation(mesh, decimate(mesh, mesh.n_vertices))
     found = refined(transfer, 100)
     np.testing.assert_allclose(found.values[1:], basis.values[1:], rtol=1e-3)
     np.testing.assert_allclose(found.vectors[:, :30], basis.vectors[:, :30], atol=1e-3 * basis.vectors.max())
@@ -208,7 +208,7 @@ def test_threads_do_not_change_what_is_refined(transfer, monkeypatch):
 def test_refined_scales_with_the_mesh(transfer):
     found = refined(transfer, 40)
     fine = Mesh(10 * transfer.fine.vertices, transfer.fine.faces)
-    scaled = refined(Transfer(fine, decimate(fine, 1000)), 40)
+    scaled = refined(Prolongation(fine, decimate(fine, 1000)), 40)
     np.testing.assert_allclose(100 * scaled.values[1:], found.values[1:], rtol=1e-4)
 
 

@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from isomatch import Asset, Correspondence, read_asset, read_mesh, write_asset
+from isomatch import Asset, Correspondence, Mesh, Wrapped, read_asset, read_mesh, write_asset
+from isomatch.assets import Attribute, Polygons
 from isomatch.cli import main
+from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
-from isomatch.surfaces import Attribute, Polygons
 
 
 @pytest.fixture
@@ -88,3 +89,15 @@ def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, caps
     assert record["inverted"] <= record["inverted_before"]
     shared, source = read_mesh(tmp_path / "shared.ply"), read_mesh(tmp_path / "source.obj")
     np.testing.assert_array_equal(shared.faces, source.faces)
+
+
+def test_directions_of_the_former_shape_are_left_out(tmp_path):
+    made = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    directions = (
+        Attribute("normal", "point", "normal", np.tile([0.0, 0, 1], (3, 1))),
+        Attribute("tangent", "point", "vector", np.tile([1.0, 0, 0, 1], (3, 1))),
+        Attribute("flow", "point", "vector", np.eye(3)),
+    )
+    write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
+    write_wrapped(tmp_path / "b.glb", tmp_path / "a.glb", Wrapped(made, 0, 0, 0), np.zeros(3))
+    assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]

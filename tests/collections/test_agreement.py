@@ -145,6 +145,22 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
     assert spoilt.rows().pairs[WRONG]["there"]["outcome"] != "LOW_CONFIDENCE"
 
 
+def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
+    sure = {**mirrored.record, "there": {**mirrored.record["there"], "outcome": "CONVERGED"}}
+    sure["there"]["quality"] = {**sure["there"]["quality"], "misfit": 0.0}
+    replace(mirrored, record=sure).save(spoilt.layout.maps(WRONG))
+    monkeypatch.setattr(agreement_module, "MOST_PATHS", 0)
+    agreed(spoilt)
+    assert agreement_of(spoilt.rows()).contradicted == [WRONG]
+    assert spoilt.retry("low") == [WRONG]
+    with ThreadPoolExecutor(1) as executor:
+        (event,) = spoilt.run(executor)
+    assert event.name == WRONG
+    assert error(creatures, spoilt, WRONG) < 0.1
+    agreed(spoilt)
+    assert agreement_of(spoilt.rows()).contradicted == []
+
+
 def test_a_star_has_no_triangles(right, tmp_path):
     (tmp_path / "all" / "maps").mkdir(parents=True)
     shutil.copytree(right.folder / "prepared", tmp_path / "all" / "prepared")

@@ -13,7 +13,7 @@ from isomatch.cli import main
 from isomatch.collections import Collection, collection, jobs, write_table
 from isomatch.collections.ledger import writing_ledger
 from isomatch.datasets import example_pair
-from isomatch.surfaces import decimate
+from isomatch.resolution import decimate
 from small_collections import N, arrays_of, run
 
 PAIRS = set(combinations([f"s{i}" for i in range(len(N))], 2))

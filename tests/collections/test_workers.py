@@ -5,12 +5,13 @@ import signal
 import threading
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import active_children
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import pytest
 
 from isomatch import InputError, MissingDependencyError
+from isomatch._workers import worker_processes
 from isomatch.collections.workers import Task, workers_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
@@ -67,6 +68,24 @@ def test_an_interruption_leaves_no_worker():
     for worker in active_children():
         worker.join(5)
     assert not active_children()
+
+
+def test_an_interruption_spares_the_processes_of_others():
+    def interrupted():
+        with worker_processes(1) as pool:
+            pool.submit(os.getpid).result()
+            other.start()
+            raise KeyboardInterrupt
+
+    other = get_context("spawn").Process(target=time.sleep, args=(60,))
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+        other.join(0.5)
+        assert active_children() == [other]
+    finally:
+        other.kill()
+        other.join()
 
 
 def test_nothing_is_begun_when_it_is_late():

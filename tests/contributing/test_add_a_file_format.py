@@ -15,10 +15,11 @@ import re
 import numpy as np
 import pytest
 
+from isomatch.assets import FORMATS, Asset, MeshFormat, read_mesh, read_point_cloud, write_mesh
+from isomatch.assets.formats._text import format_rows, is_count, read_lines
 from isomatch.cli import main
 from isomatch.errors import FormatError
-from isomatch.surfaces import FORMATS, Contents, Mesh, MeshFormat, read_mesh, read_point_cloud, write_mesh
-from isomatch.surfaces.io._text import format_rows, is_count, read_lines
+from isomatch.surfaces import Mesh
 from zoo import torus, zoo
 
 
@@ -40,7 +41,7 @@ def read(data: bytes, name: str) -> Mesh:
     return Mesh(vertices, rows.whole(np.arange(len(rows.values)), "whole vertex indices").reshape(-1, 3))
 
 
-def write(contents: Contents) -> bytes:
+def write(contents: Asset) -> bytes:
     """Write a toy file."""
     return b"".join(
         [
@@ -68,7 +69,7 @@ def test_the_round_trip_returns_equal_arrays(tmp_path, specimen):
 
 
 def test_a_file_cut_short_anywhere_is_refused():
-    data = write(Contents.of_mesh(torus()))
+    data = write(Asset.of_mesh(torus()))
     whole = len(data.rstrip())
     for end in range(whole):
         with pytest.raises(

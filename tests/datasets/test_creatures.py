@@ -11,7 +11,7 @@ from isomatch.datasets.implicit import Skin
 from isomatch.datasets.posing import natural_pose, posed
 from isomatch.datasets.truth import _closest_on_triangles, closest_points
 from isomatch.errors import InputError, MissingDependencyError, SettingError
-from isomatch.surfaces.mesh import Mesh
+from isomatch.surfaces import Mesh
 
 KINDS = sorted(PLANS)
 

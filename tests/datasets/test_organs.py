@@ -7,6 +7,7 @@ from isomatch import Mesh
 from isomatch.datasets import benchmark_set
 from isomatch.datasets.organs import PLANS, SIGNS, organ, organ_truth
 from isomatch.datasets.truth import closest_points
+from isomatch.errors import SettingError
 
 EULER = {"face": 1, "cortex": 1, "tube": 0}
 
@@ -70,3 +71,8 @@ def test_the_set_has_asymmetric_and_symmetric_pairs():
     assert pair.truth.shape == pair.mirrored.shape == (pair.source.n_vertices, 2)
     assert pair.truth.max(axis=0).tolist() <= [pair.source.n_vertices - 1, pair.target.n_vertices - 1]
     assert organs.load(*organs.pairs[0]).mirrored is None
+
+
+def test_an_unknown_organ_is_refused_by_name():
+    with pytest.raises(SettingError, match="unknown organ 'spleen'; choose from kidney"):
+        organ("spleen")

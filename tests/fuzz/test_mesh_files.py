@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated, spliced
 
 from isomatch import read_asset, write_asset
+from isomatch.assets import FORMATS, Asset
 from isomatch.errors import FormatError
-from isomatch.surfaces import Contents
-from isomatch.surfaces.io import FORMATS
 from zoo import grid, torus
 
 PLY_WITH_EVERYTHING = (
@@ -32,7 +31,7 @@ MIXED_BINARY_PLY = (
 
 
 def written(suffix, mesh, **options):
-    return FORMATS[suffix].write(Contents.of_mesh(mesh), **options)
+    return FORMATS[suffix].write(Asset.of_mesh(mesh), **options)
 
 
 SEEDS = {

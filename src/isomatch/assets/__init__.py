@@ -1,4 +1,4 @@
-"""Assets: surface files with all that they carry, and the one mesh of each that is matched."""
+"""Surfaces as others keep them: files of many formats and meshes of other libraries, with all that they carry."""
 
 from isomatch._first_use import names_at_first_use
 

@@ -1,4 +1,37 @@
 from isomatch.assets.asset import Asset
-from isomatch.assets.files import read_asset, write_asset
+from isomatch.assets.attribute import Attribute, Domain, Kind
+from isomatch.assets.files import read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
+from isomatch.assets.formats.gltf_looks import base_colours, with_materials_of, with_skin_of, with_texture
+from isomatch.assets.formats.registry import FORMATS, MeshFormat
+from isomatch.assets.parts import Part
+from isomatch.assets.pictures import pixels_of, png_of
+from isomatch.assets.polygons import Polygons
+from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
+from isomatch.assets.values import read_attributes, write_attribute
 
-__all__ = ["Asset", "read_asset", "write_asset"]
+__all__ = [
+    "FORMATS",
+    "Asset",
+    "Attribute",
+    "Domain",
+    "Kind",
+    "MeshFormat",
+    "Part",
+    "Polygons",
+    "SurfaceLike",
+    "base_colours",
+    "mesh_from",
+    "pixels_of",
+    "png_of",
+    "read_asset",
+    "read_attributes",
+    "read_mesh",
+    "read_point_cloud",
+    "surface_from",
+    "with_materials_of",
+    "with_skin_of",
+    "with_texture",
+    "write_asset",
+    "write_attribute",
+    "write_mesh",
+]

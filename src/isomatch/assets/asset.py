@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
-from isomatch.errors import MeshError, some
-from isomatch.surfaces import (
-    Contents,
-    Mesh,
-    contents_of,
-    to_meshio,
-    to_open3d,
-    to_pyvista,
-    to_trimesh,
-    welded,
-)
+from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
+from isomatch.assets.parts import Part, placed, turned, unplaced
+from isomatch.assets.polygons import Polygons
+from isomatch.errors import DescriptorError, MeshError, some
+from isomatch.surfaces import Mesh, welded
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Asset(Contents):
+class Asset:
     """A surface with all that its file carries: polygons, attributes, parts and the rest of its document.
 
     Values at the vertices of `mesh` go back to the points with `vertex_of_point`, and to corners with
@@ -46,61 +41,114 @@ class Asset(Contents):
     Raises
     ------
     MeshError
-        If the positions have the wrong shape, a polygon refers to no point, or the parts do not add up.
+        If the positions have the wrong shape, or the parts do not add up; from the mesh and what belongs to it, if a
+        polygon refers to no point.
     DescriptorError
         If an attribute has another number of rows, or two have the same name.
 
     Examples
     --------
-    >>> from isomatch.surfaces import Polygons
     >>> square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
     >>> asset = Asset(square + [[0, 0, 0]], Polygons([0, 1, 2, 3], [4]))
     >>> asset.mesh, asset.vertex_of_point.tolist()
     (Mesh(4 vertices, 2 faces), [0, 1, 2, 3, 0])
     """
 
+    points: FloatArray
+    polygons: Polygons
+    attributes: tuple[Attribute, ...] = ()
+    parts: tuple[Part, ...] = ()
+    document: object = None
+
     def __post_init__(self) -> None:
-        super().__post_init__()
-        corners = self.polygons.corners
-        outside = np.flatnonzero((corners < 0) | (corners >= len(self.points)))
-        if len(outside):
+        points = numbers_of(self.points, "points", MeshError)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise MeshError(f"points have shape {points.shape}, expected (n, 3): one row x, y, z per point")
+        points.flags.writeable = False
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "attributes", tuple(self.attributes))
+        sums = sum(part.n_points for part in self.parts), sum(part.n_polygons for part in self.parts)
+        if self.parts and sums != (len(points), len(self.polygons)):
             raise MeshError(
-                f"polygons {some(np.unique(self.polygons.of_corner[outside]))} refer to points outside "
-                f"0…{len(self.points) - 1}; remove them, or export the file again"
+                f"parts of {sums} points and polygons; there are {len(points)}, {len(self.polygons)}"
             )
+        require_lengths(
+            self.attributes,
+            {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)},
+        )
+
+    def __repr__(self) -> str:
+        names = ", ".join(attribute.name for attribute in self.attributes) or "no attributes"
+        return f"{type(self).__name__}({len(self.points)} points, {len(self.polygons)} polygons; {names})"
 
     @classmethod
-    def from_contents(cls, found: Contents) -> Self:
-        """Make an asset of what a file or an object holds."""
-        return cls(found.points, found.polygons, found.attributes, found.parts, found.document)
+    def of_mesh(cls, mesh: Mesh, attributes: Iterable[Attribute] = ()) -> Asset:
+        """Make an asset of a mesh and values on it."""
+        return cls(mesh.vertices, Polygons.of_triangles(mesh.faces), tuple(attributes))
 
     @classmethod
-    def from_object(cls, given: object) -> Self:
-        """Make an asset of a mesh of another library, with its attributes.
+    def from_object(cls, given: object) -> Asset:
+        """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
         Parameters
         ----------
         given : object
-            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh`` or ``open3d.geometry.TriangleMesh``.
+            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D, of tensors too;
+            or a ``PointCloud`` of trimesh or Open3D.
 
         Raises
         ------
         MeshError
             If it is none of these.
         """
-        return cls.from_contents(contents_of(given))
+        # what follows reads files, too, which makes assets
+        from isomatch.assets.formats.gltf_looks import with_texture
+        from isomatch.assets.from_libraries import held_by
+        from isomatch.assets.pictures import png_of, texture_on
+
+        asset, texture = cls(*held_by(given)), texture_on(given)
+        return asset if texture is None or not asset.of_kind("uv") else with_texture(asset, png_of(texture))
+
+    def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
+        """Return an attribute by its name, and its domain if several have that name.
+
+        Raises
+        ------
+        DescriptorError
+            If there is none; the message lists those that there are.
+        """
+        for attribute in self.attributes:
+            if attribute.name == name and domain in (None, attribute.domain):
+                return attribute
+        known = ", ".join(f"{a.name!r} of {a.domain}s" for a in self.attributes) or "none"
+        raise DescriptorError(f"no attribute {name!r}{f' of {domain}s' if domain else ''}; there are {known}")
+
+    def of_kind(self, kind: Kind) -> tuple[Attribute, ...]:
+        """Return the attributes of one kind, in their order."""
+        return tuple(attribute for attribute in self.attributes if attribute.kind == kind)
+
+    def with_attributes(self, *attributes: Attribute) -> Asset:
+        """Return the same with more attributes; one of the same name and domain is replaced."""
+        new = {(attribute.name, attribute.domain) for attribute in attributes}
+        kept = tuple(a for a in self.attributes if (a.name, a.domain) not in new)
+        return replace(self, attributes=kept + attributes)
+
+    def without_attributes(self, *names: str) -> Asset:
+        """Return the same without the attributes of these names."""
+        return replace(self, attributes=tuple(a for a in self.attributes if a.name not in names))
 
     @cached_property
     def mesh(self) -> Mesh:
         """The surface for matching: triangles between welded points, where the file puts them.
 
         Points at exactly the same position are one vertex, so that seams are closed. Its faces are those of
-        `polygons.triangles`, in order; vertices are numbered by the first of their points.
+        ``polygons.triangles``, in order; vertices are numbered by the first of their points.
         """
         return Mesh(self.placed_points[self.point_of_vertex], self.vertex_of_point[self.polygons.triangles])
 
     @cached_property
     def _welded(self) -> tuple[IntArray, IntArray]:
+        self.require_points()
         return welded(self.placed_points)
 
     @property
@@ -118,7 +166,17 @@ class Asset(Contents):
         """(c,) the vertex of `mesh` at each corner of the polygons."""
         return self.vertex_of_point[self.polygons.corners]
 
-    def moved(self, vertices: ArrayLike) -> Self:
+    def require_points(self) -> None:
+        """Raise `MeshError` if a polygon refers to no point."""
+        corners = self.polygons.corners
+        outside = np.flatnonzero((corners < 0) | (corners >= len(self.points)))
+        if len(outside):
+            raise MeshError(
+                f"polygons {some(np.unique(self.polygons.of_corner[outside]))} refer to points outside "
+                f"0…{len(self.points) - 1}; remove them, or export the file again"
+            )
+
+    def moved(self, vertices: ArrayLike) -> Asset:
         """Return the same asset with the vertices of its mesh at other positions; all else stays.
 
         Parameters
@@ -134,12 +192,45 @@ class Asset(Contents):
         positions = numbers_of(vertices, "vertices", MeshError)
         if positions.shape != self.mesh.vertices.shape:
             raise MeshError(f"positions have shape {positions.shape}, expected {self.mesh.vertices.shape}")
-        points: FloatArray = positions[self.vertex_of_point]
-        for part, rows in self.rows_of_parts():
-            if part.transform is not None:
-                matrix = np.linalg.pinv(np.array(part.transform))
-                points[rows] = points[rows] @ matrix[:3, :3].T + matrix[:3, 3]
-        return replace(self, points=points)
+        return replace(self, points=unplaced(positions[self.vertex_of_point], self.parts))
+
+    @cached_property
+    def placed_points(self) -> FloatArray:
+        """(n, 3) positions after the transforms of the parts: where the surface is."""
+        return placed(self.points, self.parts) if self._is_transformed else self.points
+
+    @cached_property
+    def placed(self) -> Asset:
+        """The same without transforms: points, normals and tangents where the surface is."""
+        if not self._is_transformed:
+            return self
+        attributes = tuple(self._turned(attribute) for attribute in self.attributes)
+        return replace(self, points=self.placed_points, attributes=attributes, parts=(), document=None)
+
+    def from_placed(self, attribute: Attribute) -> Attribute:
+        """Turn an attribute of `placed` back, if it is normals or tangents, to what it is in the parts."""
+        return self._turned(attribute, back=True)
+
+    @property
+    def _is_transformed(self) -> bool:
+        return any(part.transform is not None for part in self.parts)
+
+    def _turned(self, attribute: Attribute, back: bool = False) -> Attribute:
+        if attribute.kind != "normal" and not attribute.is_tangent:
+            return attribute
+        corners = self.polygons.corners
+        points = {"corner": corners, "face": corners[self.polygons.starts]}
+        part_of = self.part_of_point[points.get(attribute.domain, slice(None))]
+        tangents = attribute.is_tangent
+        return attribute.with_values(
+            turned(attribute.values, part_of, self.parts, tangents=tangents, back=back)
+        )
+
+    @cached_property
+    def part_of_point(self) -> IntArray:
+        """(n,) index of the part of each point; 0 where the file does not have several."""
+        counts = [part.n_points for part in self.parts] or [len(self.points)]
+        return np.repeat(np.arange(len(counts)), counts)
 
     def to_trimesh(self) -> Any:
         """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
@@ -149,16 +240,27 @@ class Asset(Contents):
         MissingDependencyError
             If the package is not installed; the message names the extra. So do the other conversions.
         """
+        from isomatch.assets.to_libraries import to_trimesh
+
         return to_trimesh(self)
 
     def to_pyvista(self) -> Any:
         """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
+        from isomatch.assets.to_libraries import to_pyvista
+
         return to_pyvista(self)
 
     def to_meshio(self) -> Any:
         """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ."""
+        from isomatch.assets.to_libraries import to_meshio
+
         return to_meshio(self)
 
-    def to_open3d(self) -> Any:
-        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates."""
-        return to_open3d(self)
+    def to_open3d(self, *, tensors: bool = False) -> Any:
+        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates.
+
+        With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
+        """
+        from isomatch.assets.to_libraries import to_open3d
+
+        return to_open3d(self, tensors)

@@ -1,12 +1,100 @@
-"""Assets from files and to files. The suffix of the name determines the format."""
+"""Surfaces from files and to files. The suffix of the name determines the format."""
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._files import opened, replaced
 from isomatch.assets.asset import Asset
-from isomatch.errors import FormatError, InputError
-from isomatch.surfaces import Attribute, read_contents, write_contents
+from isomatch.assets.attribute import Attribute, told_apart
+from isomatch.assets.formats.registry import FORMATS, checked, format_of
+from isomatch.assets.seams import merged_corners
+from isomatch.errors import DescriptorError, FormatError
+from isomatch.surfaces import Mesh, PointCloud
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    r"""Read a triangle mesh from a file.
+
+    The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
+    split into fans of triangles, in order. A file without faces gives a mesh of 0 faces. The surface is not examined
+    for defects; see `check`.
+
+    Parameters
+    ----------
+    path : path_like
+        File with a suffix of `FORMATS`, in upper or lower case: OFF, OBJ, PLY, STL, glTF and GLB; with the extra ``io``
+        VTU, GIFTI and FreeSurfer (``lh.pial``, ``rh.white``, …); with the extra ``vtk`` VTP and VTK.
+
+    Returns
+    -------
+    Mesh
+        The mesh, in the units of the file; the meshes of a glTF file one after another, where its nodes put them.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FormatError
+        If the suffix is unknown, or the file cannot be opened, is cut short, or is not of that format. A message
+        about its content starts with ``file:line:`` (text) or ``file: byte N:`` (binary).
+
+    Notes
+    -----
+    Linear time: for 655 000 vertices 0.02 s from binary PLY, 0.3 s from OBJ, OFF and text PLY, 0.5 s from binary STL. The
+    file is read into memory. Numbers in text become the nearest floats. STL files do not store connectivity: corners at
+    exactly the same position become one vertex, and vertices are numbered in order of first appearance.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "triangle.off"
+    >>> _ = path.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    >>> read_mesh(path)
+    Mesh(3 vertices, 1 faces)
+    """
+    path = Path(path)
+    mesh_format = format_of(path)
+    with opened(path) as file:
+        return mesh_format.read(file.read(), str(path))
+
+
+def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> PointCloud:
+    r"""Read the vertices of a file as a point cloud; faces are ignored.
+
+    Parameters
+    ----------
+    path : path_like
+        File as for `read_mesh`.
+    n_neighbours : int
+        See `PointCloud`.
+
+    Returns
+    -------
+    PointCloud
+        The points, in the units and order of the file.
+
+    Raises
+    ------
+    MissingFileError, FormatError
+        As `read_mesh`.
+    MeshError
+        If the points do not make a point cloud; see `PointCloud`.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "points.obj"
+    >>> _ = path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n")
+    >>> read_point_cloud(path)
+    PointCloud(4 points, 30 neighbours)
+    """
+    return PointCloud(read_mesh(path).vertices, n_neighbours)
 
 
 def read_asset(path: str | os.PathLike[str]) -> Asset:
@@ -39,18 +127,87 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
     >>> read_asset(path)
     Asset(4 points, 1 polygons; group)
     """
-    found = read_contents(path)
-    try:
-        return Asset.from_contents(found)
-    except InputError as error:
-        raise FormatError(f"{os.fspath(path)}: {error}") from None
+    path = Path(path)
+    mesh_format = format_of(path)
+
+    def read(data: bytes, name: str) -> Asset:
+        if mesh_format.read_asset is None:
+            return Asset.of_mesh(mesh_format.read(data, name))
+        asset = mesh_format.read_asset(data, name)
+        asset.require_points()
+        return asset
+
+    with opened(path) as file:
+        return checked(read, file.read(), str(path))
 
 
-def write_asset(path: str | os.PathLike[str], asset: Asset) -> tuple[Attribute, ...]:
+def write_mesh(
+    path: str | os.PathLike[str],
+    mesh: Mesh,
+    *,
+    binary: bool | None = None,
+    colors: ArrayLike | None = None,
+) -> None:
+    """Write a mesh to a file; an existing file is replaced.
+
+    The data is written to a temporary file, which is then renamed, so an interrupted write leaves an existing file
+    intact.
+
+    Parameters
+    ----------
+    path : path_like
+        File with a suffix of `FORMATS`, as for `read_mesh`.
+    mesh : Mesh
+        The mesh.
+    binary : bool, optional
+        For PLY, STL and VTK only: whether to write binary (the default) or text.
+    colors : (n, 3) array_like of uint8, optional
+        For formats with colours: red, green and blue of each vertex, 0…255.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is unknown, or the format does not have a requested option.
+    UnwritableFileError
+        If the file cannot be written.
+    DescriptorError
+        If the colours do not fit the mesh.
+    MeshError
+        If the format cannot represent the mesh.
+
+    Notes
+    -----
+    `read_mesh` returns exactly the same float64 coordinates from OFF, OBJ, PLY and VTP. Binary STL, glTF, GIFTI and
+    FreeSurfer store float32, and other VTK files as text fewer digits. STL also loses the order of
+    the vertices, and vertices that no face uses.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "triangle.ply"
+    >>> write_mesh(path, Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    >>> read_mesh(path).vertices[1].tolist()
+    [1.0, 0.0, 0.0]
+    """
+    path = Path(path)
+    asset = Asset.of_mesh(mesh)
+    if colors is not None:
+        color = _vertex_colors(colors, mesh.n_vertices)
+        if not format_of(path).keeps(color):
+            raise _no_option(
+                path, "colors", [suffix for suffix, other in FORMATS.items() if other.keeps(color)]
+            )
+        asset = asset.with_attributes(color)
+    write_asset(path, asset, binary=binary)
+
+
+def write_asset(
+    path: str | os.PathLike[str], asset: Asset, *, binary: bool | None = None
+) -> tuple[Attribute, ...]:
     """Write an asset; an existing file is replaced, and an interrupted write leaves it intact.
 
-    In the format that it was read from, all else that the file carried is written too: comments, materials, node
-    transforms, skins and images.
+    In the format that it was read from, what the file carried beside is written too, as far as the list of formats says:
+    of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries.
 
     Parameters
     ----------
@@ -58,16 +215,18 @@ def write_asset(path: str | os.PathLike[str], asset: Asset) -> tuple[Attribute, 
         File as for `read_mesh`.
     asset : Asset
         The asset.
+    binary : bool, optional
+        For PLY, STL and VTK only: whether to write binary or text; by default as the file was that was read.
 
     Returns
     -------
     tuple of Attribute
-        What is not in the file, because the format has no place for it.
+        What is not in the file, because the format has no place for it: attributes, or "names of" or "opacity of" one.
 
     Raises
     ------
     FormatError
-        If the suffix is unknown.
+        If the suffix is unknown, or the format does not have a requested option.
     UnwritableFileError
         If the file cannot be written.
     MissingDependencyError
@@ -75,4 +234,45 @@ def write_asset(path: str | os.PathLike[str], asset: Asset) -> tuple[Attribute, 
     MeshError
         If the format cannot represent the surface.
     """
-    return write_contents(path, asset)
+    path = Path(path)
+    mesh_format = format_of(path)
+    if binary is not None and "binary" not in mesh_format.options:
+        able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
+        raise _no_option(path, "binary", able)
+    if not mesh_format.has_parts:
+        asset = asset.placed
+    kept: list[Attribute] = []
+    left: list[Attribute] = []
+    for attribute in asset.attributes:
+        place: Attribute | None = attribute
+        if attribute.domain == "corner" and not mesh_format.keeps(attribute):
+            place = merged_corners(asset.polygons, len(asset.points), attribute)
+        if (
+            place is None
+            or not mesh_format.keeps(place)
+            or (place.kind in mesh_format.single and any(place.kind == other.kind for other in kept))
+        ):
+            left.append(attribute)
+        else:
+            kept.append(place)
+            left += mesh_format.missing(place)
+    data = mesh_format.write(
+        replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
+    )
+    with replaced(path) as file:
+        file.write(data)
+    return tuple(left)
+
+
+def _no_option(path: Path, option: str, able: list[str]) -> FormatError:
+    return FormatError(f"{path}: a {path.suffix} file has no option {option!r}; use one of {', '.join(able)}")
+
+
+def _vertex_colors(colors: ArrayLike, n_vertices: int) -> Attribute:
+    array = np.asarray(colors)
+    if array.shape != (n_vertices, 3) or array.dtype != np.uint8:
+        raise DescriptorError(
+            f"colors have shape {array.shape} and type {array.dtype}, expected ({n_vertices}, 3) and uint8: "
+            "red, green and blue from 0 to 255 per vertex"
+        )
+    return Attribute("color", "point", "colour", array)

@@ -65,7 +65,7 @@ def gdd_post(
 
     Parameters and result are those of `gdd`. In the paper, the post-processing is iterative closest points with an
     orthogonal functional map. Here the functional map grows from a few functions to ``n_functions`` of the settings, see
-    `laplace_icp_embedding`.
+    ``laplace_icp_embedding``.
     """
     config = replace(config or Config(), refinement="laplace_icp", **PLAIN)
     return match(source, target, landmarks, initial_map, initial_descriptors, config, seed)

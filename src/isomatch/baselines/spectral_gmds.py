@@ -32,9 +32,11 @@ class SpectralGmdsConfig(Settings):
     sizes : tuple of int
         Laplace–Beltrami functions at each stage, increasing; a stage takes O(size⁶).
     distance_weight, data_weight, previous_weight : float
-        Weights of the distances, of the hints or signatures, and of the map of the previous stage.
+        Weights of the distances, of each kind of hint and the signatures, and of the map of the previous stage.
     icp_steps : int
         Maximum number of iterations in the spectral domain that turn the functional map into a map of points.
+    final_sizes : tuple of int
+        Laplace–Beltrami functions with which the map of points grows at the end, as in ZoomOut; empty leaves it as it is.
     orientation : {"any", "preserve", "reverse"}
         Orientation that the outcome expects; distances do not depend on it.
     """
@@ -44,6 +46,9 @@ class SpectralGmdsConfig(Settings):
     data_weight: float = setting(1.0, least=0)
     previous_weight: float = setting(1.0, least=0)
     icp_steps: int = setting(15, least=1)
+    final_sizes: tuple[int, ...] = setting(
+        tuple(range(20, 201, 5)), "as `zoomout` from a map; docs/paper.md, Spectral GMDS", least=3, empty=True
+    )
     orientation: Orientation = "any"
 
     def __post_init__(self) -> None:
@@ -67,8 +72,8 @@ def spectral_gmds(
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. Each hint gives functions that the map should preserve: heat that spreads from the landmarks, the
-        descriptors, and the target's eigenfunctions pulled back by the initial map. Without hints these are wave kernel
-        signatures, which do not distinguish left from right on a symmetric shape.
+        descriptors, and the target's eigenfunctions pulled back by the initial map. Wave kernel signatures are preserved
+        as well; alone they do not distinguish left from right on a symmetric shape.
     config : SpectralGmdsConfig, optional
         Settings.
 
@@ -90,6 +95,8 @@ def spectral_gmds(
     Reconstructed: the data term, with heat in place of the authors' features; the weights, which are all one; the stages,
     each of which is drawn to the map of the previous one; and the orthogonal projection after each stage. Because the
     first function is constant, the constraints determine the first row and column of α, and the rest has a closed form.
+    The growth at the end is that of Melzi et al., *ZoomOut*, 2019: where shapes stretch, the energy is least beside the
+    truth, and few functions fitted to the map of points forget the difference.
     """
     config = config or SpectralGmdsConfig()
     with serial_blas():
@@ -98,6 +105,9 @@ def spectral_gmds(
         alpha, origin = coefficient_map(task, config)
         task.timer.start("refinement")
         functional_map = task.orthogonal_icp(alpha, len(alpha), config.icp_steps)
+        if config.final_sizes:
+            sizes = sorted({task.functions_at_most(k) for k in config.final_sizes})
+            functional_map = task.spectra.grown(task.spectra.image(functional_map), sizes)
         return task.spectral_result(functional_map, config, origin)
 
 
@@ -107,7 +117,7 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
     sizes = sorted({task.functions_at_most(k) for k in config.sizes})
     distances = [spectral_distances(shape, sizes[-1]) for shape in shapes]
     constants = [shape.laplace.vectors[:, 0] @ shape.laplace.weights for shape in shapes]
-    data, origin = _data(task, sizes[-1])
+    data = _data(task, sizes[-1])
     alpha = np.zeros((0, 0))
     for k in sizes:
         prescribed = np.full((k, k), np.nan)
@@ -115,13 +125,13 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
         prescribed[0, 0] = constants[0] / constants[1]
         grown = np.pad(alpha, ((0, k - len(alpha)), (0, 0)))
         of_source, of_target = (d[None, :k, :k] for d in distances)
-        known = [coefficients[:k] for coefficients in data]
         energy = FunctionalEnergy(k, k)
         energy.commute(of_source, of_target, k * config.distance_weight)
-        energy.preserve(known[0], known[1], config.data_weight)
+        for known in data.values():
+            energy.preserve(known[0][:k], known[1][:k], config.data_weight)
         energy.preserve(grown, np.eye(k, len(alpha)), config.previous_weight)
         alpha = polar(energy.minimiser(prescribed))[0]
-    return alpha, origin
+    return alpha, next(iter(data))
 
 
 def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
@@ -134,22 +144,20 @@ def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
     return (interpolated + interpolated.T) / (2 * shape.intrinsic_scale)
 
 
-def _data(task: Task, k: int) -> tuple[tuple[FloatArray, FloatArray], str]:
-    """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1; and their origin."""
+def _data(task: Task, k: int) -> dict[str, tuple[FloatArray, ...]]:
+    """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1, by their origin."""
     shapes = task.shapes
-    given: dict[str, tuple[FloatArray, ...]] = {}
+    data: dict[str, tuple[FloatArray, ...]] = {}
     if len(task.hints.known):
-        given["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
+        data["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
     if len(task.hints.landmarks):
-        given["landmarks"] = tuple(
+        data["landmarks"] = tuple(
             _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.hints.landmarks.T)
         )
     if task.hints.functions[0].shape[1]:
-        given["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
-    if not given:
-        given["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
-    of_source, of_target = (np.hstack(side) for side in zip(*given.values()))
-    return (of_source, of_target), next(iter(given))
+        data["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
+    data["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
+    return data
 
 
 def _smooth(shape: PreparedShape, functions: FloatArray, k: int) -> FloatArray:

@@ -90,12 +90,12 @@ def spectral_gradient_fields(
     Notes
     -----
     After Shtern & Kimmel, *Matching the LBO Eigenspace of Non-Rigid Shapes via High Order Statistics*, Axioms 2014
-    (signs and order, see `signed_permutation`); *Iterative Closest Spectral Kernel Maps*, 3DV 2014 (nearest neighbours in
+    (signs and order); *Iterative Closest Spectral Kernel Maps*, 3DV 2014 (nearest neighbours in
     φ_i √h(λ_i), alternating with the alignment of the kernels); *Spectral Gradient Fields Embedding for Nonrigid Surface
     Matching*, CVIU 2015 (gradients in addition to the functions).
     Reconstructed from these papers' own summaries, so this is a method in their spirit rather than theirs. Ours are the
     kernel h = 1 / λ of commute times; the orthogonal alignment; the growth by a few functions at a time; the gradients of
-    successive functions, as the scalars and pseudo-scalars of `gradient_fields`; their number and weight, chosen by trial
+    successive functions, as scalars and pseudo-scalars ; their number and weight, chosen by trial
     on nine pairs of creatures; and that a map transfers gradients only by its block for those functions. Points and
     graphs have no gradients. Without hints, the signs of the leading eigenfunctions decide everything: on four pairs of
     FAUST two maps were completely wrong (errors of 0.46 and 0.50 √area). Give landmarks where that matters.

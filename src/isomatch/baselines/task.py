@@ -8,6 +8,7 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
 from isomatch.matching import (
     Config,
@@ -23,7 +24,6 @@ from isomatch.matching import (
     outcome_of,
     prepare_pair,
 )
-from isomatch.surfaces import SurfaceLike
 
 NOT_JUDGED = (
     "a baseline tries no other map: misfit and rival are not defined, and symmetric maps are not noticed"

@@ -12,6 +12,7 @@ from isomatch._arrays import FloatArray
 from isomatch._interruption import in_background
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike
 from isomatch.bases.choices import BasisMethod, Weighting
 from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.domain import basis_domain
@@ -28,7 +29,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.surfaces import Mesh, PointCloud, SurfaceLike
+from isomatch.surfaces import Mesh, PointCloud
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 

@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from isomatch._arrays import FloatArray
 from isomatch._memory import require_memory
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike
 from isomatch.bases.choices import Weighting
 from isomatch.bases.distance_basis import orthonormalised
 from isomatch.bases.domain import basis_domain
@@ -25,7 +26,6 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.surfaces import SurfaceLike
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 
@@ -42,7 +42,7 @@ class CanonicalForm:
     values : (dim,) array of float
         Eigenvalues of −½ J D² J that belong to the axes, decreasing.
     stress : float
-        √(Σ w_i (|x_i − x_j| − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
+        √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
         that a Euclidean space of this dimension cannot reproduce.
     """
 

@@ -41,7 +41,7 @@ def fmds_basis(
     engine : str
         How the distances were computed.
     fidelity : float
-        μ of `biharmonic_interpolant`, which computes M.
+        μ of ``biharmonic_interpolant``, which computes M.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def spectral_interpolant(
 ) -> FloatArray:
     """Compute the matrix that maps values at p samples to coefficients of the smoothest function near them.
 
-    μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ, the `biharmonic_interpolant` in the span of eigenfunctions Φ at unit area.
+    μ (Λ² + μ Φ_SᵀΦ_S)⁻¹ Φ_Sᵀ, the ``biharmonic_interpolant`` in the span of eigenfunctions Φ at unit area.
 
     Parameters
     ----------

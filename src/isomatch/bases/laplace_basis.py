@@ -13,11 +13,12 @@ from isomatch._arrays import AnyArray, FloatArray, single
 from isomatch._memory import require_memory
 from isomatch._settings import generator
 from isomatch._threads import row_product, serial_blas
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
-from isomatch.surfaces import Mesh, Surface, SurfaceLike, surface_from
+from isomatch.surfaces import Mesh, Surface
 
 Precision = Literal["double", "single"]
 
@@ -95,7 +96,7 @@ def laplace_basis(
     Notes
     -----
     L and A are the tufted intrinsic Delaunay Laplacian of Sharp & Crane, *A Laplacian for Nonmanifold Triangle Meshes*,
-    SGP 2020 (package robust_laplacian); for graphs see `laplacian`. The eigenpairs come from a block Krylov space of the
+    SGP 2020 (package robust_laplacian); for graphs ``laplacian``. The eigenpairs come from a block Krylov space of the
     shifted inverse with full reorthogonalisation; it solves for a few vectors at once and projects by matrix products,
     which makes it about twice as fast as ARPACK (``benchmarks/bench_laplace.py``). O(n k²) time, about 24 n k bytes.
 

@@ -28,7 +28,7 @@ class ColumnPredictor:
     """Distances between any two points, interpolated in both arguments from p measured columns.
 
     The matrix E = D^(3/2), taken entry by entry, is modelled as a sample of a normal distribution whose rows and columns
-    both have the covariance K. Given the columns of E at the samples S, its expectation is
+    both have the covariance K. Given the columns of E at the samples S, its expectation is ::
 
         Ê = M E_S + E_Sᵀ Mᵀ − M E_SS Mᵀ,   M = K_·S K_SS⁻¹,
 

@@ -10,10 +10,10 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import bases, matching
+from isomatch.assets import FORMATS
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
 from isomatch.cli.terminal import say, say_json, say_table
-from isomatch.surfaces import FORMATS
 
 Verb = Literal["distance", "basis", "match"]
 

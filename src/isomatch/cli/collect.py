@@ -13,8 +13,11 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch import collections
 from isomatch.cli.inputs import read_config
+from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, say, say_table
 from isomatch.errors import InputError
+
+Reports = int | Literal["doubtful", "all", "none"]
 
 collect = App(name="collect", default_parameter=Parameter(negative=()))
 
@@ -32,6 +35,7 @@ def run(
     shard: str = "1/1",
     time_limit: float | None = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
+    reports: Reports = "doubtful",
     config: Path | None = None,
     seed: int = 0,
     talk: Talk = TALK,
@@ -60,6 +64,9 @@ def run(
     agree : bool
         Once all pairs are matched, replace maps that the others contradict, see isomatch collect agree; by default only
         if all pairs are. Maps of shards are compared by that command.
+    reports : int or str
+        How many of the worst pairs get a report; all; none; or doubtful (default): those on the page that did not
+        converge, and three others.
     config : Path
         TOML file with settings; see isomatch.Config.
     seed : int
@@ -88,7 +95,7 @@ def run(
             for event in collections.agree(collection, executor, jobs, left):
                 tell(*_told(event))
         if part[1] == 1:
-            _write(collection, executor, jobs, tell)
+            _write(collection, reports, executor, jobs, tell)
     _tell_status(collection, talk)
 
 
@@ -113,7 +120,7 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
     Parameters
     ----------
     which : str
-        failed, or low: with another seed, and the surer map is kept.
+        failed, or low: with another seed, and the surer map is kept, unless others contradict it.
     folder : Path
         The folder of the collection.
     """
@@ -125,6 +132,58 @@ def retry(which: Literal["failed", "low"], folder: Path, /, *, talk: Talk = TALK
 
 
 @collect.command
+def export(
+    folder: Path,
+    to: Path,
+    /,
+    *,
+    format: str = ".ply",
+    maps: Literal["npz", "txt", "none"] = "npz",
+    force: bool = False,
+    talk: Talk = TALK,
+) -> None:
+    """Write the shapes in the topology of the template, and the maps, for other programs.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of a collection.
+    to : Path
+        Folder for meshes, maps, a file for each direction, and pairs.csv.
+    format : str
+        Suffix of the meshes, such as .ply (default), .obj, .vtp or .glb; or none.
+    maps : str
+        npz (default): image vertices, and precise images in triangles; txt: the image vertex of each vertex on a line;
+        or none.
+    force : bool
+        Replace an earlier export.
+    """
+    meshes = None if format == "none" else f".{format.removeprefix('.')}"
+    if meshes:
+        require_writable(Path(f"mesh{meshes}"))
+    collection = collections.Collection.open(folder)
+    written = Counter[str]()
+    with talk.progress() as tell:
+        for path in collections.export(collection, to, meshes, None if maps == "none" else f".{maps}", force):
+            written[path.parent.name] += 1
+            tell(f"written: {path.name}", 1.0)
+    left_out = sorted({*collection.names} - {*collections.surfaces_written(collection)}) if meshes else []
+    result = {
+        "folder": str(to),
+        "meshes": written["meshes"],
+        "maps": written["maps"],
+        "left_out": left_out,
+    }
+
+    def summary() -> None:
+        say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
+        if left_out:
+            say(f"without a map to the template: {', '.join(left_out)}", "bold red")
+
+    talk.result(result, summary)
+
+
+@collect.command
 def agree(
     folder: Path,
     /,
@@ -132,6 +191,7 @@ def agree(
     jobs: int | None = None,
     executor: str = "local",
     time_limit: float | None = None,
+    reports: Reports = "doubtful",
     talk: Talk = TALK,
 ) -> None:
     """Find the maps that most others contradict, and replace them by compositions of others, refined.
@@ -149,12 +209,14 @@ def agree(
         local (default), or dask:ADDRESS; as for isomatch collect.
     time_limit : float
         Seconds after which nothing new is begun.
+    reports : int or str
+        Which pairs get a report; as for isomatch collect.
     """
     collection = collections.Collection.open(folder)
     with talk.progress() as tell:
         for event in collections.agree(collection, executor, jobs, time_limit):
             tell(*_told(event))
-        _write(collection, executor, jobs, tell)
+        _write(collection, reports, executor, jobs, tell)
     if not collections.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
@@ -163,7 +225,13 @@ def agree(
     _tell_status(collection, talk)
 
 
-def _write(collection: collections.Collection, executor: str, jobs: int | None, tell: Tell) -> None:
+def _write(
+    collection: collections.Collection, reports: Reports, executor: str, jobs: int | None, tell: Tell
+) -> None:
+    if reports != "none":
+        for pair, row in collections.write_reports(collection, reports, executor, jobs):
+            failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
+            tell(f"report of {' and '.join(pair)}{failed}", 1.0)
     for line in collections.finish(collection, executor, jobs):
         tell(f"written in the topology of the template: {line['name']}", 1.0)
 

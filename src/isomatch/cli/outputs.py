@@ -13,8 +13,8 @@ import isomatch
 from isomatch import view
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed, made_folder, staged, write_text
+from isomatch.assets import Attribute
 from isomatch.cli.terminal import json_text, say, say_table
-from isomatch.surfaces import Attribute
 
 RESULT = "result.json"
 
@@ -180,15 +180,16 @@ def say_result(result: isomatch.MatchResult) -> None:
 def write_wrapped(
     path: Path, source: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
 ) -> dict[str, Any]:
-    """Write the source in the shape of the target, with all that its file carries but normals; count what was mended.
+    """Write the source in the shape of the target, and count what was mended.
 
-    Where the format takes scalars, the expected error (n_source,) of each vertex is added.
+    All that its file carries is written too, but no normals and tangents. Where the format takes scalars, the expected
+    error (n_source,) of each vertex is added.
     """
     asset = isomatch.read_asset(source)
     moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
-    normals = [attribute.name for attribute in moved.of_kind("normal")]
+    turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
     errors = Attribute("expected_error", "point", "scalar", expected_error)
-    isomatch.write_asset(path, moved.without_attributes(*normals).with_attributes(errors))
+    isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(errors))
     counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
     return {"file": str(path), **counts, "extended": wrapped.extended}
 

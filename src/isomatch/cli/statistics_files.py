@@ -14,9 +14,10 @@ import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed, made_folder, write_csv, write_text
+from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
-from isomatch.surfaces import Attribute, Contents, Mesh, write_contents, write_mesh
+from isomatch.surfaces import Mesh
 
 RECORD = "statistics.json"
 DEVIATIONS = 2
@@ -70,7 +71,7 @@ class StatisticsFolder:
         rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
         attributes = [Attribute(each, "point", "scalar", numbers) for each, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
-        write_contents(self.path(name), Contents.of_mesh(mesh, [*attributes, colours]), binary=True)
+        write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 
     def model(self, model: shape_statistics.ShapeModel, n_modes: int) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""

@@ -52,7 +52,7 @@ def say_table(rows: Iterable[tuple[str, ...]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
-    for _ in rows[0][2:]:
+    for _ in rows[0][2:] if rows else ():
         table.add_column(style="dim")
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))

@@ -1,9 +1,11 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of
 from isomatch.collections.collection import Collection, Event, state_of
-from isomatch.collections.finish import finish
+from isomatch.collections.export import export
+from isomatch.collections.finish import finish, surfaces_written
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
+from isomatch.collections.reports import write_reports
 from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
 
@@ -17,7 +19,10 @@ __all__ = [
     "Rows",
     "agree",
     "agreement_of",
+    "export",
     "finish",
     "state_of",
+    "surfaces_written",
+    "write_reports",
     "write_table",
 ]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.collections.collection import Collection, Event
+from isomatch.collections.collection import Collection, Event, is_contradicted
 from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
 from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
 from isomatch.collections.ledger import Ledger, Rows, writing_ledger
@@ -110,7 +110,7 @@ def agree(
 
 def agreement_of(rows: Rows) -> Agreement:
     """Sum up the rows of a collection."""
-    compared = {pair: row["agreement"] for pair, row in rows.pairs.items() if "agreement" in row}
+    compared = [pair for pair, row in rows.pairs.items() if "agreement" in row]
     names = sorted({name for pair in compared for name in pair})
     orientations = np.full((len(names), len(names)), np.nan)
     for pair in compared:
@@ -119,7 +119,7 @@ def agreement_of(rows: Rows) -> Agreement:
         orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
     return Agreement(
         len(compared),
-        [pair for pair, known in compared.items() if known["inconsistency"] > CONTRADICTED],
+        [pair for pair in compared if is_contradicted(rows.pairs[pair])],
         [pair for pair in compared if "replaced_by" in rows.pairs[pair]],
         [names[i] for i in turned_shapes(orientations)] if names else [],
     )

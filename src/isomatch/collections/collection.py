@@ -16,6 +16,7 @@ import numpy as np
 
 from isomatch._cached import cached_property
 from isomatch._files import write_text, writing
+from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
@@ -51,7 +52,7 @@ class Collection:
     shapes : tuple of Entry
         Names and files of the shapes.
     pairs : str
-        Which pairs are matched, see `pairs_of`.
+        Which pairs are matched, see `create`.
     template : str, optional
         Name of the template; None for that in the middle of all, which is found once all are prepared.
     config : Config
@@ -85,12 +86,13 @@ class Collection:
         folder : path_like
             Where prepared shapes, maps and tables are kept.
         shapes : path_like or iterable of path_like
-            See `entries_of`.
+            A folder, all files of which that can be read are taken; a pattern such as ``'scans/*.vtp'``; a CSV file
+            with a column ``path``, relative to its folder, and perhaps ``name``; or the files.
         pairs : str
-            "star": the template with each other shape; "all"; "chain"; or a CSV file, see `pairs_of`. Each pair is
-            matched in both directions.
+            "star": the template with each other shape; "all"; "chain", each with the next; or a CSV file with
+            columns ``source`` and ``target``. Each pair is matched in both directions.
         template : str, optional
-            Name of a shape, or its file; by default the medoid, see `medoid`.
+            Name of a shape, or its file; by default the one in the middle of all, by spectra and distances.
         config : Config, optional
             Settings of the matches.
         seed : int
@@ -219,9 +221,10 @@ class Collection:
         Parameters
         ----------
         executor : str or Executor
-            See `workers_of`.
+            "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
+            executor of `concurrent.futures`.
         jobs : int, optional
-            How many run at once.
+            How many run at once; by default one for each processor.
         shard : (int, int)
             Which part of the pairs: index from 0, and their number. Several runs, on one machine or on many that see
             the same folder, each do one. Each prepares the shapes it needs.
@@ -231,7 +234,7 @@ class Collection:
         Raises
         ------
         InputError
-            If the executor is not usable, see `workers_of`.
+            If the executor is not known, or the cluster does not answer.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """
@@ -275,8 +278,9 @@ class Collection:
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
         """Let the next run match pairs again: those that failed, or those that ended with low confidence.
 
-        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept. Shapes
-        that could not be prepared are tried again with "failed".
+        The same input gives the same map, so the latter are matched with another seed, and the surer map is kept; a map
+        that others contradict gives way to the new one. Shapes that could not be prepared are tried again with
+        "failed".
 
         Returns
         -------
@@ -291,7 +295,8 @@ class Collection:
                 for pair, record in list(ledger.rows.pairs.items()):
                     if state_of(record) == which:
                         attempt = record["attempt"] + (which == "low")
-                        ledger.put_pair(pair, {"state": "todo", "time": time.time(), "attempt": attempt})
+                        todo = {"state": "todo", "time": time.time(), "attempt": attempt}
+                        ledger.put_pair(pair, {**todo, "contradicted": is_contradicted(record)})
                         again.append(pair)
         return again
 
@@ -329,9 +334,11 @@ class Collection:
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
         shapes = [rows.shapes[name] for name in pair]
         hashes = (shapes[0]["hash"], shapes[1]["hash"])
-        attempt = rows.pairs.get(pair, {}).get("attempt", 0)
+        row = rows.pairs.get(pair, {})
+        attempt = row.get("attempt", 0)
         key = key_of(self.config, self.seed + attempt, *hashes)
-        return PlannedPair(pair, key, (shapes[0]["key"], shapes[1]["key"]), hashes, attempt)
+        keys = (shapes[0]["key"], shapes[1]["key"])
+        return PlannedPair(pair, key, keys, hashes, attempt, row.get("contradicted", False))
 
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:
@@ -357,6 +364,11 @@ def state_of(record: Record) -> str:
     if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
         return "low"
     return str(record["state"])
+
+
+def is_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, as far as they were compared."""
+    return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
 
 
 def _row_of(record: Record | Exception) -> Record:

@@ -8,6 +8,7 @@ from typing import Any
 
 from isomatch._files import read_csv, write_csv
 from isomatch.collections.collection import Collection
+from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.page import write_page
 from isomatch.collections.tables import write_table
@@ -46,12 +47,13 @@ def finish(
     """
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
-    lines = {line["name"]: line for line in _known_lines(collection)}
+    lines = _known_lines(collection)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
         job = WrapJob(layout, template, collection.paths[template], suffix)
-        todo = [plan for plan in _planned(collection, rows, template) if not _is_written(job, plan, lines)]
+        plans = _planned(collection, rows, template)
+        todo = [plan for plan in plans if not _is_written(layout, plan, lines, suffix)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         with workers_of(executor, jobs) as workers:
             for plan, line in workers.completed(tasks):
@@ -62,20 +64,32 @@ def finish(
     write_page(collection, rows, template, lines)
 
 
+def surfaces_written(collection: Collection) -> list[str]:
+    """Names of the shapes that are written in the topology of the template, by the maps that they have now."""
+    rows = collection.rows()
+    template = collection.chosen_template(rows)
+    if template is None:
+        return []
+    plans, lines = _planned(collection, rows, template), _known_lines(collection)
+    return [plan.name for plan in plans if _is_written(collection.layout, plan, lines)]
+
+
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
-    plans = [PlannedSurface(template, collection.paths[template], None, "template")]
+    own = rows.shapes.get(template, {}).get("key", "")
+    plans = [PlannedSurface(template, collection.paths[template], None, own)]
     for pair, record in rows.pairs.items():
-        if template in pair and record["state"] == "done":
-            name = pair[0] if pair[1] == template else pair[1]
-            plans.append(PlannedSurface(name, collection.paths[name], pair, record["key"]))
+        name = pair[0] if pair[1] == template else pair[1]
+        if template in pair and record["state"] == "done" and name in collection.paths:
+            key = " > ".join((record["key"], *record.get("replaced_by", ())))
+            plans.append(PlannedSurface(name, collection.paths[name], pair, key))
     return plans
 
 
-def _is_written(job: WrapJob, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
+def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any], suffix: str = ".ply") -> bool:
     known = lines.get(plan.name, {}).get("key") == plan.key
-    return known and job.layout.corresponded(plan.name, job.suffix).exists()
+    return known and layout.corresponded(plan.name, suffix).exists()
 
 
-def _known_lines(collection: Collection) -> list[dict[str, Any]]:
+def _known_lines(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
-    return read_csv(path) if path.exists() else []
+    return {line["name"]: line for line in read_csv(path)} if path.exists() else {}

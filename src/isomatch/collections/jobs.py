@@ -13,6 +13,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from isomatch._limits import peak_memory
+from isomatch.assets import surface_from
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
@@ -20,7 +21,6 @@ from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
 from isomatch.errors import FormatError
 from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
-from isomatch.surfaces import surface_from
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 
@@ -40,6 +40,8 @@ class PlannedPair(NamedTuple):
         ``content_hash`` of the surfaces.
     attempt : int
         Added to the seed.
+    contradicted : bool
+        Whether other maps contradict the earlier one, so that any new one replaces it.
     """
 
     pair: Pair
@@ -47,6 +49,7 @@ class PlannedPair(NamedTuple):
     shapes: tuple[str, str]
     hashes: tuple[str, str]
     attempt: int
+    contradicted: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,8 @@ class Job:
             "memory": peak_memory(),
         }
         maps = PairMaps(found.there.map, found.back.map, record)
-        if plan.attempt and earlier and _unsureness(earlier.record) <= _unsureness(record):
+        keep = plan.attempt and not plan.contradicted
+        if keep and earlier and _unsureness(earlier.record) <= _unsureness(record):
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record

@@ -13,9 +13,9 @@ from urllib.parse import quote
 from isomatch._files import write_text
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Rows
-from isomatch.collections.tables import table_of
+from isomatch.collections.reports import has_report
+from isomatch.collections.tables import MOST_SHOWN, table_of
 
-MOST_PAIRS = 200  # on the page; all are in pairs.csv
 SHOWN = ("misfit", "rival", "residual", "stretch", "distortion_mean", "coverage", "matched", "seconds")
 
 
@@ -45,8 +45,8 @@ def write_page(
         summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
         template=escape(template or "not yet chosen"),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
-        count=f"{min(len(pairs), MOST_PAIRS)} of {len(pairs)}, worst first.",
-        pairs="".join(_line(collection, pair) for pair in pairs[:MOST_PAIRS]),
+        count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
+        pairs="".join(_line(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
         columns="".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in SHOWN),
     )
     write_text(layout.page, page)
@@ -66,17 +66,17 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     return f"<figure>{image}<figcaption>{escape(name)}{problem}</figcaption></figure>"
 
 
-def _line(collection: Collection, pair: Mapping[str, Any]) -> str:
-    """Show one pair: names, outcome, measures, and links to its report and maps."""
-    both = (pair["source"], pair["target"])
+def _line(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:
+    """Show one pair: names, outcome, measures, and links to its report and maps, as far as they exist."""
+    layout, both = collection.layout, (pair["source"], pair["target"])
     cells = [f"<td>{escape(_text(pair.get(name)))}</td>" for name in SHOWN]
     links = [
         f'<a href="{_link(collection, path)}">{word}</a>'
-        for word, path in (
-            ("report", collection.layout.report(both)),
-            ("maps", collection.layout.maps(both)),
+        for word, path, exists in (
+            ("report", layout.report(both), has_report(layout, both, rows.pairs[both])),
+            ("maps", layout.maps(both), layout.maps(both).exists()),
         )
-        if path.exists()
+        if exists
     ]
     outcome = pair.get("outcome") or pair["state"]
     good = outcome in ("CONVERGED", "PARTIAL")

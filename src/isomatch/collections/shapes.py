@@ -9,8 +9,8 @@ from glob import glob
 from pathlib import Path
 
 from isomatch._files import read_csv
+from isomatch.assets import FORMATS
 from isomatch.errors import InputError
-from isomatch.surfaces import FORMATS
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 

@@ -12,6 +12,7 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
 from isomatch.matching import Outcome, Quality
 
+MOST_SHOWN = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))
 COLUMNS = (
     "source",

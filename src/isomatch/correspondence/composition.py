@@ -6,7 +6,8 @@ import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.surfaces import Mesh, PlacedMesh, PrecisePoints, Surface, VertexGroups, normalised
+from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
 TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 

@@ -10,21 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch.assets import SurfaceLike, mesh_from, surface_from
 from isomatch.bases import LaplaceBasis, laplace_basis
 from isomatch.correspondence.carried_values import pulled_back, pushed_forward
 from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError, some
-from isomatch.surfaces import (
-    Mesh,
-    PrecisePoints,
-    SurfaceLike,
-    mesh_from,
-    picture,
-    surface_from,
-    surface_in_use,
-)
+from isomatch.surfaces import Mesh, PrecisePoints, picture, surface_in_use
 
 UNMATCHED = -1
 

@@ -16,7 +16,8 @@ FORBIDDEN = 50.0  # more than any assignment costs
 class IntervalCost:
     """What it costs to place two points at distance d, if the interval is [l, u].
 
-    c(d) = min(v + inside |d − u|, most) / (soft + u), where v is the violation of [(1 − tolerance) l, (1 + tolerance) u].
+    ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v
+    the violation of [(1 − tolerance) l, (1 + tolerance) u].
 
     Parameters
     ----------

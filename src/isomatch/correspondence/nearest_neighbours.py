@@ -30,7 +30,7 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
     Notes
     -----
-    2 n m d operations in single precision. The nearest candidate has the largest y·x − |x|²/2; all candidates whose
+    2 n m d operations in single precision. The nearest candidate has the largest ``y·x − |x|²/2``; all candidates whose
     score is within the rounding error of the best are ranked by their true distance in double precision.
     """
     centre = candidates.mean(axis=0)

@@ -12,19 +12,12 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
+from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.welding import welded_map
 from isomatch.errors import MapError
-from isomatch.surfaces import (
-    Mesh,
-    PlacedMesh,
-    PrecisePoints,
-    SurfaceLike,
-    VertexGroups,
-    first_equal,
-    mesh_from,
-    normalised,
-)
+from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.surfaces import Mesh, PrecisePoints, first_equal
 
 ROUNDS = 60  # of mending; most pairs have no inverted face after fewer
 RINGS = 2  # of vertices around inverted faces, that move with them: a region

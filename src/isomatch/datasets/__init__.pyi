@@ -17,6 +17,7 @@ from isomatch.datasets.damage import (
     weld,
 )
 from isomatch.datasets.example import example_pair
+from isomatch.datasets.organs import Organ, organ, organ_truth
 from isomatch.datasets.published import faust, remeshed, scape, tosca
 from isomatch.datasets.shape_files import read_indices
 from isomatch.datasets.shape_set import BenchmarkPair, KnownShape, ShapeSet
@@ -32,6 +33,7 @@ __all__ = [
     "Damaged",
     "DamagedPair",
     "KnownShape",
+    "Organ",
     "ShapeSet",
     "Truth",
     "benchmark_set",
@@ -46,6 +48,8 @@ __all__ = [
     "joint_names",
     "limb_removed",
     "noise",
+    "organ",
+    "organ_truth",
     "read_indices",
     "relabelled",
     "remeshed",

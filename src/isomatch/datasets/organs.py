@@ -14,6 +14,7 @@ from isomatch._arrays import FloatArray
 from isomatch.datasets.implicit import Skin
 from isomatch.datasets.tessellation import tessellate
 from isomatch.datasets.truth import Truth, closest_points
+from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh
 
 OrganSymmetry = Literal["none", "mirror", "turn"]
@@ -42,7 +43,7 @@ class Organ:
     rest : (n, 3) array
         Position of each vertex on the rest surface, which all organs of one kind, style and symmetry share.
     symmetry : {"none", "mirror", "turn"}
-        Which map of `SIGNS` carries the rest surface onto itself; bending does not change it.
+        Which map carries the rest surface onto itself; bending does not change it.
     """
 
     mesh: Mesh
@@ -58,7 +59,7 @@ def organ(
     Parameters
     ----------
     kind : str
-        One of `PLANS`.
+        "kidney", "hippocampus", "liver", "heart", "nodule", "face", "cortex" or "tube".
     n_vertices : int
         Number of vertices, to 5 % of closed organs, of open ones to 15 %.
     style : int
@@ -68,12 +69,31 @@ def organ(
     pose : int
         Seed of the triangulation, and of how the rest surface is bent, twisted and stretched.
 
+    Returns
+    -------
+    Organ
+
+    Raises
+    ------
+    MissingDependencyError
+        Without scikit-image: ``pip install 'isomatch[creatures]'``.
+    SettingError
+        If there is no such kind.
+
     Notes
     -----
     Bending changes lengths by the thickness times the curvature. Of the edges, 90 % change by less than 20 %, those of
     faces and cortical patches by less than 28 %; half of the edges of most shapes by less than 6 %. The boundary of an
     open shape follows the edges of its triangulation.
+
+    Examples
+    --------
+    >>> source, target = organ("kidney", pose=1), organ("kidney", pose=2)
+    >>> len(organ_truth(source, target).vertices) == source.mesh.n_vertices
+    True
     """
+    if kind not in PLANS:
+        raise SettingError(f"unknown organ {kind!r}; choose from {', '.join(PLANS)}")
     rng = np.random.default_rng([crc32(kind.encode()), style])
     cones, opening = PLANS[kind](rng)
     cones[:, 6:] *= rng.uniform(0.9, 1.1, (len(cones), 1))

@@ -17,8 +17,9 @@ from scipy.io.matlab import MatReadError
 from isomatch._array_file import Archive
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch._files import opened, text_lines
+from isomatch.assets import read_mesh
 from isomatch.errors import FormatError, some
-from isomatch.surfaces import Mesh, read_mesh
+from isomatch.surfaces import Mesh
 
 _NOT_MATLAB = (
     *(

@@ -14,7 +14,7 @@ from isomatch.bases import DistanceBasis
 class GeodesicDistanceDescriptor:
     """Descriptor X = Q Λ^½ with D ≈ X Xᵀ (bilinear, without conjugation).
 
-    Λ is indefinite, so every column of X is purely real or purely imaginary. The real coordinates Q |Λ|^½ and the
+    Λ is indefinite, so every column of X is purely real or purely imaginary. The real coordinates ``Q |Λ|^½`` and the
     signature are stored; D_ij ≈ Σ_c signature_c · x_ic · x_jc.
 
     Parameters

@@ -23,7 +23,7 @@ class MetricDistortion:
     Parameters
     ----------
     linf : float
-        ½ max |d₁ − d₂|; the Gromov–Hausdorff distance is its infimum over all maps.
+        ``½ max |d₁ − d₂|``; the Gromov–Hausdorff distance is its infimum over all maps.
     l2 : float
         Mean of (d₁ − d₂)², in squared units.
     truth : MetricDistortion, optional

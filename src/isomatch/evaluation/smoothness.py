@@ -11,7 +11,7 @@ from isomatch.surfaces import Mesh
 
 
 def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence) -> float:
-    """Dirichlet energy ½ ∫ |∇f|² of the precise images, divided by the target's area.
+    """Dirichlet energy ``½ ∫ |∇f|²`` of the precise images, divided by the target's area.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def dirichlet_energy(source: Mesh, target: Mesh, correspondence: Correspondence)
 
     Notes
     -----
-    The energy of the piecewise linear map: a face with angles α and opposite image edges e contributes ¼ Σ cot α |e|²
+    The energy of the piecewise linear map: a face with angles α and opposite image edges e contributes ``¼ Σ cot α |e|²``
     (Pinkall & Polthier, *Computing Discrete Minimal Surfaces and Their Conjugates*, 1993). Linear time.
 
     Examples

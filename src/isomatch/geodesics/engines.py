@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch._arrays import AnyArray, FloatArray
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import SettingError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.exact import Exact
@@ -15,7 +16,7 @@ from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
 from isomatch.geodesics.heat import Heat
 from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.surfaces import Graph, Mesh, PointCloud, SurfaceLike, surface_from
+from isomatch.surfaces import Graph, Mesh, PointCloud
 
 ENGINES: dict[type, tuple[type[Any], ...]] = {
     Mesh: (FastMarching, Exact, Heat, Dijkstra),

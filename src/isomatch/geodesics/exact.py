@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch import surfaces
+from isomatch import mending
 from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
 from isomatch.geodesics.component_engine import ComponentEngine, Solver
@@ -42,7 +42,7 @@ class Exact(ComponentEngine):
     def __init__(self, mesh: Mesh) -> None:
         self._algorithm = _package()
         super().__init__(mesh)
-        report = surfaces.check(mesh)
+        report = mending.check(mesh)
         found = [name.replace("_", " ") for name in _REFUSED if len(getattr(report, name))]
         if found:
             raise MeshError(

@@ -67,7 +67,7 @@ class MissingRegion:
         Returns
         -------
         (m, r) array of float
-            min(d(x, y), min over boundary points b, c of d(x, b) + |b − c| + d(c, y)): a path that leaves the surface
+            min(d(x, y), min over boundary points b, c of d(x, b) + ‖b − c‖ + d(c, y)): a path that leaves the surface
             is no shorter.
 
         Notes

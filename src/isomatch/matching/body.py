@@ -10,7 +10,8 @@ from isomatch._arrays import BoolArray, IntArray
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
 from isomatch.matching.settings import PreparationSettings
-from isomatch.surfaces import Graph, Mesh, PointCloud, Surface, check, repair, separate_sheets
+from isomatch.mending import check, repair, separate_sheets
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
 LEFT_UNMATCHED = "are left unmatched"

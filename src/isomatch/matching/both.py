@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch._arrays import IntArray
 from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
 from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
 from isomatch.matching.config import Config
@@ -23,7 +24,6 @@ from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.search import Hypothesis
 from isomatch.matching.stage_timer import Progress, StageTimer, two_arguments
-from isomatch.surfaces import SurfaceLike
 
 THERE = 0.75  # of the time, with the preparation
 

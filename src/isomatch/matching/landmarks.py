@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from isomatch._arrays import IntArray, numbers_of
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import LandmarkError
 from isomatch.matching.landmark_files import PAIRS, POINTS, SLICER, MarkedPoint, marked_pairs, marked_points
-from isomatch.surfaces import Graph, SurfaceLike, surface_from
+from isomatch.surfaces import Graph
 
 logger = logging.getLogger(__name__)
 

@@ -10,7 +10,8 @@ from isomatch._arrays import IntArray
 from isomatch._threads import parallel_map
 from isomatch.matching.body import Body
 from isomatch.matching.config import Config
-from isomatch.surfaces import Decimated, Mesh, Surface, Transfer, decimate
+from isomatch.resolution import Decimated, Prolongation, decimate
+from isomatch.surfaces import Mesh, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +30,7 @@ class Level:
         Vertex of the shape for each vertex of this level; the nearest one, if the level is coarser.
     detail : Detail, optional
         The body in full, if this level is coarser.
-    refining : Transfer, optional
+    refining : Prolongation, optional
         From the level before, which is finer or the body in full, to this one.
     """
 
@@ -38,7 +39,7 @@ class Level:
     body_vertex: IntArray
     user_vertex: IntArray
     detail: Detail | None = None
-    refining: Transfer | None = None
+    refining: Prolongation | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class Detail:
 
     Parameters
     ----------
-    transfer : Transfer
+    transfer : Prolongation
         Between the body in full and the coarser one.
     body_vertex : (n,) array of int
         Vertex of the body in full for each vertex of the shape; −1 for those left out.
@@ -55,15 +56,15 @@ class Detail:
         Vertex of the shape for each vertex of the body in full.
     """
 
-    transfer: Transfer
+    transfer: Prolongation
     body_vertex: IntArray
     user_vertex: IntArray
 
 
-def identity_transfer(mesh: Mesh) -> Transfer:
+def identity_transfer(mesh: Mesh) -> Prolongation:
     """Carry points from a mesh to itself."""
     everything = np.arange(mesh.n_vertices)
-    return Transfer(mesh, Decimated(mesh, everything, len(everything)))
+    return Prolongation(mesh, Decimated(mesh, everything, len(everything)))
 
 
 def full_level(found: Body) -> Level:
@@ -88,18 +89,18 @@ def levels_of(found: Body, config: Config) -> list[Level]:
 def coarse_levels(found: Body, body: Mesh, sizes: list[int]) -> list[Level]:
     """Coarser levels of a mesh, of about so many vertices each, finer first; each is made from the body in full."""
     levels: list[Level] = []
-    finer: Transfer | None = None
-    for transfer in parallel_map(lambda size: Transfer(body, decimate(body, size)), sizes):
+    finer: Prolongation | None = None
+    for transfer in parallel_map(lambda size: Prolongation(body, decimate(body, size)), sizes):
         refining = transfer
         if finer:
             owner = transfer.coarse.owner[finer.nearest_members]
-            refining = Transfer(finer.coarse.mesh, replace(transfer.coarse, owner=owner))
+            refining = Prolongation(finer.coarse.mesh, replace(transfer.coarse, owner=owner))
         levels.append(_level(found, transfer, refining))
         finer = transfer
     return levels
 
 
-def _level(found: Body, transfer: Transfer, refining: Transfer) -> Level:
+def _level(found: Body, transfer: Prolongation, refining: Prolongation) -> Level:
     coarse, owner = transfer.coarse.mesh, transfer.coarse.owner
     unit = float(np.sqrt(coarse.area))
     middle = np.average(coarse.vertices, axis=0, weights=coarse.vertex_areas)

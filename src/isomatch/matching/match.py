@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from isomatch._interruption import in_background
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
@@ -19,7 +20,6 @@ from isomatch.matching.pins import pinned
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
-from isomatch.surfaces import SurfaceLike
 
 
 def match(
@@ -38,7 +38,7 @@ def match(
     ----------
     source, target : Mesh, PointCloud, Graph, PreparedShape, path_like, tuple or object
         The shapes; `prepare` one that is matched more than once. Also the path of a mesh file, a tuple (vertices, faces)
-        or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.surfaces.surface_from`.
+        or a mesh of trimesh, PyVista, meshio or Open3D; see `isomatch.assets.surface_from`.
     landmarks : (m, 2) array_like of int, optional
         Rows (source vertex, target vertex), m ≥ 3; see `read_landmarks`. With ``Config.pin`` they hold.
     initial_map : (n_source,) array_like of int, optional

@@ -9,13 +9,13 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.config import Config
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
-from isomatch.surfaces import SurfaceLike
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from isomatch._interruption import in_background
 from isomatch._renamed import old_attributes
 from isomatch._settings import generator
 from isomatch._threads import serial_blas
+from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases import DistanceBasis, laplace_basis, nystrom_basis, refined_laplace_basis
 from isomatch.correspondence import (
     SampledBasis,
@@ -40,7 +41,9 @@ from isomatch.matching.prepared_file import read_prepared, write_prepared
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import PREPARATION, Progress, StageTimer
 from isomatch.matching.symmetries import Symmetry, find_symmetries
-from isomatch.surfaces import Graph, Surface, SurfaceLike, Transfer, capped, check, surface_from
+from isomatch.mending import capped, check
+from isomatch.resolution import Prolongation
+from isomatch.surfaces import Graph, Surface
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -83,7 +86,7 @@ class PreparedShape(SmoothShape):
         Further components of a mesh that can be matched by themselves, largest first; not prepared.
     finer : Level, optional
         A finer level, on which maps of complete shapes are polished.
-    refining : Transfer, optional
+    refining : Prolongation, optional
         Between the finer level and the body.
     """
 
@@ -101,7 +104,7 @@ class PreparedShape(SmoothShape):
     share: float = 1.0
     others: tuple[Body, ...] = ()
     finer: Level | None = None
-    refining: Transfer | None = None
+    refining: Prolongation | None = None
 
     if not TYPE_CHECKING:  # otherwise a misspelt attribute would pass as one that was renamed
         __getattr__ = old_attributes(
@@ -273,7 +276,7 @@ class PreparedShape(SmoothShape):
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
-        """Maps of the shape onto itself, by rows of its search vertices; see `find_symmetries`."""
+        """Maps of the shape onto itself, by rows of its search vertices."""
         settings = self.config.symmetry
         vertices = self.sample_vertices[: self.config.n_search]
         basis = SampledBasis(self.laplace.vectors, vertices)

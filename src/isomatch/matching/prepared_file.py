@@ -19,7 +19,8 @@ from isomatch.geodesics import Sampling
 from isomatch.matching.body import Body
 from isomatch.matching.config import Config
 from isomatch.matching.levels import Detail, Level
-from isomatch.surfaces import Decimated, Graph, Mesh, PointCloud, Transfer
+from isomatch.resolution import Decimated, Prolongation
+from isomatch.surfaces import Graph, Mesh, PointCloud
 
 FORMAT = ArrayFormat(
     what="a prepared shape",
@@ -39,7 +40,7 @@ KINDS: dict[str, Any] = {
         Mesh,
         PointCloud,
         Sampling,
-        Transfer,
+        Prolongation,
     )
 }
 KINDS["Graph"] = lambda **parts: Graph(*parts.values())  # whose fields and parameters have different names

@@ -17,11 +17,12 @@ from isomatch._array_file import ArrayFormat, Stored, save_arrays
 from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch._settings import Settings
+from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
 from isomatch.matching.outcome import Outcome
-from isomatch.surfaces import Mesh, SurfaceLike
+from isomatch.surfaces import Mesh
 
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
@@ -75,7 +76,7 @@ class Quality:
         Mean cosine between the normals of the smooth target and of its copy drawn on the source: near 1 the map keeps the
         outside, near −1 it mirrors, between it is twisted; nan without triangles on both.
     distortion_mean, distortion_p95 : float
-        Mean and 95th percentile of |d_source(i, j) − d_target(f(i), f(j))|, each distance divided by √area of its
+        Mean and 95th percentile of ``|d_source(i, j) − d_target(f(i), f(j))|``, each distance divided by √area of its
         own surface, over pairs of a farthest point sample and a spread vertex; marched on the source, low-rank on the
         target, so that the error of the basis, about half a per cent, is part of it. A graph's distances are scaled to
         the same average.

@@ -16,7 +16,8 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.levels import Detail, identity_transfer
 from isomatch.matching.signatures import point_signatures
-from isomatch.surfaces import Mesh, Surface, Transfer, vertex_normals
+from isomatch.resolution import Prolongation
+from isomatch.surfaces import Mesh, Surface, vertex_normals
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -117,7 +118,7 @@ class SmoothShape:
         return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
 
     @cached_property
-    def transfer(self) -> Transfer:
+    def transfer(self) -> Prolongation:
         """Between the body in full and this one, both meshes."""
         return self.detail.transfer if self.detail else identity_transfer(self.mesh_body)
 

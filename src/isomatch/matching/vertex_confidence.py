@@ -32,7 +32,7 @@ def expected_errors(
     points : PrecisePoints
         Image of each of the n_s source vertices.
     doubt : (n_s,) array of float, optional
-        Error to be expected because another map may be right, see `doubt_of`.
+        Error to be expected because another map may be right, see ``doubt_of``.
     unit : float
         What √area of the source is worth in √area of the target: 1 but for parts.
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from isomatch._arrays import FloatArray
 from isomatch._files import replaced, write_text
+from isomatch.assets import write_mesh
 from isomatch.errors import InputError, MissingDependencyError
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes
-from isomatch.surfaces import write_mesh
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:

@@ -33,7 +33,7 @@ class GroupTest:
     difference : (n, 3) array of float
         Mean of the second group minus that of the first, in the units of the shapes.
     t_squared : (n,) array of float
-        Hotelling's T²; `inf` if the groups are separated completely.
+        Hotelling's T²; ``inf`` if the groups are separated completely.
     p_values : (n,) array of float
         Probability of a T² at least as large if both groups have the same distribution.
     q_values : (n,) array of float

@@ -91,7 +91,7 @@ def shape_tree(distances: FloatArray) -> FloatArray:
     Returns
     -------
     (m − 1, 4) array of float
-        The tree as a linkage matrix of `scipy.cluster.hierarchy`.
+        The tree as a linkage matrix of ``scipy.cluster.hierarchy``.
 
     Raises
     ------

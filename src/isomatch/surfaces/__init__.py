@@ -1,4 +1,4 @@
-"""Surfaces: meshes, point clouds and graphs; their files, their defects, repair, and what a camera sees."""
+"""Surfaces: meshes, point clouds and graphs; points on them, and what a camera sees."""
 
 from isomatch._first_use import names_at_first_use
 

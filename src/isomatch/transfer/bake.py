@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from io import BytesIO
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray
-from isomatch.assets import Asset
+from isomatch.assets import Asset, base_colours, pixels_of, png_of, with_texture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import PrecisePoints, base_colours, rasterise, with_texture
+from isomatch.surfaces import PrecisePoints, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
 
@@ -41,7 +40,7 @@ class Baked:
     @property
     def png(self) -> bytes:
         """The picture as a PNG file."""
-        return _png(self.picture)
+        return png_of(self.picture)
 
 
 def bake_texture(
@@ -107,7 +106,7 @@ def bake_texture(
     picture[covered] = colours
     nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     painted = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
-    return Baked(painted, with_texture(receiver, _png(painted)), unmatched)
+    return Baked(painted, with_texture(receiver, png_of(painted)), unmatched)
 
 
 def _colours(places: Places) -> FloatArray:
@@ -122,7 +121,7 @@ def _colours(places: Places) -> FloatArray:
             here = material == i
             found[here] = tint
             if picture and here.any():
-                found[here] *= _sampled(_pixels(picture), np.nan_to_num(at[here, :2]))
+                found[here] *= _sampled(pixels_of(picture), np.nan_to_num(at[here, :2]))
         return found
     if not colour:
         raise DescriptorError(
@@ -143,24 +142,3 @@ def _sampled(pixels: FloatArray, uv: FloatArray) -> FloatArray:
         for j, right in ((0, 1 - s), (1, s)):
             total += down * right * pixels[(top + i) % height, (left + j) % width]
     return total
-
-
-def _pixels(picture: bytes) -> FloatArray:
-    """(height, width, 4) the pixels of a PNG or JPEG file, 0…1."""
-    from matplotlib.image import imread
-
-    kind = "png" if picture[:4] == b"\x89PNG" else "jpg"
-    pixels = np.asarray(imread(BytesIO(picture), format=kind))
-    pixels = pixels / 255 if pixels.dtype == np.uint8 else pixels.astype(np.float64)
-    if pixels.ndim == 2:
-        pixels = np.repeat(pixels[:, :, None], 3, axis=2)
-    opaque = np.ones((*pixels.shape[:2], 1))
-    return np.concatenate([pixels[:, :, :3], pixels[:, :, 3:] if pixels.shape[2] == 4 else opaque], axis=2)
-
-
-def _png(picture: AnyArray) -> bytes:
-    from matplotlib.image import imsave
-
-    file = BytesIO()
-    imsave(file, picture, format="png")
-    return file.getvalue()

@@ -8,10 +8,10 @@ import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch._cached import cached_property
-from isomatch.assets import Asset
+from isomatch.assets import Asset, Attribute
 from isomatch.correspondence import UNMATCHED, Correspondence, welded_map
 from isomatch.errors import MeshError
-from isomatch.surfaces import Attribute, Mesh, PrecisePoints
+from isomatch.surfaces import Mesh, PrecisePoints
 
 
 @dataclass(frozen=True, eq=False)

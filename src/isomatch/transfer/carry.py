@@ -10,10 +10,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from isomatch.assets import Asset
+from isomatch.assets import Asset, Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
-from isomatch.surfaces import Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.transfer.bridge import Bridge, columns
 from isomatch.transfer.choices import Labelling, Side
 from isomatch.transfer.rotations import rotations
@@ -93,7 +92,7 @@ def carry_attributes(
 
     Examples
     --------
-    >>> from isomatch.surfaces import Attribute, Polygons
+    >>> from isomatch.assets import Attribute, Polygons
     >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
     >>> named = square.with_attributes(Attribute("side", "point", "label", ["left", "right", "right", "left"]))
     >>> half_turn = Correspondence([2, 3, 0, 1], n_target=4)
@@ -124,7 +123,8 @@ def carry_attributes(
     kinds = {attribute.kind for attribute in chosen}
     if "uv" in kinds:
         middles = bridge.at_thirds.triangle[::3]
-        asset = with_materials_of(asset.without_attributes("tangent"), giver, middles)
+        tangents = [attribute.name for attribute in asset.attributes if attribute.is_tangent]
+        asset = with_materials_of(asset.without_attributes(*tangents), giver, middles)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.assets import Asset
-from isomatch.surfaces import Attribute, Mesh, PlacedMesh, VertexGroups, first_equal, normalised
+from isomatch.assets import Asset, Attribute
+from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.surfaces import Mesh, first_equal
 from isomatch.transfer.bridge import Bridge, columns, rows_of_corners
 
 ACROSS = (

@@ -44,9 +44,7 @@ def pictures_of_alternatives(source: Mesh, target: Mesh, others: Sequence[Altern
         "</figure>"
         for i, other in enumerate(others, 1)
     )
-    return (
-        f'<div class="stills">{figures}</div>' if others else "<p>No other map was left to compare with.</p>"
-    )
+    return f'<div class="stills">{figures}</div>' if others else "<p>There are none here.</p>"
 
 
 def _evidence(other: Alternative) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 
 from isomatch._arrays import IntArray
 from isomatch.errors import MeshError, SettingError
-from isomatch.surfaces import Mesh, check
+from isomatch.mending import check
+from isomatch.surfaces import Mesh
 
 SHARES = (0.0, 1.0)
 LENGTHS = (1e-100, 1e100)  # of edges, so that areas neither vanish nor overflow

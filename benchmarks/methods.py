@@ -1,0 +1,89 @@
+"""All methods, and isomatch started from the maps of each, on some pairs of three sets.
+
+    python benchmarks/methods.py --data DIR -o OUT
+
+draws ten pairs of the remeshed sets; of SCAPE it takes those of the Princeton benchmark, which ``DIR/scb`` lists. It
+writes what ``isomatch bench`` writes, ``methods_table.csv`` and ``starts_table.csv``, and draws the published curves in
+``DIR/scb`` beside. Rows that are already in OUT are not computed again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from isomatch.evaluation import (
+    BenchmarkRun,
+    improvements,
+    read_published_curves,
+    read_rows,
+    run_benchmark,
+    write_tables,
+)
+from studies import asked_for, write_table
+
+SETS = ("faust_r", "tosca_iso_r", "scape")
+PAIRS, POINTS = 10, 500
+HINTED = (
+    *("gdd", "gdd_post", "phi", "functional_maps_5pt", "zoomout_5pt"),
+    *("sgmds_5pt", "sgf_5pt", "gmds_5pt", "gw_5pt"),
+)
+AUTOMATIC = ("functional_maps", "zoomout", "sgmds", "sgf", "gmds", "gw", "pyfm")
+ALONE = ("isomatch", *HINTED, *AUTOMATIC)
+STARTED = (
+    *(f"{method}+isomatch" for method in ALONE[1:]),
+    *(f"{method}+gdd_post" for method in ("functional_maps_5pt", "sgmds_5pt", "sgf_5pt")),
+)
+Row = dict[str, Any]
+
+
+def run_of(name: str, data: str) -> BenchmarkRun:
+    """Describe what is run on a set."""
+    pairs = None
+    if name == "scape":
+        lines = Path(data, "scb", "pairs_Corr_Scape.txt").read_text(encoding="utf-8").split("\n")
+        pairs = tuple((line.split()[0], line.split()[1]) for line in lines if line.split())
+    return BenchmarkRun(name, (*ALONE, *STARTED), data, n_pairs=PAIRS, n_points=POINTS, pairs=pairs)
+
+
+def by_set(rows: list[Row], methods: tuple[str, ...], cells: dict[str, str]) -> Iterator[Row]:
+    """Make a row for each method; cells, which are formats, are filled for each set."""
+    found = {(row["set"], row["method"]): row for row in rows}
+    for method in methods:
+        line = {"method": f"`{method}`"}
+        for name in SETS:
+            row = found.get((name, method))
+            line |= {f"{name}: {cell}": text.format(**row) if row else "" for cell, text in cells.items()}
+        yield line
+
+
+def in_percent(row: Row) -> Row:
+    """Give shares of correspondences in per cent."""
+    return row | {key: 100 * row[key] for key in ("within_05", "within_10")}
+
+
+def over_truth(row: Row) -> Row:
+    """Give distortions over that of the truth."""
+    truth = row["distortion_l2_truth"]
+    return row | {key: row[key] / truth for key in ("distortion_l2_before", "distortion_l2_after")}
+
+
+if __name__ == "__main__":
+    asked = asked_for(__doc__, "rows, tables and curves")
+    for name in SETS:
+        for row in run_benchmark(run_of(name, asked.data), asked.output):
+            print(name, row["pair"], row["method"], row.get("error"), row.get("outcome"), flush=True)
+    summary = write_tables(asked.output, read_published_curves(Path(asked.data, "scb")))
+    shown = {
+        "mean, one flip, failures": "{mean:.2f}, {either:.2f}, {failures}",
+        "within 0.05 / 0.10": "{within_05:.1f} / {within_10:.1f}",
+    }
+    table = by_set([in_percent(row) for row in summary], ALONE, shown)
+    write_table(asked.output / "methods_table.csv", list(table))
+    shown = {
+        "error": "{error_before:.2f} → {error_after:.2f}",
+        "distortion / truth": "{distortion_l2_before:.2f} → {distortion_l2_after:.2f}",
+    }
+    gains = [over_truth(row) for row in improvements(read_rows(asked.output))]
+    write_table(asked.output / "starts_table.csv", list(by_set(gains, STARTED, shown)))

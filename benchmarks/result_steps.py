@@ -1,0 +1,80 @@
+"""The steps of ``results.py``: what is measured for the pages, with the minutes that it takes on two idle processors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Step:
+    """A command, in which {data} and {out} are folders, and what of {out} is kept.
+
+    ``tables`` go to ``docs/results`` and ``files`` to ``docs``: from their names there to those in {out}.
+    """
+
+    name: str
+    minutes: int
+    command: str
+    tables: dict[str, str]
+    files: dict[str, str]
+
+
+def study(
+    script: str, minutes: int, *files: str, of: str = "", folder: str = "benchmarks", **tables: str
+) -> Step:
+    """Make a step of a script of this folder, or of one of its sets; its table is SCRIPT_table.csv if none is named.
+
+    A file that is kept under another name is written NEW=OLD.
+    """
+    kept = {f"{folder}/{file.split('=')[0]}": file.split("=")[-1] for file in files}
+    command = f"python benchmarks/{script}.py --data {{data}} -o {{out}} {of}".rstrip()
+    return Step(of or script, minutes, command, tables or {script: f"{script}_table.csv"}, kept)
+
+
+FIGURES = (
+    *("basis-error", "basis-vectors", "descriptor-distance", "descriptor-field"),
+    *("curves-5pt", "distortion-table", "voronoi", "curves-initialised"),
+)
+STEPS = (
+    study("accuracy", 190, "pairs.csv", "summary.csv", "curves.png"),
+    study("accuracy", 3, of="organs", organs="classes_table.csv"),
+    study("accuracy", 15, of="cross", cross="classes_table.csv"),
+    study(
+        *("methods", 150),
+        *(
+            "improvements.csv",
+            "methods.csv=pairs.csv",
+            "methods.png=curves.png",
+            "methods_summary.csv=summary.csv",
+        ),
+        methods="methods_table.csv",
+        starts="starts_table.csv",
+    ),
+    study("confidence", 12, "confidence.csv"),
+    study("vertex_confidence", 6),
+    study("ablation", 30, "ablation.csv", "ablation_pairs.csv", ablation="ablation.csv"),
+    study("sensitivity", 15, "sensitivity.csv"),
+    study("smoothness", 3, "smoothness.csv"),
+    study("engines", 1),
+    study("distance_bases", 5, "distance_bases.csv", "distance_bases.png", "distance_ratios.csv"),
+    study("robustness", 20, "robustness.csv", "robustness.svg"),
+    study("real_shapes", 30, parts="real_shapes_table.csv"),
+    study("welds", 20),
+    study(
+        *("performance", 35, "performance.csv", "performance.svg"),
+        folder="performance",
+        speed="pairs_table.csv",
+        stages="stages_table.csv",
+    ),
+    study("paper_deviations", 8, "deviations.csv", folder="paper", deviations="deviations_table.csv"),
+    study("consistency", 15, consistency="consistency_table.csv", cycles="cycles_table.csv"),
+    Step("scale", 6, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
+    Step(
+        "paper",
+        120,
+        "isomatch paper all --data {data} -o {out} --force --points 500",
+        {},
+        {f"paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "svg", "csv", "json")}
+        | {"paper/index.md": "index.md"},
+    ),
+)

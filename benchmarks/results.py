@@ -1,0 +1,226 @@
+"""Measure again what the pages report, and put the tables into the pages.
+
+    python benchmarks/results.py --data DIR [-o OUT] [STEP ...]    # all steps of result_steps.py by default
+    python benchmarks/results.py --pages                           # only fills the pages from docs/results
+    python benchmarks/results.py --list
+
+The command of a step writes into ``OUT/SOURCE/STEP``, where SOURCE is the hash of ``src``: a step that was interrupted
+continues there if nothing has changed. Its tables are copied to ``docs/results``, and other files beside the pages.
+``docs/results/stamps.json`` says of what each step is: the source, the command, the machine, versions of packages, the
+revision, the date and the seconds. A step whose stamp is the present one is skipped.
+
+In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
+``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import json
+import platform
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from result_steps import STEPS, Step
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "results"
+PACKAGES = ("numpy", "scipy", "numba")
+MARKED = re.compile(r"<!-- result: ([\w-]+)(?:: ([^\n]+?))? -->\n(.*?)<!-- end of result -->", re.DOTALL)
+Stamp = dict[str, Any]
+
+
+def source_hash(folder: Path = ROOT / "src") -> str:
+    """Hash of all Python files of a folder and of their names."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def present_stamp(step: Step) -> Stamp:
+    """Say with what a step would be measured now."""
+    scripts = [word for word in step.command.split() if word.endswith(".py")]
+    code = b"".join((ROOT / path).read_bytes() for path in [*scripts, "benchmarks/studies.py"])
+    return {
+        "source": source_hash(),
+        "command": step.command,
+        "scripts": hashlib.sha256(code).hexdigest()[:16],
+        "machine": machine(),
+        "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
+    }
+
+
+def machine() -> str:
+    """Processor and how many of them may be used."""
+    from isomatch._limits import processors
+
+    named = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.+)", named.read_text()) if named.exists() else None
+    return f"{found[1] if found else platform.machine()}, {processors()} processors"
+
+
+def revision() -> str:
+    """Name the commit, and tell whether what measures was changed since."""
+    head, changed = (
+        subprocess.run(["git", *command], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+        for command in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "src", "benchmarks"))
+    )
+    return head + "-changed" * bool(changed)
+
+
+def stamps() -> dict[str, Stamp]:
+    """Stamps of all results."""
+    path = RESULTS / "stamps.json"
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def is_present(step: Step, known: dict[str, Stamp]) -> bool:
+    """Tell whether a step was measured with what is there now."""
+    now, before = present_stamp(step), known.get(step.name, {})
+    return all(before.get(key) == value for key, value in now.items())
+
+
+def measure(step: Step, data: str, output: Path) -> None:
+    """Run the command of a step, copy what it wrote, and stamp it."""
+    stamp = present_stamp(step)
+    out = output / stamp["source"] / step.name
+    out.mkdir(parents=True, exist_ok=True)
+    clock = out / "seconds.txt"  # of this run and of those that were interrupted
+    spent = float(clock.read_text()) if clock.exists() else 0.0
+    started = time.monotonic()
+    try:
+        name, *words = (word.format(data=data, out=out) for word in step.command.split())
+        program = {"python": [sys.executable], "isomatch": [sys.executable, "-m", "isomatch"]}[name]
+        subprocess.run([*program, *words], cwd=ROOT, check=True)
+    finally:
+        seconds = round(spent + time.monotonic() - started)
+        clock.write_text(str(seconds))
+    for target, file in [
+        *((RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
+        *((ROOT / "docs" / name, file) for name, file in step.files.items()),
+    ]:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(out / file, target)
+    stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
+    text = json.dumps(dict(sorted((stamps() | {step.name: stamp}).items())), indent=1)
+    (RESULTS / "stamps.json").write_text(text + "\n", encoding="utf-8")
+
+
+def tables_of(text: str) -> list[str]:
+    """Names of the tables that a page shows."""
+    return [found[1] for found in MARKED.finditer(text) if found[1] != "stamp"]
+
+
+def steps_of(text: str) -> list[str]:
+    """Names of the steps that make the tables of a page."""
+    shown = set(tables_of(text))
+    return [step.name for step in STEPS if shown & set(step.tables)]
+
+
+def filled(text: str, known: dict[str, Stamp], results: Path = RESULTS) -> str:
+    """Fill the marked places of a page."""
+
+    def fill(found: re.Match[str]) -> str:
+        name, columns, old = found.groups()
+        if name == "stamp":
+            new = told({step: known[step] for step in steps_of(text)})
+        else:
+            new = rendered(results / f"{name}.csv", columns)
+        return found[0].replace(f"-->\n{old}<!--", f"-->\n{new}<!--")
+
+    return MARKED.sub(fill, text)
+
+
+def rendered(path: Path, columns: str | None) -> str:
+    """Give a table, or some of its columns, as Markdown."""
+    with path.open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    chosen = [header.index(column) for column in columns.split("; ")] if columns else range(len(header))
+    lines = [f"| {' | '.join(line[i] for i in chosen)} |\n" for line in (header, *rows)]
+    return "".join([lines[0], f"|{'---|' * len(chosen)}\n", *lines[1:]])
+
+
+def told(shown: dict[str, Stamp]) -> str:
+    """Say of what the tables of a page are; those of older revisions, which have no stamp, are named."""
+    lines = []
+    stamped = {name: stamp for name, stamp in shown.items() if stamp["source"]}
+    if stamped:
+        require_one_stamp(stamped)
+        last = max(stamped.values(), key=lambda stamp: stamp["date"])
+        packages = ", ".join(f"{name} {number}" for name, number in last["versions"].items())
+        lines.append(
+            f"Measured in revision {last['revision']} (source {last['source']}), {last['date']}, on "
+            f"{last['machine']}, with {packages}.\n"
+        )
+    older = [
+        f"{name} ({stamp['revision'] or 'not stated'})"
+        for name, stamp in shown.items()
+        if not stamp["source"]
+    ]
+    if older:
+        lines.append(f"Not measured again yet, with their revisions: {', '.join(older)}.\n")
+    return "".join(lines)
+
+
+def require_one_stamp(shown: dict[str, Stamp]) -> None:
+    """Refuse tables on one page that were measured with different sources, machines or packages."""
+    stamps = {
+        name: {key: stamp[key] for key in ("source", "machine", "versions")} for name, stamp in shown.items()
+    }
+    if any(stamp != next(iter(stamps.values())) for stamp in stamps.values()):
+        each = "; ".join(f"{name}: {stamp}" for name, stamp in stamps.items())
+        raise SystemExit(f"tables of one page have different stamps; measure the older ones again: {each}")
+
+
+def pages() -> list[Path]:
+    """Pages that may show tables."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def main() -> None:
+    """Run what is asked for, and fill the pages."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--data", help="folder of the benchmark sets")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=ROOT / "results", help="folder for all that is written"
+    )
+    parser.add_argument("--pages", action="store_true", help="only fill the pages")
+    parser.add_argument("--list", action="store_true", help="list the steps and their states")
+    parser.add_argument("steps", nargs="*", metavar="STEP", help=", ".join(step.name for step in STEPS))
+    asked = parser.parse_args()
+    unknown = set(asked.steps) - {step.name for step in STEPS}
+    if unknown:
+        parser.error(
+            f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(s.name for s in STEPS)}"
+        )
+    if not (asked.data or asked.pages or asked.list):
+        parser.error("--data is needed, or --pages, or --list")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the seconds so far are kept
+    for step in STEPS:
+        if asked.pages or (asked.steps and step.name not in asked.steps):
+            continue
+        state = "present" if is_present(step, stamps()) else "to be measured"
+        print(f"{step.name}: {state}, some {step.minutes} minutes", flush=True)
+        if not asked.list and state != "present":
+            measure(step, str(Path(asked.data).resolve()), asked.output.resolve())
+    if not asked.list:
+        for page in pages():
+            text = page.read_text(encoding="utf-8")
+            page.write_text(filled(text, stamps()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The reference of the rooms: a page for each, made from its public names, and links by bare names."""
+
+import ast
+import importlib
+import inspect
+from pathlib import Path
+from textwrap import indent
+
+from docutils.nodes import literal
+
+import isomatch
+
+PACKAGE = Path(isomatch.__file__).parent
+ROOMS = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
+HIDDEN = {"paper"}  # reached by its command
+
+
+def homes():
+    """Where each public name is documented: in ``isomatch`` if it is there, else in the first room that has it."""
+    found = dict.fromkeys(isomatch.__all__, "isomatch")
+    for room in sorted(ROOMS, key=_is_borrowed_by):
+        module = importlib.import_module(f"isomatch.{room}")
+        for name in module.__all__:
+            found.setdefault(name, module.__name__)
+    return found
+
+
+def _is_borrowed_by(room):
+    """Sort rooms so that one comes before those that pass its names on."""
+    stub = (PACKAGE / room / "__init__.pyi").read_text(encoding="utf-8")
+    return sum(f"from isomatch.{other}" in stub for other in ROOMS if other != room)
+
+
+def is_plain(value):
+    """Whether a public name is a value or a type alias, not a class or a function."""
+    return not (inspect.isclass(value) or inspect.isroutine(value))
+
+
+def described(module, name):
+    """Return the text below an assignment in the file that the stub takes a name from."""
+    stub = ast.parse(Path(module.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    source = next(
+        node.module
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for a in node.names
+        if a.name == name
+    )
+    text = Path(importlib.util.find_spec(source).origin)
+    body = ast.parse(text.read_text(encoding="utf-8")).body
+    for statement, after in zip(body, [*body[1:], ast.Pass()]):
+        targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+        if any(getattr(target, "id", None) == name for target in targets):
+            if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                return str(after.value.value)
+            break
+    return ""
+
+
+def page(room, home):
+    """Write the page of a room in reStructuredText."""
+    module = importlib.import_module(f"isomatch.{room}")
+    title = f"isomatch.{room}"
+    own = [name for name in module.__all__ if home[name] == title]
+    plain = [name for name in own if is_plain(getattr(module, name))]
+    listed = [name for name in own if name not in plain]
+    borrowed = [name for name in module.__all__ if home[name] != title]
+    lines = [title, "=" * len(title), "", f".. module:: {title}", "", inspect.getdoc(module) or "", ""]
+    if listed:
+        lines += [".. autosummary::", "   :toctree: names", "   :nosignatures:", ""]
+        lines += [*(f"   {name}" for name in listed), ""]
+    for name in plain:
+        value = repr(getattr(module, name)).replace("isomatch.", "").replace("\n", " ")
+        lines += [f".. py:data:: {name}", f"   :value: {value if len(value) < 100 else '…'}", ""]
+        lines += [indent(described(module, name), "   "), ""]
+    if borrowed:
+        links = ", ".join(f":py:obj:`~{home[name]}.{name}`" for name in borrowed)
+        lines += [f"Also here, and described elsewhere: {links}.", ""]
+    return "\n".join(lines)
+
+
+def write_rooms(app, config):
+    """Write the pages before the summaries are generated."""
+    folder = Path(app.srcdir) / "reference" / "rooms"
+    folder.mkdir(exist_ok=True)
+    home = homes()
+    for room in ROOMS:
+        if room in HIDDEN:
+            continue
+        path, text = folder / f"{room}.rst", page(room, home)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def find_home(app, env, node, contnode):
+    """Resolve a name without its room, such as `match`, and leave names that are no public ones as code."""
+    if node.get("refdomain") != "py":
+        return None
+    first, _, rest = node["reftarget"].removeprefix("isomatch.").partition(".")
+    for room in ROOMS:
+        if first == room and rest:
+            first, _, rest = rest.partition(".")
+    home = homes_of_site.get(first)
+    if home is None:
+        return None
+    full = ".".join(filter(None, [home, first, rest]))
+    domain = env.get_domain("py")
+    if full not in domain.objects:
+        full = f"{home}.{first}"
+    if full not in domain.objects:
+        return None
+    return domain.resolve_xref(
+        env, node["refdoc"], app.builder, "obj", full, node, literal("", contnode.astext())
+    )
+
+
+homes_of_site = homes()
+
+
+def setup(app):
+    """Write pages before files are listed, so that their summaries are made, too."""
+    app.connect("config-inited", write_rooms)
+    app.connect("missing-reference", find_home)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,18 @@
+"""
+Shapes of two kinds
+===================
+
+A quadruped and a biped have no map that keeps distances. A map is found anyway, in which limbs stretch. It is
+always reported with low confidence: look at it, or give five landmarks.
+"""
+
+from isomatch import match
+from isomatch.datasets import creature
+from isomatch.view import draw_map
+
+quadruped = creature(3000, pose=0).mesh
+biped = creature(3000, kind="biped", pose=0, triangulation=1).mesh
+result = match(quadruped, biped)
+print(f"{result.outcome.name}: {result.outcome.advice}")
+print(*result.notes, sep="\n")
+draw_map(quadruped, biped, result.map, "kinds.png", titles=("quadruped", "biped"))

@@ -1,0 +1,26 @@
+"""
+A part and a whole
+==================
+
+A part of a body, cut off somewhere, is matched to a whole one in another pose. Grey vertices of the whole have no
+counterpart.
+"""
+
+from isomatch import match
+from isomatch.datasets import creature, cut
+from isomatch.view import draw_map
+
+whole = creature(2500, pose=0).mesh
+part = cut(creature(2500, pose=1, triangulation=1).mesh, share=0.3, seed=3).mesh
+
+result = match(part, whole)
+print(f"{result.outcome.name}: {result.outcome.advice}")
+print(*result.notes, sep="\n")
+draw_map(part, whole, result.map, "part_to_whole.png", titles=("part", "whole"))
+
+# %%
+# It works in the other direction, too. What the part lacks has image −1, and is drawn grey.
+
+back = match(whole, part)
+print(f"{back.quality.matched:.0%} of the vertices of the whole have an image")
+draw_map(whole, part, back.map, "whole_to_part.png", titles=("whole", "part"))

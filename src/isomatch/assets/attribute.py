@@ -1,0 +1,268 @@
+"""Values on the points, corners or polygons of a surface file: colours, labels, texture coordinates and others."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Literal, get_args
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch._memory import require_memory
+from isomatch.errors import DescriptorError
+
+Domain = Literal["point", "corner", "face"]
+Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights"]
+
+_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3)}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attribute:
+    """Values on the points, corners or faces of a surface.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the file; ``"color"``, ``"normal"``, ``"uv"`` and ``"weights"`` where the format has no other.
+    domain : {"point", "corner", "face"}
+        What has a value. A corner is a point of one polygon; at a seam the corners of a point differ.
+    kind : {"colour", "label", "scalar", "vector", "normal", "uv", "weights"}
+        What the values mean, which determines how they are carried and written.
+    values : (k,) or (k, d) array_like
+        One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
+        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type. Labels are (k,)
+        integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
+        lower left of the picture, with nan at corners that have none.
+    joints : (k, d) array_like of int, optional
+        For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
+    names : mapping of int to str
+        Names of labels or of joints.
+    colors : mapping of int to tuple of 4 floats
+        Red, green, blue and opacity of labels, 0…1.
+
+    Raises
+    ------
+    DescriptorError
+        If the values do not fit their kind.
+
+    Examples
+    --------
+    >>> Attribute("part", "face", "label", [0, 0, 1], names={0: "head", 1: "tail"})
+    Attribute('part', label of 3 faces)
+    """
+
+    name: str
+    domain: Domain
+    kind: Kind
+    values: AnyArray
+    joints: IntArray | None = None
+    names: Mapping[int, str] = field(default_factory=dict)
+    colors: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for what, options in (("domain", Domain), ("kind", Kind)):
+            if getattr(self, what) not in get_args(options):
+                raise DescriptorError(
+                    f"attribute {self.name!r} has {what} {getattr(self, what)!r}; "
+                    f"use one of {', '.join(get_args(options))}"
+                )
+        object.__setattr__(self, "values", _frozen(self.values))
+        self._require_kind()
+        if self.joints is not None:
+            object.__setattr__(self, "joints", _frozen(self.joints))
+            if self.joints.dtype.kind not in "iu" or self.joints.shape != self.values.shape:
+                self._refuse("joints", self.joints, f"integers of shape {self.values.shape}")
+
+    def __repr__(self) -> str:
+        return f"Attribute({self.name!r}, {self.kind} of {len(self)} {self.domain}s)"
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def _require_kind(self) -> None:
+        values = self.values
+        if self.kind == "label":
+            if values.ndim != 1 or values.dtype.kind not in "iubU":
+                self._refuse("values", values, "(k,) integers or strings")
+            return
+        if values.dtype.kind not in "fiub":
+            self._refuse("values", values, "numbers")
+        if self.kind == "scalar" and values.ndim != 1:
+            self._refuse("values", values, "(k,) numbers")
+        if self.kind != "scalar" and values.ndim != 2:
+            self._refuse("values", values, "(k, d) numbers")
+        widths = _WIDTHS.get(self.kind)
+        if widths and values.shape[1] not in widths:
+            self._refuse("values", values, f"{' or '.join(map(str, widths))} columns")
+
+    def _refuse(self, what: str, values: AnyArray, expected: str) -> None:
+        raise DescriptorError(
+            f"attribute {self.name!r}: {what} of {self.kind} have shape {values.shape} and type {values.dtype}, "
+            f"expected {expected}"
+        )
+
+    def with_values(self, values: AnyArray, domain: Domain | None = None) -> Attribute:
+        """Return other values of the same name, kind, joints and label names.
+
+        Skinning weights of other joints are dense: column j is joint j.
+        """
+        return Attribute(
+            self.name, domain or self.domain, self.kind, values, names=self.names, colors=self.colors
+        )
+
+    def at(self, index: IntArray, domain: Domain | None = None) -> Attribute:
+        """Return the values of some rows, in this order."""
+        joints = None if self.joints is None else self.joints[index]
+        return Attribute(
+            self.name, domain or self.domain, self.kind, self.values[index], joints, self.names, self.colors
+        )
+
+    @property
+    def coded(self) -> Attribute:
+        """The same labels as integers, with the strings as their names."""
+        if self.values.dtype.kind != "U":
+            return self
+        words, codes = np.unique(self.values, return_inverse=True)
+        return Attribute(
+            self.name,
+            self.domain,
+            self.kind,
+            codes,
+            names=dict(enumerate(words.tolist())),
+            colors=self.colors,
+        )
+
+    @property
+    def plain(self) -> AnyArray:
+        """The values for formats and libraries that know but numbers: codes of labels, one column for each joint."""
+        if self.kind == "weights":
+            return self.dense_weights
+        values = self.coded.values
+        return values.astype(np.uint8) if values.dtype.kind == "b" else values
+
+    @property
+    def is_tangent(self) -> bool:
+        """Whether these are tangents, along which the first texture coordinate rises."""
+        return self.kind == "vector" and self.name.startswith("tangent")
+
+    @property
+    def full(self) -> float:
+        """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
+        kind = self.values.dtype
+        if kind.kind == "f":
+            return 255.0 if self.values.max(initial=0) > 1 else 1.0
+        return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
+
+    @property
+    def fractions(self) -> FloatArray:
+        """Colours as numbers from 0 to 1."""
+        return np.asarray(self.values / self.full, dtype=np.float64)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints that skinning weights may refer to."""
+        used = self.values.shape[1] if self.joints is None else int(self.joints.max(initial=-1)) + 1
+        return max([used, *(joint + 1 for joint in self.names)])
+
+    @property
+    def dense_weights(self) -> AnyArray:
+        """(k, n_joints) float64 skinning weights, one column for each joint."""
+        if self.kind != "weights":
+            raise DescriptorError(f"attribute {self.name!r} is {self.kind}, not skinning weights")
+        purpose = f"a table of {len(self)} points and {self.n_joints} joints"
+        require_memory(8.0 * len(self) * self.n_joints, purpose, "number the joints from 0, without gaps")
+        dense = np.zeros((len(self), self.n_joints))
+        joints = np.broadcast_to(np.arange(self.values.shape[1]), self.values.shape)
+        rows = np.broadcast_to(np.arange(len(self))[:, None], self.values.shape)
+        np.add.at(dense, (rows, joints if self.joints is None else self.joints), self.values)
+        return dense
+
+    def strongest(self, n: int) -> tuple[IntArray, AnyArray]:
+        """Return the joints and weights of the n largest weights of each row, (k, n) each; smaller ones are left out.
+
+        The weights of a row are scaled to their former sum, which is 1 in most files.
+        """
+        dense = self.dense_weights
+        dense = np.pad(dense, ((0, 0), (0, max(n - dense.shape[1], 0))))
+        joints = np.argsort(-dense, axis=1, kind="stable")[:, :n]
+        weights = np.take_along_axis(dense, joints, axis=1)
+        sums = weights.sum(axis=1, keepdims=True)
+        scale = np.divide(dense.sum(axis=1, keepdims=True), sums, out=np.ones_like(sums), where=sums > 0)
+        return np.where(weights > 0, joints, 0), weights * scale
+
+
+def guessed_kind(name: str, values: AnyArray) -> Kind:
+    """Say what values mean by their name, type and width, in formats that do not tell.
+
+    Examples
+    --------
+    >>> guessed_kind("Normals", np.zeros((5, 3))), guessed_kind("region", np.zeros(5, int))
+    ('normal', 'label')
+    """
+    word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
+    width = values.shape[1] if values.ndim == 2 else 1
+    if values.ndim == 1:
+        return "label" if values.dtype.kind in "iubU" else "scalar"
+    if width in (3, 4) and ("rgb" in word or "color" in word or "colour" in word):
+        if values.dtype == np.uint8:
+            return "colour"
+        if values.dtype.kind == "f" and len(values) and values.min() >= 0 and values.max() <= 1:
+            return "colour"
+    if word == "weights":
+        return "weights"
+    if width == 3 and word in ("normal", "normals", "nxnynz", "vertex_normals", "point_normals"):
+        return "normal"
+    if width == 2 and word.replace(" ", "").replace("_", "") in _UV_NAMES:
+        return "uv"
+    return "vector"
+
+
+_UV_NAMES = {
+    "uv",
+    "st",
+    "uvs",
+    "uvmap",
+    "texcoord",
+    "texcoords",
+    "tcoords",
+    "texturecoordinates",
+    "texturecoords",
+}
+
+
+def _frozen(values: AnyArray) -> AnyArray:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array
+
+
+def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
+    """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
+    found: list[Attribute] = []
+    for attribute in attributes:
+        taken = [other.name for other in found if of_all or other.domain == attribute.domain]
+        name = unused_name(attribute.name, taken)
+        found.append(attribute if name == attribute.name else replace(attribute, name=name))
+    return tuple(found)
+
+
+def unused_name(name: str, taken: Container[str]) -> str:
+    """Return a name, with the next number if it is taken."""
+    return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
+
+
+def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:
+    """Raise `DescriptorError` unless the attributes have different names and a row for each point, corner or face."""
+    for attribute in attributes:
+        if len(attribute) != n[attribute.domain]:
+            raise DescriptorError(
+                f"attribute {attribute.name!r} has {len(attribute)} rows for {n[attribute.domain]} "
+                f"{attribute.domain}s; give one for each"
+            )
+    keys = [(attribute.name, attribute.domain) for attribute in attributes]
+    twice = [f"{name!r} of {domain}s" for name, domain in keys if keys.count((name, domain)) > 1]
+    if twice:
+        raise DescriptorError(f"attributes with the same name: {', '.join(sorted(set(twice)))}; rename one")

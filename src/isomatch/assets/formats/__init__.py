@@ -1,0 +1,1 @@
+"""Mesh files: one module for each format, with a function that reads bytes and one that writes them."""

@@ -1,0 +1,242 @@
+"""The JSON and the bytes of a glTF file: its container, and the arrays that accessors describe."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import dataclass, field
+from mimetypes import guess_type
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray
+from isomatch._files import opened
+from isomatch.errors import FormatError, MeshError
+
+_MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_TYPES = {width: name for name, width in _WIDTHS.items()}
+_COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+_LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
+_SMALL = 2**24  # entries that any file may claim
+_MOST_REPEATED = 64  # entries for each byte of data
+
+
+@dataclass
+class GltfData:
+    """The JSON of a file and its bytes, in one buffer, while it is read or written."""
+
+    json: dict[str, Any]
+    blob: bytearray
+    entries_left: int = field(init=False)
+    """How many may be read: many times those of the bytes, as a small file may refer to them again and again."""
+
+    def __post_init__(self) -> None:
+        self.entries_left = _SMALL + _MOST_REPEATED * len(self.blob)
+
+    def array(self, index: int) -> AnyArray:
+        """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
+        accessor = self.json["accessors"][index]
+        count, width = accessor["count"], _WIDTHS[accessor["type"]]
+        kind = np.dtype(_COMPONENTS[accessor["componentType"]])
+        values = self._rows(accessor, count, width, kind)
+        if "sparse" in accessor:
+            sparse = accessor["sparse"]
+            index_kind = np.dtype(_COMPONENTS[sparse["indices"]["componentType"]])
+            values = values.copy()
+            values[self._rows(sparse["indices"], sparse["count"], 1, index_kind)[:, 0]] = self._rows(
+                sparse["values"], sparse["count"], width, kind
+            )
+        return values[:, 0] if width == 1 else values
+
+    def numbers(self, index: int) -> AnyArray:
+        """Return the values of an accessor in the units that they stand for: normalized integers as fractions."""
+        values = self.array(index)
+        if values.dtype.kind == "f" or not self.json["accessors"][index].get("normalized"):
+            return values
+        return np.maximum(values / np.iinfo(values.dtype).max, -1).astype(np.float32)
+
+    def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
+        if "bufferView" not in place:
+            self._require_entries(count * width)
+            return np.zeros((count, width), kind)
+        view = self.json["bufferViews"][place["bufferView"]]
+        start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
+        stride = view.get("byteStride", kind.itemsize * width)
+        end = start + stride * (count - 1) + kind.itemsize * width
+        if count < 0 or start < 0 or stride < 1 or (count and end > len(self.blob)):
+            raise FormatError(f"an accessor refers to byte {end} of {len(self.blob)}")
+        if not count:
+            return np.zeros((0, width), kind)
+        self._require_entries(count * width)
+        rows = np.ndarray((count, width), kind, bytes(self.blob[start:end]), 0, (stride, kind.itemsize))
+        return np.array(rows)
+
+    def _require_entries(self, n: int) -> None:
+        self.entries_left -= n
+        if n < 0 or self.entries_left < 0:
+            raise FormatError(
+                f"an accessor of {n} entries claims or repeats more than the {len(self.blob)} bytes of data tell"
+            )
+
+    def add_array(self, values: AnyArray, **properties: object) -> int:
+        """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
+        kind = values.dtype.newbyteorder("<")
+        rows = np.ascontiguousarray(values.reshape(len(values), -1), kind)
+        width = rows.shape[1] if rows.ndim == 2 else 1
+        octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
+        view: dict[str, object] = {}
+        if octets.shape[1] % 4 and "target" not in properties:  # indices are packed
+            octets = np.pad(octets, ((0, 0), (0, -octets.shape[1] % 4)))
+            view["byteStride"] = octets.shape[1]
+        target = properties.pop("target", 34962)
+        accessor = {
+            "bufferView": self.add_bytes(octets.tobytes(), target=target, **view),
+            "componentType": _CODES[kind],
+            "count": len(values),
+            "type": _TYPES[width],
+            **properties,
+        }
+        return self.append("accessors", accessor)
+
+    def add_matrices(self, matrices: FloatArray) -> int:
+        """Append a new accessor of (k, 4, 4) matrices; return its index."""
+        columns = np.ascontiguousarray(matrices.transpose(0, 2, 1), "<f4")
+        accessor = {
+            "bufferView": self.add_bytes(columns.tobytes()),
+            "componentType": 5126,
+            "count": len(columns),
+            "type": "MAT4",
+        }
+        return self.append("accessors", accessor)
+
+    def add_bytes(self, data: bytes, **properties: object) -> int:
+        """Append bytes, at a multiple of 4; return the index of their buffer view."""
+        self.blob += b"\0" * (-len(self.blob) % 4)
+        view = {"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data), **properties}
+        self.blob += data
+        return self.append("bufferViews", view)
+
+    def append(self, name: str, entry: object) -> int:
+        """Append an entry to a list of the JSON; return its index."""
+        self.json.setdefault(name, []).append(entry)
+        return len(self.json[name]) - 1
+
+
+def unpacked(data: bytes, name: str) -> GltfData:
+    """Read a ``.glb`` or ``.gltf`` file and the files that it names, as one JSON with one buffer."""
+    text, binary = _chunks(data, name) if data[:4] == _MAGIC else (data, b"")
+    found = json.loads(text)
+    compressed = _COMPRESSED.intersection(found.get("extensionsRequired", ()))
+    if compressed:
+        raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
+    folder = Path(name).parent
+    blob, starts = bytearray(), []
+    for i, buffer in enumerate(found.pop("buffers", [])):
+        blob += b"\0" * (-len(blob) % 4)
+        starts.append(len(blob))
+        content = binary if i == 0 else b""  # only the first may be inside the file
+        if "uri" in buffer:
+            if not buffer["uri"].startswith("data:") and _beside(buffer["uri"], folder) is None:
+                raise FormatError(
+                    f"{name}: its data is in {buffer['uri']!r}, outside of its folder, and is not read; "
+                    "copy that file beside this one, or export as .glb"
+                )
+            content = _content(buffer["uri"], folder)
+        if len(content) < buffer["byteLength"]:
+            raise FormatError(
+                f"{name}: byte {len(data)}: expected a buffer of {buffer['byteLength']} bytes, found {len(content)}; "
+                "it is cut short, copy or export it again"
+            )
+        blob += content[: buffer["byteLength"]]
+    _without_compression(found)
+    for view in found.get("bufferViews", []):
+        view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+        view["buffer"] = 0
+    gltf = GltfData(found, blob)
+    for image in found.get("images", []):
+        path = _beside(image.get("uri", "data:"), folder)
+        if path is not None and path.is_file():
+            image.setdefault("name", path.stem)
+            image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
+            image["bufferView"] = gltf.add_bytes(_content(image.pop("uri"), folder))
+    return gltf
+
+
+def _without_compression(document: dict[str, Any]) -> None:
+    """Leave out the compressed twins of arrays that are there without compression too, and are read and written."""
+    primitives = [primitive for mesh in document.get("meshes", []) for primitive in mesh["primitives"]]
+    for entry in [*primitives, *document.get("bufferViews", []), *document.get("buffers", [])]:
+        for name in _COMPRESSED:
+            entry.get("extensions", {}).pop(name, None)
+    used = document.get("extensionsUsed", [])
+    used[:] = [name for name in used if name not in _COMPRESSED]
+
+
+def packed(gltf: GltfData, binary: bool) -> bytes:
+    """Write a ``.glb`` file, or a ``.gltf`` file that contains its buffer."""
+    blob = bytes(gltf.blob)
+    buffer: dict[str, object] = {"byteLength": len(blob)}
+    if not binary:
+        buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(blob).decode()}"
+    document = {**gltf.json, **({"buffers": [buffer]} if blob else {})}
+    text = json.dumps(
+        document, separators=(",", ":") if binary else None, indent=None if binary else 1
+    ).encode()
+    if not binary:
+        return text
+    size = len(text) + len(blob)
+    if size > _LARGEST_GLB:
+        raise MeshError(f"a .glb file holds 4 GiB, and this one would have {size} bytes; write .ply or .gltf")
+    chunks = _chunk(_JSON, text, b" ") + (_chunk(_BINARY, blob, b"\0") if blob else b"")
+    return _MAGIC + np.array([2, 12 + len(chunks)], "<u4").tobytes() + chunks
+
+
+def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
+    content += padding * (-len(content) % 4)
+    return len(content).to_bytes(4, "little") + kind + content
+
+
+def _chunks(data: bytes, name: str) -> tuple[bytes, bytes]:
+    """Return the JSON and the binary chunk of a ``.glb`` file."""
+    if data[4:8] != (2).to_bytes(4, "little"):
+        raise FormatError(
+            f"{name}: byte 4: expected version 2 of glTF, found {int.from_bytes(data[4:8], 'little')}; "
+            "export it as glTF 2.0"
+        )
+    found: dict[bytes, bytes] = {}
+    position = 12
+    while position + 8 <= len(data):
+        size, kind = (
+            int.from_bytes(data[position : position + 4], "little"),
+            data[position + 4 : position + 8],
+        )
+        content = data[position + 8 : position + 8 + size]
+        if len(content) < size:
+            raise FormatError(
+                f"{name}: byte {len(data)}: expected {size} bytes of a chunk, found {len(content)}; "
+                "it is cut short, copy or export it again"
+            )
+        found.setdefault(kind, content)
+        position += 8 + size
+    if _JSON not in found:
+        raise FormatError(f"{name}: byte 12: expected a chunk of JSON, found none; export the file again")
+    return found[_JSON], found.get(_BINARY, b"")
+
+
+def _beside(uri: str, folder: Path) -> Path | None:
+    """Return the file that a URI names; None unless it lies in the folder or below: no other file may be copied."""
+    path = (folder / unquote(uri)).resolve()
+    return path if not uri.startswith("data:") and path.is_relative_to(folder.resolve()) else None
+
+
+def _content(uri: str, folder: Path) -> bytes:
+    if uri.startswith("data:"):
+        return base64.b64decode(uri.partition(",")[2])
+    with opened(folder / unquote(uri)) as file:
+        return file.read()

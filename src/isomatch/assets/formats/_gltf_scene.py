@@ -1,0 +1,125 @@
+"""The scene of a glTF file: its surfaces, where the nodes put them, and their joints."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from isomatch._arrays import FloatArray, IntArray
+from isomatch.assets.attribute import unused_name
+from isomatch.assets.formats._gltf_data import GltfData
+from isomatch.assets.parts import product
+
+Matrix = tuple[tuple[float, ...], ...]
+TRIANGLES, STRIP, FAN = 4, 5, 6
+
+
+def separate_instances(document: dict[str, Any]) -> None:
+    """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
+    used = set()
+    for node in document.get("nodes", []):
+        if node.get("mesh") in used:
+            document["meshes"].append(copy.deepcopy(document["meshes"][node["mesh"]]))
+            node["mesh"] = len(document["meshes"]) - 1
+        if "mesh" in node:
+            used.add(node["mesh"])
+
+
+def surfaces(document: dict[str, Any]) -> Iterator[tuple[int, int]]:
+    """Meshes and primitives that are made of triangles, of the default scene if it has any mesh."""
+    shown = _meshes_of_scene(document)
+    for mesh, each in enumerate(document.get("meshes", [])):
+        for i, primitive in enumerate(each["primitives"]):
+            if (
+                (not shown or mesh in shown)
+                and primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)
+                and "POSITION" in primitive["attributes"]
+            ):
+                yield mesh, i
+
+
+def _meshes_of_scene(document: dict[str, Any]) -> set[int]:
+    scenes = document.get("scenes", [])
+    waiting = list(scenes[document.get("scene", 0)].get("nodes", [])) if scenes else []
+    seen: set[int] = set()
+    while waiting:
+        i = waiting.pop()
+        if i not in seen:
+            seen.add(i)
+            waiting += document["nodes"][i].get("children", [])
+    return {document["nodes"][i]["mesh"] for i in seen if "mesh" in document["nodes"][i]}
+
+
+def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntArray:
+    """Return the triangles of a primitive, (m, 3)."""
+    index = np.arange(n_points)
+    if "indices" in primitive:
+        index = gltf.array(primitive["indices"]).astype(np.int64)
+        if index.max(initial=0) >= max(n_points, 1):
+            raise ValueError(f"a triangle refers to point {index.max()} of {n_points}")
+    mode = primitive.get("mode", TRIANGLES)
+    if mode == TRIANGLES:
+        return index[: len(index) // 3 * 3].reshape(-1, 3)
+    later = np.stack([index[1:-1], index[2:]], axis=1)
+    if mode == FAN:
+        return np.column_stack([np.repeat(index[:1], len(later)), later])
+    strip = np.column_stack([index[:-2], later])
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    return strip
+
+
+def transforms(document: dict[str, Any]) -> dict[int, tuple[Matrix | None, int | None]]:
+    """Find matrix and skin of the first node of each mesh; the points of a skin are put by joints, not by the node."""
+    found: dict[int, tuple[Matrix | None, int | None]] = {}
+    for i, matrix in node_matrices(document).items():
+        node = document["nodes"][i]
+        if "mesh" in node and node["mesh"] not in found:
+            placed = "skin" not in node and not np.array_equal(matrix, np.eye(4))
+            found[node["mesh"]] = (_as_tuples(matrix) if placed else None, node.get("skin"))
+    return found
+
+
+def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
+    """(4, 4) where the scene puts each node, parents before their children."""
+    nodes = document.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    found: dict[int, FloatArray] = {}
+    top: FloatArray = np.eye(4)
+    waiting = [(i, top) for i in range(len(nodes)) if i not in below][::-1]
+    while waiting:
+        i, above = waiting.pop()
+        if i not in found:
+            found[i] = product(above, _local(nodes[i]))
+            waiting += [(child, found[i]) for child in reversed(nodes[i].get("children", []))]
+    return found
+
+
+def _local(node: dict[str, Any]) -> FloatArray:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= node.get("scale", (1, 1, 1))
+    matrix[:3, 3] = node.get("translation", (0, 0, 0))
+    return matrix
+
+
+def _as_tuples(matrix: FloatArray) -> Matrix:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def joint_names(document: dict[str, Any]) -> dict[int, str]:
+    """Names of the joints of all skins, by their nodes, in the order of the skins; repeated ones are numbered."""
+    nodes = dict.fromkeys(node for skin in document.get("skins", []) for node in skin["joints"])
+    found: dict[int, str] = {}
+    for i, node in enumerate(nodes):
+        found[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), found.values())
+    return found

@@ -1,0 +1,108 @@
+"""FreeSurfer: surfaces of brains, and annotations and curvatures of their points, by nibabel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isomatch._packages import package
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.polygons import Polygons
+
+SURFACES = (
+    ".pial",
+    ".white",
+    ".inflated",
+    ".sphere",
+    ".reg",
+    ".orig",
+    ".smoothwm",
+    ".midthickness",
+    ".graymid",
+)
+"""Ends of the names of surfaces, such as ``lh.pial``."""
+VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
+"""Ends of the names of files with a number for each point."""
+
+
+@dataclass(frozen=True)
+class FreeSurferDocument:
+    """Where the surface lies in its volume, and who made it."""
+
+    volume: dict[str, Any] = field(default_factory=dict)
+    stamp: str = "created by isomatch"
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read the points and triangles of a surface, in millimetres of its own coordinates."""
+    freesurfer = _package()
+    with reading(name, "a FreeSurfer surface"), on_disk(data, "") as path:
+        points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
+        document = FreeSurferDocument(volume, stamp)
+        return Asset(points, Polygons.of_triangles(np.asarray(faces, dtype=np.int64)), document=document)
+
+
+def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
+    """Read an annotation, as labels with names and colours, or a curvature, as scalars."""
+    freesurfer = _package()
+    title = Path(name).suffix[1:].lower()
+    with reading(name, "a FreeSurfer annotation or curvature"), on_disk(data, "") as path:
+        if title != "annot":
+            values = np.asarray(freesurfer.read_morph_data(path))
+            return (Attribute(title, "point", "scalar", values.astype(values.dtype.newbyteorder("="))),)
+        labels, table, words = freesurfer.read_annot(path)
+        colors = {i: tuple((row[:4] / 255).tolist()) for i, row in enumerate(table)}
+        colors = {i: (*color[:3], 1 - color[3]) for i, color in colors.items()}  # which stores transparency
+        names = {i: word.decode(errors="replace") for i, word in enumerate(words)}
+        return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
+
+
+def write(asset: Asset) -> bytes:
+    """Write a surface, in single precision."""
+    freesurfer = _package()
+    document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
+    with on_disk(b"", "") as path:
+        freesurfer.write_geometry(
+            path, asset.points, asset.polygons.triangles, document.stamp, document.volume or None
+        )
+        return path.read_bytes()
+
+
+def write_attribute(attribute: Attribute) -> bytes:
+    """Write labels as an annotation, scalars as a curvature."""
+    freesurfer = _package()
+    with on_disk(b"", "") as path:
+        if attribute.kind == "scalar":
+            freesurfer.write_morph_data(path, attribute.values)
+            return path.read_bytes()
+        coded = attribute.coded
+        keys = sorted(set(coded.names) | set(coded.values[coded.values >= 0].tolist()))
+        table = np.zeros((len(keys), 5), dtype=np.int64)
+        for row, key in enumerate(keys):
+            color = coded.colors.get(key, (*_spread(row), 1.0))
+            table[row, :3] = np.rint(255 * np.array(color[:3]))
+            other = row
+            while not table[row, :3].any() or (table[:row, :3] == table[row, :3]).all(axis=1).any():
+                table[row, :3] = np.rint(255 * np.array(_spread(other)))  # a colour of its own, and not black
+                other += len(keys)
+            table[row, 3] = round(255 * (1 - color[3]))
+        numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
+        numbers = np.where(coded.values < 0, -1, numbers)
+        words = [coded.names.get(key, str(key)) for key in keys]
+        freesurfer.write_annot(path, numbers, table, words, fill_ctab=True)
+        return path.read_bytes()
+
+
+def _spread(row: int) -> tuple[float, float, float]:
+    """Return a colour that differs from those of all other rows, by which annotations tell labels apart."""
+    code = (row + 1) * 2654435761 % 2**24
+    return (code & 255) / 255, (code >> 8 & 255) / 255, (code >> 16) / 255
+
+
+def _package() -> Any:
+    return package("nibabel.freesurfer", "io", "a FreeSurfer file")

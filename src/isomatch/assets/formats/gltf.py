@@ -1,0 +1,187 @@
+"""glTF and GLB: meshes in a scene, with skins, materials and images, which are kept as they are."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute, told_apart
+from isomatch.assets.formats._gltf_attributes import (
+    gather,
+    joined,
+    named,
+    read_values,
+    read_weights,
+    write_values,
+)
+from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
+from isomatch.assets.formats._gltf_scene import (
+    TRIANGLES,
+    Matrix,
+    separate_instances,
+    surfaces,
+    transforms,
+    triangles,
+)
+from isomatch.assets.formats._reading import reading
+from isomatch.assets.parts import Part
+from isomatch.assets.polygons import Polygons
+from isomatch.assets.seams import split_at_seams
+from isomatch.errors import MeshError
+
+
+@dataclass(frozen=True)
+class GltfDocument:
+    """The file as it was read, and what was made of it."""
+
+    json: dict[str, Any]
+    blob: bytes
+    primitives: tuple[tuple[tuple[int, int, int], ...], ...]
+    """Mesh, primitive and number of triangles of those that share the points of each part."""
+    points: FloatArray
+    polygons: Polygons
+    attributes: tuple[Attribute, ...]
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
+    with reading(name, "a glTF 2.0 file"):
+        gltf = unpacked(data, name)
+        separate_instances(gltf.json)
+        return _read(gltf)
+
+
+def _read(gltf: GltfData) -> Asset:
+    placed = transforms(gltf.json)
+    points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
+    faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
+    parts, found, primitives = [], [], []
+    start = 0
+    for _, places in groupby(surfaces(gltf.json), lambda place: (place[0], _keys(gltf.json, place))):
+        same = list(places)
+        mesh = same[0][0]
+        keys = _keys(gltf.json, same[0])
+        points.append(gltf.numbers(keys["POSITION"]))
+        n = len(points[-1])
+        of_each = [triangles(gltf, gltf.json["meshes"][mesh]["primitives"][i], n) for mesh, i in same]
+        transform, skin = placed.get(mesh, (None, None))
+        faces += [_outwards(each, transform) + start for each in of_each]
+        start += n
+        parts.append(
+            Part(str(gltf.json["meshes"][mesh].get("name", "")), n, sum(map(len, of_each)), transform)
+        )
+        found.append(read_values(gltf, keys) | read_weights(gltf, keys, skin))
+        primitives.append(tuple((mesh, i, len(each)) for (mesh, i), each in zip(same, of_each)))
+    names = dict.fromkeys(name for each in found for name in each)
+    attributes = tuple(joined([each.get(name) for each in found], parts) for name in names)
+    polygons = Polygons.of_triangles(np.concatenate(faces))
+    asset = Asset(np.concatenate(points), polygons, attributes, tuple(parts))
+    return replace(
+        asset,
+        document=GltfDocument(
+            gltf.json, bytes(gltf.blob), tuple(primitives), asset.points, polygons, attributes
+        ),
+    )
+
+
+def _keys(document: dict[str, Any], place: tuple[int, int]) -> dict[str, int]:
+    mesh, i = place
+    return dict(document["meshes"][mesh]["primitives"][i]["attributes"])
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether glTF has a place for an attribute; values of corners go to points, which are split at seams."""
+    if attribute.domain == "face":
+        return False
+    if attribute.kind == "label":
+        return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
+    return attribute.kind == "weights" or attribute.values.ndim == 1 or 2 <= attribute.values.shape[1] <= 4
+
+
+def write_glb(asset: Asset) -> bytes:
+    """Write a ``.glb`` file: the one that was read, with what is new or different."""
+    return packed(_written(asset), binary=True)
+
+
+def write_gltf(asset: Asset) -> bytes:
+    """Write a ``.gltf`` file that contains its buffer, otherwise like `write_glb`."""
+    return packed(_written(asset), binary=False)
+
+
+def _written(asset: Asset) -> GltfData:
+    document = asset.document
+    if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
+        document = new_document(len(asset.polygons.corner_of_triangle))
+        asset = replace(asset.placed, parts=())
+        if not len(asset.polygons):
+            raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
+    gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
+    attributes = told_apart(asset.attributes, of_all=True)
+    new = [a for a in attributes if not any(a is given for given in document.attributes)]
+    changed = {a.name for a in document.attributes if not any(a is each for each in attributes)}
+    split = split_at_seams(asset.polygons, len(asset.points), new)
+    is_new = not len(document.points)
+    is_split = len(split.source) > len(asset.points)
+    is_moved = not np.array_equal(asset.points, document.points)
+    faces = split.corners[asset.polygons.corner_of_triangle]
+    part_of_point = asset.part_of_point[split.source]
+    first_point = first_triangle = stop = 0
+    for part, places in enumerate(document.primitives):
+        start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
+        rows = split.source[start:stop]
+        primitives = [gltf.json["meshes"][mesh]["primitives"][i] for mesh, i, _ in places]
+        given = primitives[0]["attributes"]
+        names = named(gltf, given)
+        keys = {key: i for key, i in given.items() if names[key][0] not in changed}
+        if is_split:
+            gather(gltf, keys, rows - first_point)
+        if is_moved:
+            position = asset.points[rows].astype(np.float32)
+            if not np.isfinite(position).all():
+                raise MeshError(
+                    "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
+                )
+            bounds = (
+                {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
+                if len(rows)
+                else {}
+            )
+            keys["POSITION"] = gltf.add_array(position, **bounds)
+        for attribute in split.attributes:
+            write_values(gltf, keys, attribute.at(np.arange(start, stop)), places[0][0])
+        for primitive, (_, _, n_triangles) in zip(primitives, places):
+            primitive["attributes"] = keys
+            if is_split or is_new:
+                for target in primitive.get("targets", []):
+                    gather(gltf, target, rows - first_point)
+                indices = faces[first_triangle : first_triangle + n_triangles] - start
+                indices = _outwards(indices, asset.parts[part].transform if asset.parts else None)
+                primitive["indices"] = gltf.add_array(indices.ravel().astype(np.uint32), target=34963)
+                primitive["mode"] = TRIANGLES
+            first_triangle += n_triangles
+        first_point += int((asset.part_of_point == part).sum())
+    return gltf
+
+
+def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
+    """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
+    mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
+    return faces[:, [0, 2, 1]] if mirrored else faces
+
+
+def new_document(n_triangles: int) -> GltfDocument:
+    """Make a scene of one mesh without any points."""
+    document = {
+        "asset": {"version": "2.0", "generator": "isomatch"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {}}]}],
+    }
+    return GltfDocument(document, b"", (((0, 0, n_triangles),),), np.zeros((0, 3)), Polygons([], []), ())

@@ -1,0 +1,212 @@
+"""OBJ: a Wavefront file of vertices, texture coordinates, normals, and faces in groups and materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, IntArray
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute, Kind
+from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
+from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.errors import MeshError, some
+from isomatch.surfaces import Mesh, first_equal
+
+_STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
+"""The keyword of each attribute that is written before the faces that it holds for."""
+_INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn", "normal", "normal", 3))
+"""Keyword, name, kind and width of what a face refers to after the vertex, in this order."""
+
+
+@dataclass(frozen=True)
+class ObjDocument:
+    """The names of material libraries, and lines and points, which are no faces."""
+
+    libraries: tuple[str, ...] = ()
+    elements: tuple[str, ...] = ()
+
+
+def read(data: bytes, name: str) -> Mesh:
+    """Read the faces of an OBJ file. They may be polygons and may have negative indices."""
+    lines = read_lines(name, data, continued=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
+    return Mesh(vertices, triangulate(*_polygons(face_lines, vertex_lines)))
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
+    lines = read_lines(name, data, continued=True)
+    vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
+    vertices = vertex_lines.parse()
+    points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
+    corners, sizes = _polygons(face_lines, vertex_lines)
+    attributes = []
+    if (vertices.counts >= 6).all():
+        colors = vertices.leading(6, "x y z and a colour")[:, 3:]
+        attributes.append(Attribute("color", "point", "colour", colors))
+    words = lines.starting_with("f")
+    for i, (keyword, attribute, kind, width) in enumerate(_INDEXED):
+        table_lines = lines.starting_with(keyword)
+        if not len(table_lines):
+            continue
+        numbers = table_lines.parse()
+        least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
+        numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
+        table = np.zeros((len(table_lines), width))
+        for column in range(width):
+            said = numbers.counts > column
+            table[said, column] = numbers.values[numbers.starts[said] + column]
+        rows = words.fields(i + 1).parse()
+        given = rows.whole(None, f"whole indices of {keyword}")
+        index = _from_zero(given, rows, table_lines)
+        inside = (index >= np.where(given == 0, -1, 0)) & (index < len(table))
+        if not inside.all():
+            row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
+            words.fail(row, f"indices of the {len(table)} {keyword} lines")
+        if (index >= 0).any():
+            attributes.append(
+                Attribute(attribute, "corner", kind, np.vstack([table, np.full(width, np.nan)])[index])
+            )
+    for attribute, keyword in _STATEMENTS.items():
+        statements = lines.starting_with(keyword)
+        if len(statements):
+            attributes.append(_labels(attribute, statements, face_lines))
+    document = ObjDocument(
+        tuple(_texts(lines.starting_with("mtllib"))),
+        tuple(
+            f"{keyword} {text}"
+            for keyword in "pl"
+            for text in _texts(lines.starting_with(keyword))
+            if text.replace(" ", "").isdecimal()
+        ),
+    )
+    return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document)
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether OBJ has a place for an attribute."""
+    if attribute.domain == "face":
+        return attribute.kind == "label" and attribute.name in _STATEMENTS
+    if attribute.kind == "colour":
+        return attribute.domain == "point"
+    return attribute.kind in ("uv", "normal")
+
+
+def write(asset: Asset) -> bytes:
+    """Write an OBJ file; colours follow the positions as three numbers from 0 to 1."""
+    document = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
+    corners, sizes = asset.polygons.corners, asset.polygons.sizes
+    if not len(asset.points):
+        raise MeshError("there are no points, and an OBJ file without any cannot be read; write a .ply file")
+    outside = np.flatnonzero((corners < 0) | (corners >= len(asset.points)))
+    if len(outside):
+        raise MeshError(
+            f"faces {some(asset.polygons.of_corner[outside])} refer to vertices outside "
+            f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
+        )
+    texts = [*(f"mtllib {library}\n".encode() for library in document.libraries), _vertices(asset)]
+    indices = [corners]
+    for keyword, _, kind, width in _INDEXED:
+        table, index = _table(asset, kind, width)
+        texts.append(format_rows(f"{keyword}{' %r' * width}\n", table))
+        indices.append(index)
+    texts.append(_faces(asset, indices, sizes))
+    texts += [f"{element}\n".encode() for element in document.elements]
+    return b"".join(texts)
+
+
+def _vertices(asset: Asset) -> bytes:
+    colours = asset.of_kind("colour")
+    if not colours:
+        return format_rows("v %r %r %r\n", asset.points)
+    colors = colours[0].fractions[:, :3]
+    if colours[0].values.dtype.kind == "f":
+        return format_rows("v %r %r %r %r %r %r\n", np.hstack([asset.points, colors]))
+    return format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([asset.points, colors]))
+
+
+def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
+    """Return the different values of an attribute and the index of that of each corner; -1 where there is none."""
+    corners = asset.polygons.corners
+    found = asset.of_kind(kind)
+    if not found:
+        return np.zeros((0, width)), np.full(len(corners), -1)
+    values = found[0].values[:, :width].astype(np.float64)
+    is_none = np.isnan(values).any(axis=1)
+    of_points = found[0].domain == "point"
+    first = np.arange(len(values)) if of_points else first_equal(values)
+    new = (first == np.arange(len(first))) & ~is_none
+    index = np.where(is_none, -1, (np.cumsum(new) - 1)[first])
+    return values[new], index[corners] if of_points else index
+
+
+def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
+    vertex, texture, normal = indices
+    statements = [a for name in _STATEMENTS for a in asset.attributes if (a.name, a.domain) == (name, "face")]
+    plain = (texture < 0).all() and (normal < 0).all()
+    if plain and not statements and (sizes == 3).all():
+        return format_rows("f %d %d %d\n", vertex.reshape(-1, 3) + 1)
+    words = np.zeros(len(vertex), dtype=object)
+    for template, rows, used in (
+        ("%d", (texture < 0) & (normal < 0), [vertex]),
+        ("%d/%d", (texture >= 0) & (normal < 0), [vertex, texture]),
+        ("%d//%d", (texture < 0) & (normal >= 0), [vertex, normal]),
+        ("%d/%d/%d", (texture >= 0) & (normal >= 0), indices),
+    ):
+        table = np.stack([index[rows] + 1 for index in used], axis=1)
+        words[rows] = format_rows(f"{template} ", table).decode().split()
+    parts: list[tuple[IntArray, AnyArray]] = [_changes(statement) for statement in statements]
+    parts += [(np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)), (sizes, words)]
+    return interleaved_lines(parts, len(sizes))
+
+
+def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
+    """Return the statements before faces whose label is not that of the face before; faces have none or one."""
+    coded = attribute.coded
+    codes, keyword = coded.values, _STATEMENTS[attribute.name]
+    new = np.ones(len(codes), dtype=bool)
+    new[1:] = codes[1:] != codes[:-1]
+    texts = [f"{keyword} {coded.names.get(code, str(code))}\n" for code in codes[new].tolist()]
+    if texts and texts[0] == f"{keyword} \n":  # nothing was said before the first face
+        texts, new[0] = texts[1:], False
+    return new.astype(np.int64), np.array(texts, dtype=object)
+
+
+def _labels(name: str, statements: TextLines, face_lines: TextLines) -> Attribute:
+    """Make a label of what the last statement before each face said."""
+    words = ["", *_texts(statements)]
+    codes = {word: code for code, word in enumerate(dict.fromkeys(words))}
+    code_of = np.array([codes[word] for word in words])
+    values = code_of[np.searchsorted(statements.numbers, face_lines.numbers)]
+    return Attribute(name, "face", "label", values, names={code: word for word, code in codes.items()})
+
+
+def _texts(lines: TextLines) -> list[str]:
+    return [text.strip() for text in lines.data.tobytes().decode(errors="replace").split("\n")[: len(lines)]]
+
+
+def _vertex_lines(lines: TextLines) -> TextLines:
+    found = lines.starting_with("v")
+    if not len(found):
+        lines.fail(len(lines), "vertex lines v x y z")
+    return found
+
+
+def _polygons(lines: TextLines, vertex_lines: TextLines) -> tuple[IntArray, IntArray]:
+    """Read the corners of all faces, concatenated, and the number of corners of each."""
+    rows = lines.parse()
+    rows.require(rows.counts >= 3, "a face of at least 3 corners")
+    corners = rows.whole(None, "whole vertex indices")
+    return _from_zero(corners, rows, vertex_lines), rows.counts
+
+
+def _from_zero(corners: IntArray, rows: NumberRows, vertex_lines: TextLines) -> IntArray:
+    """Convert to indices from 0; a negative index counts back from the last vertex line before its face."""
+    backwards = corners < 0
+    if not backwards.any():
+        return corners - 1
+    read_before = np.searchsorted(vertex_lines.numbers, rows.lines.numbers)
+    return np.where(backwards, corners + np.repeat(read_before, rows.counts), corners - 1)

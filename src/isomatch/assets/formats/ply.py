@@ -1,0 +1,183 @@
+"""PLY: named elements with named properties, as text or binary (the Stanford polygon format)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats._ply_attributes import Columns, read_columns, write_columns
+from isomatch.assets.formats._ply_body import Table, read_tables
+from isomatch.assets.formats._ply_header import Header, Property, read_header
+from isomatch.assets.formats._ply_rows import Cells, cells, holds, write_rows
+from isomatch.assets.formats._text import is_whole
+from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.errors import FormatError, MeshError
+from isomatch.surfaces import Mesh
+
+_INDEX_LISTS = ("vertex_indices", "vertex_index")
+
+
+@dataclass(frozen=True)
+class PlyDocument:
+    """What a PLY file holds beside points, polygons and attributes, and how it is written."""
+
+    byte_order: str = "<"
+    comments: tuple[str, ...] = ()
+    positions: str = "double"
+    index_list: str = "vertex_indices"
+    vertex: Columns = field(default_factory=Columns)
+    face: Columns = field(default_factory=Columns)
+    elements: tuple[tuple[str, tuple[Cells, ...], int], ...] = ()
+
+
+def read(data: bytes, name: str) -> Mesh:
+    """Read a PLY file; properties and elements other than positions and faces are ignored."""
+    tables = _tables(data, name, read_header(data, name))
+    return Mesh(_positions(tables, name), triangulate(*_polygons(tables, name)))
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read a PLY file with all properties of its vertices and faces, and its other elements as they are."""
+    header = read_header(data, name)
+    tables = _tables(data, name, header)
+    points, (corners, sizes) = _positions(tables, name), _polygons(tables, name)
+    by_name = {element.name: element for element in header.elements}
+    vertex = read_columns(by_name["vertex"], tables["vertex"], "point", "xyz", sizes)
+    face = Columns()
+    index_list = PlyDocument.index_list
+    if "face" in by_name:
+        index_list = next(key for key in _INDEX_LISTS if key in tables["face"].columns)
+        face = read_columns(by_name["face"], tables["face"], "face", [index_list], sizes)
+    others = tuple(
+        (
+            element.name,
+            tuple(
+                Cells(each, column.values.ravel(), column.counts if each.count_type else None)
+                for each in element.properties
+                for column in [tables[element.name].columns[each.name]]
+            ),
+            element.n_rows,
+        )
+        for element in header.elements
+        if element.name not in ("vertex", "face")
+    )
+    x = next(each for each in by_name["vertex"].properties if each.name == "x")
+    document = PlyDocument(
+        header.byte_order,
+        header.comments,
+        "float" if x.type.str[1:] == "f4" else "double",
+        index_list,
+        vertex,
+        face,
+        others,
+    )
+    return Asset(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether PLY has a place for an attribute: a property, or a list of numbers of the corners of each face."""
+    return holds(attribute.coded.values) and (
+        attribute.domain != "corner" or attribute.kind == "uv" or attribute.values.ndim == 1
+    )
+
+
+def write(asset: Asset, binary: bool | None = None) -> bytes:
+    """Write a PLY file, binary or text, by default as it was read; a new one little endian, in double precision."""
+    document = asset.document if isinstance(asset.document, PlyDocument) else PlyDocument()
+    byte_order = document.byte_order if binary is None else (document.byte_order or "<") if binary else ""
+    polygons = asset.polygons
+    if np.abs(polygons.corners).max(initial=0) >= 2**31:
+        raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
+    kind = np.dtype("f4" if document.positions == "float" else "f8")
+    lists = cells(document.index_list, polygons.corners.astype(np.int32), polygons.sizes)
+    elements = [
+        (
+            "vertex",
+            (
+                *(Cells(Property(axis, kind), asset.points[:, i]) for i, axis in enumerate("xyz")),
+                *write_columns(
+                    asset.attributes,
+                    "point",
+                    document.vertex.names,
+                    polygons.sizes,
+                    ["x", "y", "z", *(each.declared.name for each in document.vertex.others)],
+                ),
+                *document.vertex.others,
+            ),
+            len(asset.points),
+        ),
+        (
+            "face",
+            (
+                lists,
+                *write_columns(
+                    asset.attributes,
+                    "face",
+                    document.face.names,
+                    polygons.sizes,
+                    [*_INDEX_LISTS, *(each.declared.name for each in document.face.others)],
+                ),
+                *document.face.others,
+            ),
+            len(polygons),
+        ),
+        *document.elements,
+    ]
+    encoding = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[byte_order]
+    header = ["ply", f"format {encoding} 1.0", *document.comments]
+    for name, columns, n_rows in elements:
+        header += [f"element {name} {n_rows}", *(column.declaration for column in columns)]
+    body = [write_rows(list(columns), n_rows, byte_order) for _, columns, n_rows in elements]
+    return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
+
+
+def _tables(data: bytes, name: str, header: Header) -> dict[str, Table]:
+    tables = read_tables(data, name, header)
+    if "tristrips" in tables:
+        raise FormatError(
+            f"{name}:1: expected triangles in element 'face', found 'tristrips'; export faces instead"
+        )
+    return tables
+
+
+def _positions(tables: dict[str, Table], name: str) -> FloatArray:
+    columns = tables["vertex"].columns if "vertex" in tables else {}
+    missing = [axis for axis in "xyz" if axis not in columns or (columns[axis].counts != 1).any()]
+    if missing:
+        raise FormatError(
+            f"{name}:1: expected an element 'vertex' with numbers x, y, z, found no {', '.join(missing)}; "
+            "export the file again with positions"
+        )
+    return np.stack([columns[axis].values.ravel() for axis in "xyz"], axis=1, dtype=np.float64)
+
+
+def _polygons(tables: dict[str, Table], name: str) -> tuple[IntArray, IntArray]:
+    """Read the corners of all faces, concatenated, and the number of corners of each."""
+    if "face" not in tables:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    table = tables["face"]
+    lists = [table.columns[key] for key in _INDEX_LISTS if key in table.columns]
+    if not lists:
+        raise FormatError(
+            f"{name}:1: expected the list {' or '.join(_INDEX_LISTS)} of the faces, found "
+            f"{', '.join(table.columns) or 'none'}; rename it or export the file again"
+        )
+    corners, counts = lists[0].values.ravel(), lists[0].counts
+    _require(counts >= 3, table, "a face of at least 3 corners")
+    if corners.dtype.kind == "f":
+        whole = np.logical_and.reduceat(is_whole(corners), np.cumsum(counts) - counts)
+        _require(whole, table, "whole vertex indices")
+        corners = corners.astype(np.int64)
+    return corners, counts
+
+
+def _require(good: AnyArray, table: Table, expected: str) -> None:
+    if not good.all():
+        row = int(np.argmin(good))
+        raise FormatError(
+            f"{table.place(row)}: expected {expected}, face {row} has none; export the file again"
+        )

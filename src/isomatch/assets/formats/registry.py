@@ -1,0 +1,129 @@
+"""The format of each suffix: how its files are read and written, and what they keep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
+from isomatch.errors import FormatError, InputError
+from isomatch.surfaces import Mesh
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """How one format is read and written.
+
+    Parameters
+    ----------
+    read : callable
+        Makes a mesh of the bytes of a file and its name, which is for messages.
+    write : callable
+        Makes bytes of `Asset` and of those options of `write_mesh` that the format has, by keyword.
+    options : frozenset of str
+        Names of these options: ``"binary"``.
+    read_asset : callable, optional
+        Makes `Asset` of the bytes of a file and its name; by default points and triangles alone.
+    keeps : callable, optional
+        Whether the format has a place for an attribute; by default it has none.
+    single : frozenset of str
+        Kinds of attributes of which it has only one.
+    has_parts : bool
+        Whether it stores parts and their transforms.
+    has_names : bool
+        Whether it stores the names of labels.
+    has_opacity : bool
+        Whether its colours may have an opacity.
+    """
+
+    read: Callable[[bytes, str], Mesh]
+    write: Callable[..., bytes]
+    options: frozenset[str] = frozenset()
+    read_asset: Callable[[bytes, str], Asset] | None = None
+    keeps: Callable[[Attribute], bool] = lambda attribute: False
+    single: frozenset[str] = frozenset()
+    has_parts: bool = False
+    has_names: bool = False
+    has_opacity: bool = True
+
+    def missing(self, attribute: Attribute) -> list[Attribute]:
+        """Return what has no place of an attribute that has one."""
+        found = []
+        if attribute.coded.names and not self.has_names:
+            found.append(replace(attribute, name=f"names of {attribute.name}"))
+        if attribute.kind == "colour" and not self.has_opacity:
+            opacity = attribute.fractions[:, 3:]
+            if (opacity < 1).any():
+                name = f"opacity of {attribute.name}"
+                found.append(Attribute(name, attribute.domain, "scalar", opacity[:, 0]))
+        return found
+
+
+def _with_attributes(
+    read_asset: Callable[[bytes, str], Asset],
+    write: Callable[..., bytes],
+    keeps: Callable[[Attribute], bool] = lambda attribute: False,
+    options: frozenset[str] = frozenset(),
+    has_parts: bool = False,
+    has_names: bool = False,
+) -> MeshFormat:
+    """Make a format whose meshes are read with all that the file holds."""
+
+    def read(data: bytes, name: str) -> Mesh:
+        asset = checked(read_asset, data, name)
+        return Mesh(asset.placed_points, asset.polygons.triangles)
+
+    return MeshFormat(read, write, options, read_asset, keeps, has_parts=has_parts, has_names=has_names)
+
+
+_BINARY = frozenset({"binary"})
+
+FORMATS: dict[str, MeshFormat] = {
+    ".off": MeshFormat(
+        off.read,
+        off.write,
+        read_asset=off.read_asset,
+        keeps=off.keeps,
+        single=frozenset({"colour", "normal"}),
+        has_opacity=False,
+    ),
+    ".obj": MeshFormat(
+        obj.read,
+        obj.write,
+        read_asset=obj.read_asset,
+        keeps=obj.keeps,
+        single=frozenset({"colour", "uv", "normal"}),
+        has_names=True,
+        has_opacity=False,
+    ),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY),
+    ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
+    ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True),
+    ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
+    ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
+    ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
+    ".gii": _with_attributes(gifti.read_asset, gifti.write, gifti.keeps, has_names=True),
+    **dict.fromkeys(freesurfer.SURFACES, _with_attributes(freesurfer.read_asset, freesurfer.write)),
+}
+"""The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
+
+
+def format_of(path: Path) -> MeshFormat:
+    """Return the format of a file by its suffix; `FormatError` if that is unknown."""
+    try:
+        return FORMATS[path.suffix.lower()]
+    except KeyError:
+        found = f"suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise FormatError(f"{path}: {found} is not a mesh format; use one of {', '.join(FORMATS)}") from None
+
+
+def checked(read: Callable[[bytes, str], Asset], data: bytes, name: str) -> Asset:
+    """Read a file, and name it where what it holds does not fit together."""
+    try:
+        return read(data, name)
+    except InputError as error:
+        raise FormatError(f"{name}: {error}") from None

@@ -1,0 +1,78 @@
+"""VTK: legacy files, and XML files of polygons (VTP) and of unstructured grids (VTU), by PyVista and meshio."""
+
+from __future__ import annotations
+
+from isomatch._packages import package
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.from_libraries import held_by
+from isomatch.assets.to_libraries import to_meshio, to_pyvista
+from isomatch.errors import MeshError
+
+_LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
+
+
+def read_vtk(data: bytes, name: str) -> Asset:
+    """Read a legacy file: polygons by PyVista, unstructured grids by meshio."""
+    is_polygons = b"POLYDATA" in data[:_LEGACY_HEADER].upper()
+    return _by_pyvista(data, name, ".vtk") if is_polygons else _by_meshio(data, name, "vtk")
+
+
+def read_vtp(data: bytes, name: str) -> Asset:
+    """Read an XML file of polygons."""
+    return _by_pyvista(data, name, ".vtp")
+
+
+def read_vtu(data: bytes, name: str) -> Asset:
+    """Read an XML file of an unstructured grid."""
+    return _by_meshio(data, name, "vtu")
+
+
+def keeps(attribute: Attribute) -> bool:
+    """Whether these formats have a place for an attribute: any array of numbers on points or faces."""
+    return attribute.domain != "corner"
+
+
+def write_vtp(asset: Asset, binary: bool = True) -> bytes:
+    """Write an XML file of polygons."""
+    return _saved(asset, ".vtp", binary)
+
+
+def write_vtk(asset: Asset, binary: bool = True) -> bytes:
+    """Write a legacy file of polygons."""
+    return _saved(asset, ".vtk", binary)
+
+
+def write_vtu(asset: Asset, binary: bool = True) -> bytes:
+    """Write an XML file of an unstructured grid."""
+    if not len(asset.points):
+        raise MeshError("there are no points, and a VTU file without any cannot be read; write a .vtp file")
+    mesh = to_meshio(asset)
+    with on_disk(b"", ".vtu") as path:
+        package("meshio.vtu", "io", "a .vtu file").write(path, mesh, binary=binary)
+        return path.read_bytes()
+
+
+def _saved(asset: Asset, suffix: str, binary: bool) -> bytes:
+    mesh = to_pyvista(asset)
+    with on_disk(b"", suffix) as path:
+        mesh.save(path, binary=binary)
+        return path.read_bytes()
+
+
+def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
+    pyvista = package("pyvista", "vtk", f"a {suffix} file of polygons")
+    with reading(name, f"a {suffix} file of polygons"), on_disk(data, suffix) as path:
+        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+            mesh = pyvista.read(path)
+        return Asset(*held_by(mesh))
+
+
+def _by_meshio(data: bytes, name: str, kind: str) -> Asset:
+    module = package(f"meshio.{kind}", "io", f"a .{kind} file")
+    with (
+        reading(name, f"a .{kind} file of triangles, quads or polygons"),
+        on_disk(data, f".{kind}") as path,
+    ):
+        return Asset(*held_by(module.read(path)))

@@ -1,0 +1,250 @@
+"""Meshes of other libraries, told by their attributes, so that no library is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, IntArray
+from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.polygons import Polygons
+from isomatch.errors import MeshError
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Points, corners and sizes of polygons, and the row of each polygon among the cells of the object."""
+
+    points: AnyArray
+    corners: IntArray
+    sizes: IntArray
+    rows: IntArray
+
+
+def geometry_of(given: object) -> Geometry:
+    """Return points and polygons of a mesh of trimesh, PyVista, meshio or Open3D.
+
+    Raises
+    ------
+    MeshError
+        If it is none of these, or has no polygons but other cells.
+    """
+    points, cells, (geometry, _) = _library(given)
+    return geometry(given, points, cells)
+
+
+def held_by(given: object) -> tuple[AnyArray, Polygons, tuple[Attribute, ...]]:
+    """Return points, polygons and attributes of a mesh of trimesh, PyVista, meshio or Open3D, or a point cloud.
+
+    Raises
+    ------
+    MeshError
+        If it is none of these, or has no polygons but other cells.
+    """
+    points, cells, (geometry, attributes) = _library(given)
+    found = geometry(given, points, cells)
+    return found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found))
+
+
+def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:
+    """Make an attribute of an array whose meaning is not told; None if it holds no numbers or words."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biufU" or array.ndim not in (1, 2):
+        return None
+    if array.ndim == 2 and array.shape[1] == 1:
+        array = array[:, 0]
+    kind = guessed_kind(name, array)
+    standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind)
+    is_standard = standard is not None and name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
+    return Attribute(standard if is_standard and standard else name, domain, kind, array)
+
+
+_STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
+
+
+def _triangles(given: object, points: Any, faces: Any) -> Geometry:
+    array = np.asarray(faces)
+    if array.ndim != 2:
+        array = array.reshape(-1, 3)
+    return Geometry(
+        np.asarray(points), array.ravel(), np.full(len(array), array.shape[1]), np.arange(len(array))
+    )
+
+
+def _tensors(given: Any, vertex: Any, triangle: Any) -> Geometry:
+    none = np.zeros((0, 3), dtype=np.int64)
+    points = _numpy(vertex["positions"]) if "positions" in vertex else none
+    return _triangles(given, points, _numpy(triangle["indices"]) if "indices" in triangle else none)
+
+
+def _numpy(tensor: Any) -> AnyArray:
+    return np.asarray(tensor.cpu().numpy())
+
+
+def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
+    """Read faces stored one after the other, each as the number of its corners and these."""
+    flat = np.asarray(faces, dtype=np.int64)
+    if flat.ndim == 2:
+        return _triangles(given, points, flat)
+    if getattr(given, "n_strips", 0):
+        raise MeshError(f"the {type(given).__name__} has strips of triangles; call its triangulate() first")
+    starts = np.arange(0, flat.size, flat[0] + 1) if flat.size else flat
+    if flat.size and (flat.size % (flat[0] + 1) or (flat[starts] != flat[0]).any()):
+        starts = np.array(_starts(flat.tolist()))
+    corners = np.ones(flat.size, dtype=bool)
+    corners[starts] = False
+    before = getattr(given, "n_verts", 0) + getattr(given, "n_lines", 0)
+    return _polygons(points, flat[corners], flat[starts], before + np.arange(len(starts)))
+
+
+def _starts(flat: list[int]) -> list[int]:
+    found, at = [], 0
+    while at < len(flat):
+        found.append(at)
+        at += flat[at] + 1
+    return found
+
+
+def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
+    """Read blocks, each of the cells of one type."""
+    kinds = {block.type for block in cells}
+    corners, sizes, rows, start = [], [], [], 0
+    for block in cells:
+        if block.type in ("triangle", "quad", "polygon"):
+            data = np.asarray(block.data, dtype=np.int64)
+            corners.append(data.ravel())
+            sizes.append(np.full(len(data), data.shape[1]))
+            rows.append(start + np.arange(len(data)))
+        start += len(block.data)
+    if not corners and kinds - {"vertex"}:
+        raise MeshError(
+            f"the {type(given).__name__} has no triangles, quads or polygons but {', '.join(sorted(kinds))}; "
+            "extract its surface first"
+        )
+    none = [np.zeros(0, dtype=np.int64)]
+    return _polygons(*(np.concatenate(part or none) for part in ([points], corners, sizes, rows)))
+
+
+def _polygons(points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray) -> Geometry:
+    """Leave out what has fewer than three corners."""
+    kept = sizes >= 3
+    return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept])
+
+
+def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    visual: Any = getattr(given, "visual", None)
+    kind = getattr(visual, "kind", None)
+    if kind == "vertex":
+        yield Attribute("color", "point", "colour", visual.vertex_colors)
+    elif kind == "face":
+        yield Attribute("color", "face", "colour", visual.face_colors)
+    elif kind == "texture" and getattr(visual, "uv", None) is not None:
+        yield Attribute("uv", "point", "uv", visual.uv)
+    yield from _arrays(getattr(given, "vertex_attributes", {}), "point")
+    yield from _arrays(getattr(given, "face_attributes", {}), "face")
+
+
+def _polydata_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    yield from _arrays(getattr(given, "point_data", {}), "point")
+    yield from _arrays(getattr(given, "cell_data", {}), "face", found.rows)
+
+
+def _blocks_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    yield from _arrays(getattr(given, "point_data", {}), "point")
+    blocks = getattr(given, "cell_data", {})
+    yield from _arrays({name: np.concatenate(values) for name, values in blocks.items()}, "face", found.rows)
+
+
+def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    places: tuple[tuple[str, str, Domain, Kind], ...] = (
+        ("vertex_normals", "normal", "point", "normal"),
+        ("vertex_colors", "color", "point", "colour"),
+        ("triangle_normals", "normal", "face", "normal"),
+        ("triangle_uvs", "uv", "corner", "uv"),
+        ("normals", "normal", "point", "normal"),  # of point clouds, as the next
+        ("colors", "color", "point", "colour"),
+    )
+    for source, name, domain, kind in places:
+        values = np.asarray(getattr(given, source, ()))
+        if len(values):
+            yield Attribute(name, domain, kind, values)
+
+
+def _tensor_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
+    is_cloud = _has(given, "point")
+    yield from _of_tensors(given.point if is_cloud else given.vertex, "point")
+    if not is_cloud:
+        yield from _of_tensors(given.triangle, "face")
+
+
+def _of_tensors(tensors: Any, domain: Domain) -> Iterator[Attribute]:
+    for name, tensor in sorted(tensors.items()):
+        if name not in ("positions", "indices"):
+            values = _numpy(tensor)
+            title = "uv" if name == "texture_uvs" else name
+            if values.ndim == 3:  # one row for each corner
+                yield from _arrays({title: values.reshape(-1, values.shape[2])}, "corner")
+            else:
+                yield from _arrays({title: values}, domain)
+
+
+def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
+    for name, values in arrays.items():
+        attribute = attribute_of(
+            str(name), domain, np.asarray(values) if rows is None else np.asarray(values)[rows]
+        )
+        if attribute is not None:
+            yield attribute
+
+
+Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], Iterator[Attribute]]]
+_LIBRARIES: dict[tuple[str, str], Reader] = {
+    ("vertices", "faces"): (_triangles, _trimesh_attributes),
+    ("vertices", "triangles"): (_triangles, _open3d_attributes),
+    ("vertex", "triangle"): (_tensors, _tensor_attributes),
+    ("points", "faces"): (_polydata, _polydata_attributes),
+    ("points", "cells"): (_blocks, _blocks_attributes),
+}
+"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, its tensors, PyVista, meshio."""
+_CLOUDS: dict[str, Callable[[Any, Geometry], Iterator[Attribute]]] = {
+    "vertices": _open3d_attributes,
+    "points": _open3d_attributes,
+    "point": _tensor_attributes,
+}
+"""How a ``PointCloud`` is read that has this attribute: trimesh, Open3D, its tensors."""
+
+
+_REMEDIES = {
+    "extract_surface": "; its extract_surface() is one",  # grids of PyVista
+    "to_geometry": "; its to_geometry() is one",  # scenes of trimesh
+}
+
+
+def _library(given: object) -> tuple[Any, Any, Reader]:
+    if type(given).__name__ == "PointCloud":
+        for name, attributes in _CLOUDS.items():
+            if _has(given, name):
+                points = getattr(given, name)
+                points = _numpy(points["positions"]) if name == "point" else points
+                return points, np.zeros((0, 3), dtype=np.int64), (_triangles, attributes)
+    for names, readers in _LIBRARIES.items():
+        if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):
+            return getattr(given, names[0]), getattr(given, names[1]), readers
+    remedy = next((text for name, text in _REMEDIES.items() if hasattr(given, name)), "")
+    raise MeshError(
+        f"a {type(given).__module__}.{type(given).__qualname__} is no mesh{remedy}; give a Mesh, the path of a mesh "
+        "file, a tuple (vertices, faces), or a mesh of trimesh, PyVista (PolyData), meshio or Open3D (TriangleMesh); "
+        "where points will do, PointCloud(points)"
+    )
+
+
+def _has_blocks(given: Any) -> bool:
+    return all(hasattr(block, "type") for block in given.cells)
+
+
+def _has(given: object, name: str) -> bool:
+    found = getattr(given, name, None)
+    return found is not None and not callable(found)

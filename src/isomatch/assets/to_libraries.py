@@ -1,0 +1,163 @@
+"""Meshes for other libraries, which are imported when one is made."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from isomatch._arrays import AnyArray
+from isomatch._packages import package
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import told_apart, unused_name
+from isomatch.assets.pictures import texture_of
+from isomatch.assets.polygons import Polygons
+from isomatch.assets.seams import split_at_seams
+
+
+def to_trimesh(asset: Asset) -> Any:
+    """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
+    trimesh = package("trimesh", "io", "a mesh of trimesh")
+    split, texture = _at_points(asset), texture_of(asset)
+    mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
+    of_triangle = split.polygons.of_triangle
+    has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
+    for attribute in split.attributes:
+        values = attribute.plain
+        of_points = attribute.domain == "point"
+        if attribute.kind == "uv" and of_points:
+            image = None if texture is None else package("PIL.Image", None, "a texture").fromarray(texture)
+            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), image=image)
+        elif attribute.kind == "colour" and not has_uv:
+            values = trimesh.visual.to_rgba(values)
+            if of_points:
+                mesh.visual.vertex_colors = values
+            else:
+                mesh.visual.face_colors = values[of_triangle]
+        elif of_points:
+            mesh.vertex_attributes[attribute.name] = values
+        else:
+            mesh.face_attributes[attribute.name] = values[of_triangle]
+    return mesh
+
+
+def to_pyvista(asset: Asset) -> Any:
+    """Make a ``pyvista.PolyData`` with all polygons and values."""
+    pyvista = package("pyvista", "vtk", "a mesh of PyVista")
+    split = _at_points(asset)
+    sizes = split.polygons.sizes
+    starts = np.cumsum(sizes) - sizes
+    cells = np.insert(split.polygons.corners, starts, sizes)
+    mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
+    for attribute in split.attributes:
+        data = mesh.point_data if attribute.domain == "point" else mesh.cell_data
+        values = attribute.plain
+        data[attribute.name] = values
+        if attribute.kind == "uv" and attribute.domain == "point":
+            data.active_texture_coordinates_name = attribute.name
+        if attribute.kind == "normal":
+            data.active_normals_name = attribute.name
+    return mesh
+
+
+def to_meshio(asset: Asset) -> Any:
+    """Make a ``meshio.Mesh`` with all polygons and values; polygons of as many corners in a row are a block."""
+    meshio = package("meshio", "io", "a mesh of meshio")
+    split = _at_points(asset)
+    sizes = split.polygons.sizes
+    first = np.flatnonzero(np.diff(sizes, prepend=0))
+    stops = np.append(first[1:], len(sizes))
+    corners = split.polygons.corners
+    at = np.append(0, np.cumsum(sizes))
+    blocks = [
+        ({3: "triangle", 4: "quad"}.get(size, "polygon"), corners[at[a] : at[b]].reshape(-1, size))
+        for a, b, size in zip(first, stops, sizes[first].tolist())
+    ]
+    if not blocks:  # a file without cells cannot be read
+        blocks = [("vertex", np.arange(len(split.points))[:, None])]
+    return meshio.Mesh(
+        split.points,
+        blocks,
+        point_data={a.name: a.plain for a in split.attributes if a.domain == "point"},
+        cell_data={
+            a.name: [a.plain[i:j] for i, j in zip(first, stops)]
+            for a in split.attributes
+            if a.domain == "face" and len(sizes)
+        },
+    )
+
+
+def to_open3d(asset: Asset, tensors: bool = False) -> Any:
+    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates.
+
+    With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
+    """
+    open3d = package("open3d", None, "a mesh of Open3D")
+    texture, placed = texture_of(asset), asset.placed
+    if tensors:
+        mesh = _of_tensors(open3d, placed)
+        if texture is not None:
+            mesh.material.set_default_properties()
+            mesh.material.texture_maps["albedo"] = open3d.t.geometry.Image(open3d.core.Tensor(texture))
+        return mesh
+    mesh = _of_vectors(open3d, placed)
+    if texture is not None:  # row 0 is at the bottom there
+        mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
+        mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
+    return mesh
+
+
+def _of_vectors(open3d: Any, asset: Asset) -> Any:
+    def vector(values: AnyArray) -> Any:
+        kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
+        return kind(np.array(values, dtype=np.float64))  # which can be written to
+
+    polygons = asset.polygons
+    index = open3d.utility.Vector3iVector(np.array(polygons.triangles, dtype=np.int32))
+    mesh = open3d.geometry.TriangleMesh(vector(asset.points), index)
+    for attribute in asset.attributes:
+        values = attribute.values
+        match attribute.kind, attribute.domain:
+            case "normal", "point":
+                mesh.vertex_normals = vector(values)
+            case "normal", "face":
+                mesh.triangle_normals = vector(values[polygons.of_triangle])
+            case "colour", "point":
+                mesh.vertex_colors = vector(attribute.fractions[:, :3])
+            case "uv", "point":
+                mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
+            case "uv", "corner":
+                mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
+    return mesh
+
+
+def _of_tensors(open3d: Any, asset: Asset) -> Any:
+    def tensor(values: AnyArray) -> Any:
+        return open3d.core.Tensor(np.array(values, dtype=values.dtype.newbyteorder("=")))
+
+    polygons = asset.polygons
+    mesh = open3d.t.geometry.TriangleMesh(tensor(asset.points), tensor(polygons.triangles))
+    names = {"normal": "normals", "color": "colors", "uv": "texture_uvs"}
+    for attribute in asset.attributes:
+        values, domain = attribute.plain, attribute.domain
+        name = names.get(attribute.name, attribute.name)
+        if domain == "point" and name == "texture_uvs":
+            values, domain = values[polygons.corners], "corner"
+        tensors = mesh.vertex if domain == "point" else mesh.triangle
+        if domain == "corner":
+            values = values[polygons.corner_of_triangle]
+        elif domain == "face":
+            values = values[polygons.of_triangle]
+        tensors[unused_name(name, tensors)] = tensor(values)
+    return mesh
+
+
+def _at_points(asset: Asset) -> Asset:
+    """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
+    asset = asset.placed
+    split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
+    return Asset(
+        asset.points[split.source],
+        Polygons(split.corners, asset.polygons.sizes),
+        told_apart(split.attributes),
+    )

@@ -1,0 +1,73 @@
+"""Shapes and maps of a collection as files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from isomatch._files import claimed, made_folder
+from isomatch.assets import read_mesh, write_mesh
+from isomatch.collections.collection import Collection
+from isomatch.collections.finish import surfaces_written
+from isomatch.collections.shapes import BETWEEN
+from isomatch.collections.tables import write_table
+from isomatch.errors import FormatError, InputError
+
+
+def export(
+    collection: Collection,
+    folder: str | Path,
+    meshes: str | None = ".ply",
+    maps: str | None = ".npz",
+    force: bool = False,
+) -> Iterator[Path]:
+    """Write the shapes in the topology of the template, and the maps of all pairs; yield each file.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection; of its shapes, those that `surfaces_written` names.
+    folder : path_like
+        Folder for ``meshes/NAME``, in the units of the shapes' files, for ``maps/SOURCE__TARGET``, a file for each
+        direction, and for ``pairs.csv``, which is written last.
+    meshes : str, optional
+        Suffix of the meshes, of `FORMATS`; None for none.
+    maps : str, optional
+        Suffix of the maps, see `Correspondence.save`: ".npz" for all arrays, ".txt" for a target vertex on each line;
+        None for none.
+    force : bool
+        Whether to replace an earlier export in the folder.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to export.
+    FormatError
+        If the format of the meshes is unknown, or does not keep the order of vertices.
+    UnwritableFileError
+        If a file cannot be written, or there is an earlier export.
+    """
+    if meshes == ".stl":
+        raise FormatError(
+            "STL files do not keep the order of vertices, which corresponds; give another format"
+        )
+    rows, last = collection.rows(), Path(folder) / "pairs.csv"
+    names = surfaces_written(collection) if meshes else []
+    pairs = [pair for pair, row in rows.pairs.items() if row["state"] == "done"] if maps else []
+    if not names and not pairs:
+        raise InputError(f"{collection.folder}: nothing to export yet; run isomatch collect to its end")
+    with made_folder(last.parent), claimed(last, [] if force else [last]):
+        for kind in ("meshes", "maps"):
+            (last.parent / kind).mkdir(exist_ok=True)
+        for name in names:
+            path = last.parent / "meshes" / f"{name}{meshes}"
+            write_mesh(path, read_mesh(collection.layout.corresponded(name)))
+            yield path
+        for pair in pairs:
+            found = collection.maps(*pair)
+            for ends, one in ((pair, found.there), (pair[::-1], found.back)):
+                path = last.parent / "maps" / f"{BETWEEN.join(ends)}{maps}"
+                one.save(path)
+                yield path
+        write_table(rows, last)
+        yield last

@@ -1,0 +1,119 @@
+"""Reports of the pairs to look at, from their saved maps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from isomatch.assets import mesh_from
+from isomatch.collections.collection import Collection, is_contradicted
+from isomatch.collections.jobs import row_of
+from isomatch.collections.layout import Layout
+from isomatch.collections.map_file import Record
+from isomatch.collections.pairs import Pair
+from isomatch.collections.tables import MOST_SHOWN, table_of
+from isomatch.collections.workers import Task, workers_of
+from isomatch.matching import MatchResult, Outcome, Quality
+from isomatch.view import write_report
+
+ALSO = 3  # the worst of the pairs that are not in doubt
+
+
+def write_reports(
+    collection: Collection,
+    which: int | Literal["doubtful", "all"] = "doubtful",
+    executor: str | Executor = "local",
+    jobs: int | None = None,
+) -> Iterator[tuple[Pair, Record]]:
+    """Write reports of pairs, those with the present map excepted that are there already.
+
+    Parameters
+    ----------
+    collection : Collection
+        The collection.
+    which : int, or "doubtful" or "all"
+        So many of the worst pairs; those on the page that are not `CONVERGED`, and the three next; or all.
+    executor, jobs
+        As for `Collection.run`.
+
+    Yields
+    ------
+    (str, str), dict
+        Each pair with a row: its ``state``, "done" or "failed", with the ``error``.
+    """
+    rows = collection.rows()
+    lines = [line for line in table_of(rows) if {line["source"], line["target"]} <= set(collection.names)]
+    chosen = [(pair, rows.pairs[pair]) for pair in _chosen(lines, which)]
+    todo = [each for each in chosen if not has_report(collection.layout, *each)]
+    if not todo:
+        return
+    (collection.layout.folder / "reports").mkdir(exist_ok=True)
+    tasks = [Task((each,), partial(_reported, collection)) for each in todo]
+    with workers_of(executor, jobs) as workers:
+        for (pair, _), row in workers.completed(tasks):
+            yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
+
+
+def has_report(layout: Layout, pair: Pair, record: Record) -> bool:
+    """Whether there is a report of the map that a pair has now."""
+    path = layout.report(pair)
+    return record["state"] == "done" and path.exists() and path.stat().st_mtime >= record["time"]
+
+
+def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
+    """Choose from the lines of the table, worst first."""
+    known = [line for line in lines if line["state"] == "done"]
+    if which == "doubtful":
+        which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in known) + ALSO, MOST_SHOWN)
+    return [(line["source"], line["target"]) for line in known[: None if which == "all" else int(which)]]
+
+
+def _reported(collection: Collection, items: Sequence[tuple[Pair, Record]]) -> list[Record]:
+    return [row_of(partial(_written, collection, *item)) for item in items]
+
+
+def _written(collection: Collection, pair: Pair, record: Record) -> Record:
+    """Write the report of a pair, source → target."""
+    source, target = (collection.paths[name] for name in pair)
+    path = collection.layout.report(pair)
+    write_report(
+        path,
+        mesh_from(source),
+        mesh_from(target),
+        _result(collection, pair, record),
+        names=pair,
+        command=f"isomatch match {source} {target} -o DIR --landmarks landmarks.txt",
+    )
+    return {"bytes": path.stat().st_size}
+
+
+def _result(collection: Collection, pair: Pair, record: Record) -> MatchResult:
+    """Make the result of a match from what is kept of it: no alternatives, and no expected error of each vertex."""
+    there, known = collection.maps(*pair).there, record["there"]
+    notes = list(known["notes"])
+    if known["alternatives"]:
+        notes.append("a collection does not keep alternatives; isomatch match finds them again")
+    if is_contradicted(record):
+        notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
+    return MatchResult(
+        map=there,
+        outcome=Outcome[known["outcome"]],
+        quality=Quality(
+            **{name: math.nan if value is None else value for name, value in known["quality"].items()}
+        ),
+        expected_error=np.full(len(there.vertices), np.nan),
+        alternatives=(),
+        timings=known["timings"],
+        notes=tuple(notes),
+        engine=known["engine"],
+        origin=known["origin"],
+        reason=known["reason"],
+        config=collection.config,
+        seed=known["seed"],
+        symmetries=(known["symmetries"]["source"], known["symmetries"]["target"]),
+    )

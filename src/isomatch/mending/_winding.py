@@ -1,0 +1,101 @@
+"""The winding of faces, that is the order of their corners, which defines the outer side: how to make it consistent."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
+from isomatch._compiled import compiled
+from isomatch.surfaces import Meetings, Mesh, first_equal, linked, meetings
+
+NEARLY_CLOSED = 0.1
+"""A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share of its area."""
+
+
+def faces_to_rewind(mesh: Mesh, met: Meetings | None = None) -> BoolArray:
+    """Find the faces to rewind, (m,), so that orientable pieces are wound consistently, and outward if nearly closed.
+
+    A piece is a set of faces connected through edges of exactly two faces. In the orientation double cover each face
+    has two copies, one as it is and one rewound, and copies with consistent winding are linked across an edge. An
+    orientable piece gives two components of this cover, its two consistent windings. A one-sided piece gives one
+    component, and is left as it is. A piece that is not nearly closed keeps the winding of most of its faces.
+    """
+    m = mesh.n_faces
+    met = met or meetings(mesh.edge_table, mesh.faces)
+    paired = met.sides if met.is_pair.all() else met.sides[met.is_pair]
+    here, there = (paired // 3).T
+    n_pieces, piece = linked(m, (here, there))
+    first = np.zeros(n_pieces, dtype=np.int64)
+    first[piece[::-1]] = np.arange(m)[::-1]
+    rewound, one_sided = np.zeros(m, dtype=bool), np.zeros(n_pieces, dtype=bool)
+    if (met.same_direction & met.is_pair).any():
+        turn = m * met.same_direction[met.is_pair]
+        _, winding = linked(2 * m, (here, there + turn), (here + m, there + m - turn))
+        rewound = winding[:m] != winding[first][piece]  # relative to the first face of the piece
+        one_sided = (winding[:m] == winding[m:])[first]
+
+    unpaired = np.ones(3 * m, dtype=bool)
+    unpaired[paired] = False
+    sign = np.where(rewound, -1.0, 1.0)
+    volume = _volume_if_nearly_closed(mesh, sign, np.flatnonzero(unpaired), piece, first)
+    majority = np.bincount(piece, sign, n_pieces)
+    reverse = np.where(volume == 0, majority, volume) < 0
+    to_rewind: BoolArray = (rewound ^ reverse[piece]) & ~one_sided[piece]
+    return to_rewind
+
+
+def _volume_if_nearly_closed(
+    mesh: Mesh, sign: FloatArray, unpaired: IntArray, piece: IntArray, first: IntArray
+) -> FloatArray:
+    """Signed volume of each piece, its holes closed by cones, in no particular unit; 0 if it is not nearly closed.
+
+    The boundary of a piece is where more of its sides run along an edge in one direction than in the other. More than
+    two faces may meet at an edge, as where vertices were welded, and still leave no boundary.
+    """
+    size = np.abs(mesh.vertices).max(initial=0.0) or 1.0
+    unit = mesh if size == 1 else mesh.moved(mesh.vertices / size)
+    points, faces = unit.vertices, unit.faces
+    n_pieces = len(first)
+    origin = points[faces[first, 0]]
+
+    def summed(of: IntArray, values: AnyArray, count: int = n_pieces) -> FloatArray:
+        return np.bincount(of, values, count).astype(np.float64)
+
+    start, end, of = faces.ravel()[unpaired], faces[:, [1, 2, 0]].ravel()[unpaired], piece[unpaired // 3]
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    edge = first_equal(np.column_stack([of, low, high]))
+    excess = summed(edge, np.where(start < end, 1.0, -1.0) * sign[unpaired // 3], len(edge))
+    rim = np.flatnonzero(excess)
+    low, high, of, excess = low[rim], high[rim], of[rim], excess[rim]
+    ends = first_equal(np.column_stack([np.tile(of, 2), np.concatenate([low, high])])).reshape(2, -1)
+    n_loops, label = linked(ends.size, (ends[0], ends[1]))
+    loop = label[ends[0]]
+    apex = np.column_stack([summed(loop, points[low, axis], n_loops) for axis in range(3)])[loop]
+    apex /= summed(loop, np.ones(len(loop)), n_loops)[loop][:, None]
+
+    volumes = np.zeros(len(faces))
+    _fill_volumes(points, faces, origin, piece, volumes)
+    volume = summed(piece, sign * volumes)
+    cones = np.cross(points[low] - origin[of], apex - origin[of])
+    volume += summed(of, excess * np.einsum("ij,ij->i", points[high] - origin[of], cones))
+    area = summed(piece, unit.face_areas)
+    length = np.abs(excess) * np.linalg.norm(points[high] - points[low], axis=1)
+    discs = summed(of, summed(loop, length, n_loops)[loop] * length) / (4 * np.pi)
+    return np.where(discs <= NEARLY_CLOSED * area, volume, 0.0)
+
+
+@compiled()
+def _fill_volumes(
+    points: FloatArray, faces: IntArray, origin: FloatArray, piece: IntArray, volumes: FloatArray
+) -> None:
+    """Compute six times the signed volume between each face and the origin of its piece."""
+    for f in range(len(faces)):
+        a, b, c, o = faces[f, 0], faces[f, 1], faces[f, 2], piece[f]
+        x, y, z = origin[o, 0], origin[o, 1], origin[o, 2]
+        ux, uy, uz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
+        vx, vy, vz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
+        volumes[f] = (
+            (points[a, 0] - x) * (uy * vz - uz * vy)
+            + (points[a, 1] - y) * (uz * vx - ux * vz)
+            + (points[a, 2] - z) * (ux * vy - uy * vx)
+        )

@@ -1,0 +1,86 @@
+"""Caps: every hole of a mesh closed by rings of new triangles that shrink to a point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch.surfaces import Mesh
+
+
+def capped(mesh: Mesh) -> Mesh:
+    """Close every hole of an oriented mesh.
+
+    A cap is a cone over its rim, cut into rings as wide as edges are long, so that paths across it are about as long as
+    on the surface that was there. Caps have no more vertices than the mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        n vertices; consistently wound.
+
+    Returns
+    -------
+    Mesh
+        The first n vertices and the first faces are those of the mesh. Holes that touch in a vertex get
+        a cap each.
+
+    Notes
+    -----
+    O(n + new vertices).
+    """
+    vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
+    rims = boundary_loops(mesh)
+    wanted = [_n_rings(mesh, rim) for rim in rims]
+    most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
+    for rim, count in zip(rims, wanted):
+        corners = mesh.vertices[rim]
+        centre = corners.mean(axis=0)
+        n_rings = int(count * min(most, 1.0))
+        ring = rim
+        for share in np.arange(1, n_rings + 1) / (n_rings + 1):
+            inner = n + np.arange(len(rim))
+            vertices.append(corners + share * (centre - corners))
+            following, inner_following = np.roll(ring, -1), np.roll(inner, -1)
+            faces.append(np.column_stack([following, ring, inner]))
+            faces.append(np.column_stack([following, inner, inner_following]))
+            ring, n = inner, n + len(rim)
+        vertices.append(centre[None])
+        faces.append(np.column_stack([np.roll(ring, -1), ring, np.full(len(rim), n)]))
+        n += 1
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _n_rings(mesh: Mesh, rim: IntArray) -> int:
+    """Rings of a cap that are as wide as edges are long."""
+    corners = mesh.vertices[rim]
+    radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).mean()
+    return max(int(np.round(radius / mesh.edge_lengths.mean())) - 1, 0)
+
+
+def boundary_loops(mesh: Mesh) -> list[IntArray]:
+    """Vertices along each loop of the boundary, in the direction of the faces; no loop passes a vertex twice."""
+    faces = mesh.sound_faces
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    ends = np.sort(mesh.boundary_edges, axis=1)
+    keys = sides.min(axis=1) * mesh.n_vertices + sides.max(axis=1)
+    open_sides = sides[np.isin(keys, ends[:, 0] * mesh.n_vertices + ends[:, 1])]
+    onward: dict[int, list[int]] = {}
+    for start, end in sorted(map(tuple, open_sides.tolist()), reverse=True):
+        onward.setdefault(start, []).append(end)
+    loops = []
+    for first in sorted(onward):
+        path, place = [first], {first: 0}
+        while onward.get(path[-1]):
+            following = onward[path[-1]].pop()
+            if following in place:
+                loop = path[place[following] :]
+                if len(loop) > 2:
+                    loops.append(np.array(loop))
+                for vertex in loop[1:]:
+                    del place[vertex]
+                del path[place[following] + 1 :]
+            else:
+                place[following] = len(path)
+                path.append(following)
+    return loops

@@ -1,0 +1,5 @@
+from isomatch.resolution.decimation import Decimated, decimate, normalised
+from isomatch.resolution.placed import PlacedMesh, VertexGroups
+from isomatch.resolution.prolongation import Prolongation
+
+__all__ = ["Decimated", "PlacedMesh", "Prolongation", "VertexGroups", "decimate", "normalised"]

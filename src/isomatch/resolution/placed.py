@@ -1,0 +1,172 @@
+"""A mesh whose vertices have places in space: a piecewise linear map, and the points that it takes to given ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray, read_only
+from isomatch._cached import cached_property
+from isomatch._compiled import compiled
+from isomatch._threads import parallel_map
+from isomatch.resolution._collapse import Index, difference, link_corners, other_vertices
+from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
+
+MOST_TRIED = 32  # vertices of each group, where steps to the nearest of all may start
+CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads
+
+
+class VertexGroups(NamedTuple):
+    """Vertices in groups: ``members[start[a]:start[a + 1]]`` are those of group a, increasing."""
+
+    start: AnyArray
+    members: AnyArray
+
+    @classmethod
+    def of(cls, group: IntArray, n_groups: int) -> VertexGroups:
+        """Sort vertices by their group (n,), −1 for none."""
+        (grouped,) = np.nonzero(group >= 0)
+        entries = np.ones(len(grouped), dtype=bool), (group[grouped], grouped)
+        table = csr_array(entries, shape=(n_groups, len(group)))
+        return cls(table.indptr, table.indices)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMesh:
+    """A mesh and the places of its vertices in space, linear in between.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With n vertices.
+    places : (n, 3) array of float
+        Between −1 and 1, so that squares neither overflow nor underflow; nan where a vertex has no place.
+    groups : VertexGroups
+        Vertices of the mesh, so grouped that those near a place can be found.
+    """
+
+    mesh: Mesh
+    places: FloatArray
+    groups: VertexGroups
+
+    def inverse(self, positions: FloatArray, near: IntArray) -> PrecisePoints:
+        """Find the points of the mesh whose places are nearest to positions (m, 3).
+
+        Parameters
+        ----------
+        positions : (m, 3) array of float
+        near : (m, q) array of int
+            Groups in which the search for each position starts; at least one of them has a vertex with a place.
+
+        Returns
+        -------
+        PrecisePoints
+            The corner of greatest weight comes first.
+
+        Notes
+        -----
+        From the nearest vertex of the groups by steps to neighbours that are nearer; the point, in the faces around. So
+        another sheet is not reached, however near. O(m).
+        """
+        found = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
+        given = positions, near, read_only(self.places), *self.groups, *self._linked_corners
+        by_group = np.argsort(near[:, 0])  # neighbours one after the other, for the sake of the cache
+
+        def chunk(first: int) -> None:
+            _inverse_image(by_group[first : first + CHUNK], *given, *found)
+
+        parallel_map(chunk, range(0, len(near), CHUNK))
+        return found
+
+    @cached_property
+    def _linked_corners(self) -> tuple[AnyArray, AnyArray]:
+        """The corners of the faces, listed at each vertex."""
+        marks = np.empty((self.mesh.n_vertices, 1), dtype=np.int32)
+        corners = np.empty((self.mesh.faces.size, 2), dtype=np.int32)
+        corners[:, 0] = self.mesh.sound_faces.ravel()
+        link_corners(marks, corners)
+        return marks, corners
+
+
+@compiled(error_model="numpy")
+def _inverse_image(
+    rows: IntArray,
+    queries: FloatArray,
+    corners: IntArray,
+    places: FloatArray,
+    start: AnyArray,
+    members: AnyArray,
+    marks: AnyArray,
+    linked: AnyArray,
+    found: IntArray,
+    weights: FloatArray,
+) -> None:
+    """Find the points of the fine mesh whose places are nearest to queries near the coarse mesh."""
+    for i in rows:
+        qx, qy, qz = queries[i, 0], queries[i, 1], queries[i, 2]
+        nearest, least = np.int64(0), np.inf
+        for j in range(corners.shape[1]):
+            owner = corners[i, j]
+            step = (start[owner + 1] - start[owner]) // MOST_TRIED + 1
+            for at in range(start[owner], start[owner + 1], step):
+                v = np.int64(members[at])
+                squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                if squared < least:
+                    nearest, least = v, squared
+        before = np.int64(-1)
+        while before != nearest:
+            before = nearest
+            corner = marks[before, 0]
+            while corner >= 0:
+                for v in other_vertices(linked, corner):
+                    squared = (places[v, 0] - qx) ** 2 + (places[v, 1] - qy) ** 2 + (places[v, 2] - qz) ** 2
+                    if squared < least:
+                        nearest, least = v, squared
+                corner = linked[corner, 1]
+        found[i, 0] = found[i, 1] = found[i, 2] = nearest
+        for k in range(3):  # around the nearest vertex, then around the other corners of the face found
+            a = found[i, k]
+            px, py, pz = qx - places[a, 0], qy - places[a, 1], qz - places[a, 2]
+            corner = marks[a, 0]
+            while corner >= 0:
+                b, c = other_vertices(linked, corner)
+                corner = linked[corner, 1]
+                s, t, gain = nearest_in_face(places, a, b, c, px, py, pz)
+                squared = px * px + py * py + pz * pz + gain
+                if squared < least:
+                    least = squared
+                    found[i, 0], found[i, 1], found[i, 2] = a, b, c
+                    weights[i, 0], weights[i, 1], weights[i, 2] = 1.0 - s - t, s, t
+        sort_corners(found, weights, i)
+
+
+@compiled(error_model="numpy")
+def nearest_in_face(
+    x: FloatArray, a: Index, b: Index, c: Index, px: float, py: float, pz: float
+) -> tuple[float, float, float]:
+    """Call `nearest_in_triangle` for a triangle and a point given by its position from a."""
+    ux, uy, uz = difference(x, b, a)
+    vx, vy, vz = difference(x, c, a)
+    return nearest_in_triangle(
+        ux * ux + uy * uy + uz * uz,
+        ux * vx + uy * vy + uz * vz,
+        vx * vx + vy * vy + vz * vz,
+        ux * px + uy * py + uz * pz,
+        vx * px + vy * py + vz * pz,
+    )
+
+
+@compiled(error_model="numpy")
+def sort_corners(corners: IntArray, barycentric: FloatArray, i: int) -> None:
+    """Turn the corners of a point so that the one of greatest weight comes first."""
+    k = 0
+    for other in range(1, 3):
+        if barycentric[i, other] > barycentric[i, k]:
+            k = other
+    a, b, c = corners[i, k], corners[i, (k + 1) % 3], corners[i, (k + 2) % 3]
+    r, s, t = barycentric[i, k], barycentric[i, (k + 1) % 3], barycentric[i, (k + 2) % 3]
+    corners[i, 0], corners[i, 1], corners[i, 2] = a, b, c
+    barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = r, max(s, 0.0), max(t, 0.0)

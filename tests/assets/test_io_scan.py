@@ -1,0 +1,107 @@
+"""The compiled scan of text against plain Python: every float to the last bit, every line with its number."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from isomatch.assets.formats._text import read_lines
+from isomatch.errors import FormatError
+
+NOTATIONS = [
+    "%r", "%.15g", "%.16g", "%.17g", "%.3f", "%.6f", "%.20f", "%.30f", "%+.2e", "%.17e", "%.18e", "%.19E", "%.40g"
+]  # fmt: skip
+DIGITS = st.text("0123456789", max_size=30)
+EXPONENT = st.just("") | st.builds("{}{:d}".format, st.sampled_from(["e", "E", "e+"]), st.integers(0, 330)) | st.builds(
+    "e-{:d}".format, st.integers(0, 350)
+)  # fmt: skip
+NUMBER = st.builds(
+    "{}{}{}{}{}".format, st.sampled_from(["", "-", "+"]), DIGITS, st.sampled_from([".", ""]), DIGITS, EXPONENT
+).filter(lambda word: re.search(r"^[-+]?\.?\d", word))
+
+
+def assert_read_as_python_does(words):
+    rows = read_lines("file", "\n".join(words).encode()).parse()
+    assert rows.counts.tolist() == [1] * len(words)
+    np.testing.assert_array_equal(
+        rows.values.view(np.int64), np.array([float(word) for word in words]).view(np.int64)
+    )
+
+
+@pytest.mark.parametrize("notation", NOTATIONS)
+def test_random_floats_to_the_last_bit(notation):
+    rng = np.random.default_rng(0)
+    bits = rng.integers(0, 2**64, 2000, dtype=np.uint64).view(np.float64)
+    scaled = rng.normal(size=2000) * 10.0 ** rng.uniform(-40, 40, 2000)
+    numbers = np.concatenate([bits[np.isfinite(bits)], scaled, rng.normal(size=2000)])
+    assert_read_as_python_does([notation % number for number in numbers.tolist()])
+
+
+def test_numbers_half_way_between_two_floats():
+    powers = 2 ** np.arange(53, 62)
+    whole = [int(power) + i for power in powers for i in range(-40, 40)]
+    odd = [2**53 + 2 * i + 1 for i in range(20)]
+    halves = [f"{i}.{rest}" for i in odd for rest in ("0", "00000001")] + [f"{i - 1}.9999999999" for i in odd]
+    tiny = [
+        f"{word}e-{k}"
+        for k in (1, 22, 23, 40, 199, 200)
+        for word in ("9007199254740993", "1", "123456789012345678")
+    ]
+    assert_read_as_python_does(
+        [*map(str, whole), *halves, *tiny, "inf", "-Infinity", "5e-324", "1e400", "0e999", "-0"]
+    )
+
+
+@given(st.lists(NUMBER, min_size=1))
+@settings(max_examples=200, deadline=None)
+def test_numbers_in_any_notation(words):
+    assert_read_as_python_does(words)
+
+
+@pytest.mark.parametrize(
+    "word", ["", ".", "-", "+.", "e5", "1e", "1e+", "1.2.3", "--1", "1-", "0x10", "1_0", "1d5", "²"]
+)
+def test_words_that_are_no_numbers(word):
+    with pytest.raises(FormatError, match="file:2: expected numbers"):
+        read_lines("file", f"1\n 0 {word or '?'} 1\n".encode("latin-1")).parse()
+
+
+def plain_lines(data, continued):
+    """Lines and numbers by plain Python."""
+    lines, joined, first = [], "", 1
+    text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    for number, line in enumerate(text.split("\n"), start=1):
+        if continued and line.endswith("\\"):
+            joined += line[:-1] + "  "
+            continue
+        line = "".join(" " if c.isspace() else c for c in (joined + line).split("#")[0])
+        if line.strip():
+            lines.append((first, line.lstrip()))
+        joined, first = "", number + 1
+    return lines
+
+
+TEXT = st.lists(
+    st.sampled_from([b" ", b"\n", b"\r", b"\r\n", b"\\", b"\\\n", b"#", b"f", b"v 1", b"\t", b"\xa0", b"\xe9"])
+).map(b"".join)  # fmt: skip
+
+
+@given(TEXT, st.booleans())
+@settings(max_examples=300, deadline=None)
+def test_lines_are_those_of_plain_python(data, continued):
+    lines = read_lines("file", data, continued=continued)
+    expected = plain_lines(data + b"\n", continued)
+    assert [(number, lines.row(i)) for i, number in enumerate(lines.numbers.tolist())] == expected
+
+
+@given(st.lists(st.text("1-/ .", max_size=8), max_size=5))
+@settings(max_examples=300, deadline=None)
+def test_texture_indices_are_left_out(rows):
+    lines = read_lines("file", "".join(f"f {row}\nff 1/2\n" for row in rows).encode())
+    found = lines.starting_with("f", textured=True)
+    bare = lines.starting_with("f")
+    expected = [re.sub(r"(?<=\d)/-?\d*(?:/-?\d*)?(?!\S)", "", bare.row(i)) for i in range(len(bare))]
+    assert [found.row(i) for i in range(len(found))] == expected
+    assert len(bare) == len(rows)

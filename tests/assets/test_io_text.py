@@ -1,0 +1,166 @@
+"""OFF, OBJ, text STL: the variants found in the wild, and one test per way a file can be broken."""
+
+import numpy as np
+import pytest
+
+from isomatch.assets import Asset
+from isomatch.assets.formats import obj, off, stl
+from isomatch.errors import FormatError
+
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+HALVES = [[0, 1, 2], [0, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "OFF\n4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+        "OFF 4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3",
+        "OFF4 2 5\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n".replace("4 2 5", "4 1 5"),
+        "# hand made\r\nOFF # header\r\n\r\n4 1\r\n0 0 0\r\n1 0 0\r\n1 1 0 # c\r\n0 1 0\r\n4 0 1 2 3",
+        "COFF\n4 2 0\n0 0 0 255 0 0 255\n1 0 0 0 0 0 0\n1 1 0 0 0 0 0\n0 1 0 0 0 0 0\n3 0 1 2 9\n3 0 2 3\n",
+        "STCNOFF\n4 1 0\n0 0 0 .5\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 0.5 0.5 0.5\n",
+        "\ufeffOFF\n4 2 0\n0 0 0\n1.0e0 0 0\n1 1 0\n0\t1  0\n3 0 1 2\n  3 0 2 3\n",
+    ],
+)
+def test_off_variants(text):
+    mesh = off.read(text.encode(), "a.off")
+    assert mesh.vertices.tolist() == SQUARE
+    assert mesh.faces.tolist() == HALVES
+
+
+def test_off_polygons_become_fans_in_order():
+    points = "\n".join(f"{i} {i * i} 0" for i in range(5))
+    mesh = off.read(f"OFF\n5 3 0\n{points}\n3 4 3 2\n5 0 1 2 3 4\n3 0 1 2\n".encode(), "a.off")
+    assert mesh.faces.tolist() == [[4, 3, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a.off:1: expected the header OFF .* found the end of the file; it is cut short"),
+        ("4 2 0\n", "a.off:1: expected the header OFF .* found '4 2 0'; add it"),
+        ("OFF BINARY\n", "a.off:1: expected the number of vertices"),
+        ("OFF\n", "a.off:1: expected the number of vertices, of faces and of edges, found the end"),
+        ("OFF\nfour 2\n", "a.off:2: expected the number of vertices, of faces and of edges, found 'four 2'"),
+        (
+            "OFF\n2 1 0\n0 0 0\n",
+            "a.off:3: expected 2 vertex lines and 1 face lines .* found the end of the file",
+        ),
+        (
+            "OFF\n1 0 0\n0 0 0\n\n1 1 1\n",
+            "a.off:5: expected 1 vertex lines .* found '1 1 1'; correct the counts",
+        ),
+        (
+            "OFF\n2 0 0\n# two\n0 0 0\n1 1\n",
+            "a.off:5: expected at least 3 numbers x y z of a vertex, found '1 1'",
+        ),
+        (
+            "OFF\n2 0 0\n0 0 0\n1 1 z\n",
+            "a.off:4: expected numbers, found '1 1 z'; correct the line or export",
+        ),
+        ("OFF\n1 1 0\n0 0 0\n2 0 0\n", "a.off:4: expected a face of at least 3 corners, found '2 0 0'"),
+        ("OFF\n1 1 0\n0 0 0\n3 0 0\n", "a.off:4: expected the number of corners of a face, then as many"),
+        (
+            "OFF\n1 2 0\n0 0 0\n3 0 0 0\n3 0 0.5 0\n",
+            "a.off:5: expected whole vertex indices, found '3 0 0.5 0'",
+        ),
+        ("OFF\n1 1 0\n0 0 0\nnan 0 0 0\n", "a.off:4: expected the number of corners of a face, found"),
+    ],
+)
+def test_off_broken(text, message):
+    with pytest.raises(FormatError, match=message):
+        off.read(text.encode(), "a.off")
+
+
+VERTICES = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        VERTICES + "f 1 2 3\nf 1 3 4\n",
+        VERTICES + "f 1 2 3 4\n",
+        "mtllib a.mtl\no café\n"
+        + VERTICES
+        + "vt 0 0\nvn 0 0 1\ns off\nusemtl m\nf 1/1 2/1 3/1\nf 1/1/1 3//1 4/1/\nl 1 2\n",
+        VERTICES + "f 1 2 3\nf 1 -2 -1\n",
+        VERTICES + "f -4 -3 -2\nf -4/-1 -2//-1 -1/-1/-1\n",
+        VERTICES.replace("\n", " 0.5 0.5 0.5\n") + "f 1 2 \\\n3\nf 1 3 4",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 1 0\nf -4 -2 -1\n",
+        "  v\t0 0 0\r\nv 1 0 0 1.0\r\nv 1 1 0\r\nv 0 1 0\r\n\tf 1 2 3\r\nf 1 3 4 # last\r\n",
+    ],
+)
+def test_obj_variants(text):
+    mesh = obj.read(text.encode(), "a.obj")
+    assert mesh.vertices.tolist() == SQUARE
+    assert mesh.faces.tolist() == HALVES
+
+
+def test_lines_are_counted_in_files_of_any_length():
+    text = VERTICES + "# comment\n\nf 1 2 3\n" * 30_000
+    with pytest.raises(FormatError, match=r"a\.obj:90005: expected a face of at least 3 corners"):
+        obj.read((text + "f 1 2\n").encode(), "a.obj")
+
+
+def test_obj_index_zero_is_out_of_range_not_an_error():
+    assert obj.read((VERTICES + "f 0 1 9\n").encode(), "a.obj").faces.tolist() == [[-1, 0, 8]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a.obj:1: expected vertex lines v x y z, found the end of the file"),
+        ("v 0 0 0\nv\nv 1 1 1\n", "a.obj:2: expected at least 3 numbers x y z of a vertex, found ''"),
+        ("v 0 0 0\nv 0 0 \\\n a\n", "a.obj:2: expected numbers, found '0 0"),
+        ("v 0 \\\n0 0\nv 0 b 0\n", "a.obj:3: expected numbers, found '0 b 0'"),
+        (VERTICES + "f 1 2\n", "a.obj:5: expected a face of at least 3 corners, found '1 2'"),
+        (VERTICES + "f 1 2 3\nf 1/2/3/4 2 3\n", "a.obj:6: expected numbers, found '1/2 2 3'"),
+        (VERTICES + "f 1 2 3.5\n", "a.obj:5: expected whole vertex indices, found '1 2 3.5'"),
+        (VERTICES + "f 1 2 9007199254740992\n", "a.obj:5: expected whole vertex indices"),  # 2⁵³
+    ],
+)
+def test_obj_broken(text, message):
+    with pytest.raises(FormatError, match=message):
+        obj.read(text.encode(), "a.obj")
+
+
+def facet(*corners):
+    loop = "\n".join(f"vertex {x} {y} {z}" for x, y, z in corners)
+    return f"facet normal 0 0 1\nouter loop\n{loop}\nendloop\nendfacet\n"
+
+
+TWO_FACETS = facet(*SQUARE[:3]) + facet(SQUARE[0], *SQUARE[2:])
+
+
+@pytest.mark.parametrize("name", ["", " part # 7", " café"])
+def test_stl_text(name):
+    text = f"solid{name}\n{TWO_FACETS}endsolid{name}\n"
+    for variant in (text, text.upper(), text.replace("vertex", "\t vertex").replace("\n", "\r\n")):
+        mesh = stl.read(variant.encode(), "a.stl")
+        assert mesh.vertices.tolist() == SQUARE
+        assert mesh.faces.tolist() == HALVES
+
+
+@pytest.mark.parametrize("start", [b"solid made by a careless program", b"binary"])
+def test_stl_binary_whatever_its_first_word(start):
+    text = stl.read(f"solid\n{TWO_FACETS}endsolid\n".encode(), "a.stl")
+    data = start.ljust(80) + stl.write(Asset.of_mesh(text))[80:]
+    np.testing.assert_array_equal(stl.read(data, "a.stl").faces, HALVES)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "a.stl: byte 0: expected 'solid' or 84 bytes of header, found the end"),
+        (b"\0" * 90, "a.stl: byte 84: expected 84 bytes for the 0 triangles declared at byte 80, found 90"),
+        (b"\0" * 80 + b"\2\0\0\0" + b"\0" * 60, "a.stl: byte 144: expected 184 bytes for the 2 .* found 144"),
+        (b"solid\n" + TWO_FACETS.encode(), "a.stl:15: expected endsolid, found the end of the file"),
+        (f"solid\n{facet(*SQUARE[:2])}endsolid".encode(), "a.stl:6: expected 3 vertex lines before"),
+        (f"solid\n{facet([0, 0, 'x'], *SQUARE[:2])}endsolid".encode(), "a.stl:4: expected numbers"),
+        (f"solid\n{TWO_FACETS}vertex 0 0 0\nendsolid".encode(), "a.stl:17: expected an endloop after"),
+    ],
+)
+def test_stl_broken(data, message):
+    with pytest.raises(FormatError, match=message):
+        stl.read(data, "a.stl")

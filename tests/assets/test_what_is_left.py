@@ -1,0 +1,99 @@
+"""`write_asset` returns what is not in the file; what no file could hold is refused before it is written."""
+
+import json
+import tempfile
+
+import numpy as np
+import pytest
+from made import ATTRIBUTES, POINTS, POLYGONS, whole
+
+from isomatch import Asset, FormatError, MeshError, UnwritableFileError, read_asset, write_asset
+from isomatch.assets import Attribute, Polygons
+from isomatch.assets.formats import _gltf_data
+
+REGION = Attribute("words", "point", "label", ["a", "b", "a", "c", "a", "a", "b"])
+
+
+def carrying(*attributes):
+    return Asset(POINTS, POLYGONS, attributes)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".vtp", ".vtu", ".vtk", ".glb", ".gii"])
+def test_names_of_labels_are_in_the_file_or_returned(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    left = write_asset(path, carrying(REGION, ATTRIBUTES["label"]))
+    for given in (REGION, ATTRIBUTES["label"]):
+        found = read_asset(path).attribute(given.name)
+        lost = [a for a in left if a.name == f"names of {given.name}"]
+        named = lost[0] if lost else found
+        words = [named.coded.names[code] for code in named.coded.values.tolist()]
+        assert words == [given.coded.names[code] for code in given.coded.values.tolist()]
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".off"])
+def test_opacity_is_returned(tmp_path, suffix):
+    colors = np.full((7, 4), 255, np.uint8)
+    assert write_asset(tmp_path / f"a{suffix}", carrying(Attribute("color", "point", "colour", colors))) == ()
+    colors[2, 3] = 51
+    [left] = write_asset(tmp_path / f"a{suffix}", carrying(Attribute("color", "point", "colour", colors)))
+    assert left.name == "opacity of color"
+    assert np.allclose(left.values, [1, 1, 0.2, 1, 1, 1, 1])
+
+
+def test_points_without_texture_coordinates_have_none_in_obj(tmp_path):
+    uv = np.column_stack([np.linspace(0, 1, 7), np.linspace(1, 0, 7)])
+    uv[3] = np.nan
+    normals = np.tile([0, 0.6, 0.8], (7, 1))
+    normals[5] = np.nan
+    asset = carrying(Attribute("uv", "point", "uv", uv), Attribute("normal", "point", "normal", normals))
+    write_asset(tmp_path / "a.obj", asset)
+    assert "nan" not in (tmp_path / "a.obj").read_text()
+    again = read_asset(tmp_path / "a.obj")
+    assert np.array_equal(again.attribute("uv").values, uv[POLYGONS.corners], equal_nan=True)
+    assert np.array_equal(again.attribute("normal").values, normals[POLYGONS.corners], equal_nan=True)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".vtu", ".glb"])
+def test_a_file_that_none_could_read_is_not_written(tmp_path, suffix):
+    with pytest.raises(MeshError, match=r"there (are|is) no"):
+        write_asset(tmp_path / f"a{suffix}", Asset(np.zeros((0, 3)), Polygons([], [])))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_glb_file_larger_than_the_format_allows(tmp_path, monkeypatch):
+    monkeypatch.setattr(_gltf_data, "_LARGEST_GLB", 1000)
+    with pytest.raises(MeshError, match=r"holds 4 GiB, and this one would have \d+ bytes"):
+        write_asset(tmp_path / "a.glb", whole())
+    assert not list(tmp_path.iterdir())
+    write_asset(tmp_path / "a.gltf", whole())
+
+
+def test_compressed_twins_of_arrays_are_left_out(tmp_path):
+    """They would still show the surface as it was before it was moved."""
+    write_asset(tmp_path / "a.gltf", whole())
+    document = json.loads((tmp_path / "a.gltf").read_text())
+    names = ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_materials_unlit"]
+    document["extensionsUsed"] = names
+    document["meshes"][0]["primitives"][0]["extensions"] = {names[0]: {"bufferView": 0, "attributes": {}}}
+    document["bufferViews"][0]["extensions"] = {names[1]: {"buffer": 0, "byteLength": 1, "count": 1}}
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    found = read_asset(tmp_path / "a.gltf")
+    write_asset(tmp_path / "b.gltf", found.moved(found.mesh.vertices + 1))
+    text = (tmp_path / "b.gltf").read_text()
+    assert not any(name in text for name in names[:2])
+    assert names[2] in text
+    assert np.allclose(read_asset(tmp_path / "b.gltf").mesh.vertices, found.mesh.vertices + 1)
+
+
+def test_a_full_disk_is_no_damaged_file(tmp_path, monkeypatch):
+    write_asset(tmp_path / "a.vtu", whole())
+    (tmp_path / "full").touch()
+
+    class Full(tempfile.TemporaryDirectory):
+        def __enter__(self):
+            return tmp_path / "full"
+
+    monkeypatch.setattr("isomatch.assets.formats._reading.TemporaryDirectory", Full)
+    with pytest.raises(UnwritableFileError, match="cannot be written"):
+        read_asset(tmp_path / "a.vtu")
+    assert issubclass(UnwritableFileError, FormatError)

@@ -1,0 +1,149 @@
+"""Separation of glued sheets: what was merged comes apart again, and nothing else does."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from isomatch.datasets import creature, weld
+from isomatch.geodesics import geodesic_distances
+from isomatch.mending import check, repair, separate_sheets
+from isomatch.surfaces import Mesh
+from zoo import any_mesh, grid, zoo
+from zoo.made import boxes
+
+
+@pytest.fixture(scope="module", params=[(0, 3, 0.08), (1, 3, 0.07)], ids=str)
+def welded(request):
+    style, pose, gap = request.param
+    return weld(creature(1500, kind="quadruped", style=style, pose=pose, triangulation=1).mesh, gap)
+
+
+def horseshoe(n=40, around=12, opening=0.08):
+    """A closed tube along an arc; its flat ends face each other across a gap."""
+    turn, angle = np.linspace(opening, 2 * np.pi - opening, n), 2 * np.pi * np.arange(around) / around
+    thick = 0.3 - 0.2 * np.exp(-np.minimum(turn - turn[0], turn[-1] - turn) / 0.2)[:, None]
+    radius = 1 + thick * np.cos(angle)
+    tube = np.stack(
+        [np.cos(turn)[:, None] * radius, np.sin(turn)[:, None] * radius, thick * np.sin(angle)], axis=2
+    )
+    tube = tube.reshape(-1, 3)
+    i, j = np.divmod(np.arange((n - 1) * around), around)
+    a, b = i * around + j, i * around + (j + 1) % around
+    faces = [np.column_stack([a, a + around, b]), np.column_stack([b, a + around, b + around])]
+    ring, centres = np.arange(around), n * around + np.arange(2)
+    faces += [
+        np.column_stack([np.full(around, centres[0]), ring, np.roll(ring, -1)]),
+        np.column_stack([np.full(around, centres[1]), np.roll(ring, -1), ring]) + 0,
+    ]
+    faces[3][:, 1:] += (n - 1) * around
+    ends = [[np.cos(t), np.sin(t), 0.0] for t in turn[[0, -1]]]
+    return repair(Mesh(np.vstack([tube, ends]), np.concatenate(faces))).mesh
+
+
+@pytest.fixture(scope="module")
+def closed_horseshoe():
+    """The ends of the horseshoe lie on each other, face on face."""
+    whole = horseshoe()
+    return whole, weld(whole, 0.2)
+
+
+@pytest.mark.parametrize("specimen", zoo("sound"), ids=repr)
+def test_a_manifold_is_left_alone(specimen):
+    found = separate_sheets(specimen.mesh)
+    assert found.mesh is specimen.mesh
+    assert found.seams == ()
+
+
+@given(any_mesh(), st.floats(0, 1))
+@settings(max_examples=100, deadline=None)
+def test_laws_on_anything(mesh, least):
+    mesh = repair(mesh, remove_duplicates=False, orient=False).mesh
+    found = separate_sheets(mesh, least)
+    np.testing.assert_array_equal(found.vertex_index[: mesh.n_vertices], np.arange(mesh.n_vertices))
+    np.testing.assert_array_equal(found.mesh.vertices, mesh.vertices[found.vertex_index])
+    glued = np.sort(found.vertex_index[found.mesh.faces], axis=1)
+    assert set(map(tuple, glued)) <= set(map(tuple, np.sort(mesh.faces, axis=1)))
+    copied = found.vertex_index[mesh.n_vertices :]
+    assert set(copied) == {int(v) for seam in found.seams for v in seam}
+
+
+def test_welded_limbs_come_apart(welded):
+    assert check(welded.mesh).euler_number < 2
+    found = separate_sheets(welded.mesh)
+    assert check(found.mesh).ok or set(check(found.mesh).warnings) == {
+        w for w in check(found.mesh).warnings if "position of an earlier vertex" in w
+    }
+    assert check(found.mesh).euler_number == 2
+    merged = np.flatnonzero(welded.twin >= 0)
+    np.testing.assert_array_equal(np.sort(np.concatenate(found.seams)), merged)
+    # every vertex stands for one of the whole again
+    whole = welded.whole.faces.ravel()
+    assert (
+        len(np.unique(np.column_stack([found.mesh.faces.ravel(), whole]), axis=0)) == welded.whole.n_vertices
+    )
+
+
+def test_the_winding_may_be_inward(welded):
+    outward = separate_sheets(welded.mesh)
+    inward = separate_sheets(Mesh(welded.mesh.vertices, welded.mesh.faces[:, ::-1]))
+    assert len(inward.vertex_index) == len(outward.vertex_index)
+    assert check(inward.mesh).euler_number == 2
+
+
+def test_whole_faces_come_apart_and_distances_are_those_along_the_surface(closed_horseshoe):
+    whole, ring = closed_horseshoe
+    assert len(check(ring.mesh).duplicate_faces) == 12
+    found = separate_sheets(ring.mesh)
+    assert check(found.mesh).euler_number == 2
+    at = np.flatnonzero(ring.twin < 0)[::25]
+    expected = geodesic_distances(whole, ring.original[at])[:, ring.original[at]]
+    through = geodesic_distances(ring.mesh, at)[:, at]
+    assert (expected - through).max() > 1
+    np.testing.assert_allclose(geodesic_distances(found.mesh, at)[:, at], expected, atol=0.2)
+
+
+def test_a_layer_that_was_removed_is_put_back(closed_horseshoe):
+    _, ring = closed_horseshoe
+    single = repair(ring.mesh).mesh
+    assert single.n_faces == ring.mesh.n_faces - 12
+    found = separate_sheets(single)
+    assert found.mesh.n_faces == ring.mesh.n_faces
+    assert check(found.mesh).euler_number == 2
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=20, deadline=None)
+def test_normals_need_not_be_clear(seed):
+    """Where the glued sheets are crumpled, single fans tell at which edges the wrong faces were taken for one sheet."""
+    ring = weld(horseshoe(), 0.2).mesh
+    rng = np.random.default_rng(seed)
+    crumpled = Mesh(ring.vertices + 0.01 * rng.standard_normal(ring.vertices.shape), ring.faces)
+    assert check(separate_sheets(crumpled).mesh).euler_number == 2
+
+
+def test_near_sheets_stay_together():
+    sheet = grid(12, 12)
+    pinched = np.where(sheet.faces == 14, 12 * 12 - 15, sheet.faces)
+    far = separate_sheets(Mesh(sheet.vertices, pinched), 0.5)
+    assert len(far.seams) == 1
+    assert separate_sheets(Mesh(sheet.vertices, pinched), np.inf).seams == ()
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        boxes([(0, 0, 0), (1, 0, 0)], inner=True),  # a wall between two rooms
+        boxes([(0, 0, 0), (1, 1, 0)]),  # a common edge
+        boxes([(0, 0, 0), (1, 1, 1)]),  # a common corner
+    ],
+    ids=["wall", "edge", "corner"],
+)
+def test_what_would_fall_apart_stays_together(solid):
+    assert separate_sheets(solid).seams == ()
+
+
+def test_a_face_listed_twice_is_no_sheet():
+    ball = zoo("sound")[0].mesh
+    twice = Mesh(ball.vertices, np.vstack([ball.faces, ball.faces[3:5]]))
+    assert separate_sheets(twice).seams == ()

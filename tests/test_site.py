@@ -1,0 +1,109 @@
+"""The sources of the site: pages have a place, links lead somewhere, names are listed, examples are in order."""
+
+import ast
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import isomatch
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+GENERATED = ("reference/names", "reference/rooms", "gallery", "_build")
+PAGES = sorted(
+    page
+    for page in DOCS.rglob("*.md")
+    if not page.relative_to(DOCS).as_posix().startswith(GENERATED) and page.parent.name != "_extensions"
+)
+EXAMPLES = sorted(ROOT.glob("examples/*/*.py"))
+LINK = re.compile(r"\[[^\]]*\]\((?!https?:|mailto:)([^)#\s]*)(?:#([^)\s]+))?\)")
+
+
+def extension(name):
+    """A module of ``docs/_extensions``."""
+    spec = importlib.util.spec_from_file_location(name, DOCS / "_extensions" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def without_code(page):
+    return re.sub(r"^```(?!\{).*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def toctree(page):
+    """Pages that a page lists."""
+    for block in re.findall(
+        r"^```\{toctree\}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    ):
+        for entry in block.split("\n"):
+            if entry and not entry.startswith(":"):
+                yield from page.parent.glob(f"{entry}.md")
+
+
+def anchors(page):
+    """Anchors of the headings of a page, as GitHub and the site make them."""
+    headings = re.findall(r"^#+ (.+)$", without_code(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_every_page_is_in_a_table_of_contents():
+    listed = {entry for page in PAGES for entry in toctree(page)}
+    assert set(PAGES) - listed == {DOCS / "index.md"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_links_of_a_page_lead_somewhere(page):
+    wrong = []
+    for path, anchor in LINK.findall(without_code(page)):
+        target = (page.parent / path).resolve() if path else page
+        made = target.relative_to(DOCS).as_posix() if target.is_relative_to(DOCS) else ""
+        if made.startswith("gallery/"):
+            script = ROOT / "examples" / made.removeprefix("gallery/").replace(".rst", ".py")
+            missing = made != "gallery/index.rst" and not script.exists()
+        else:
+            missing = not target.exists()
+        if missing or (anchor and target.suffix == ".md" and anchor not in anchors(target)):
+            wrong.append(f"{path}#{anchor}" if anchor else path)
+    assert not wrong
+
+
+def test_every_name_of_the_public_face_is_in_the_reference():
+    listed = re.findall(r"^   (\w+)$", (DOCS / "reference/api.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(isomatch.__all__)
+
+
+def test_every_example_has_a_place_and_a_title():
+    order = extension("in_order").ORDER
+    assert sorted(order) == sorted(example.stem for example in EXAMPLES)
+    for example in EXAMPLES:
+        title, line = ast.get_docstring(ast.parse(example.read_text(encoding="utf-8"))).splitlines()[:2]
+        assert set(line) == {"="}, example
+        assert len(line) == len(title), example
+
+
+def test_the_house_is_drawn_from_the_imports():
+    house = extension("house")
+    assert house.PICTURE.read_text(encoding="utf-8") == house.drawing(house.imports()), (
+        "the imports have changed: run python docs/_extensions/house.py"
+    )
+
+
+def test_the_house_has_no_import_upwards():
+    house = extension("house")
+    level = house.storeys(house.imports())
+    assert level["foundation"] == 0
+    assert max(level, key=level.get) == "cli"
+
+
+@pytest.mark.long
+def test_the_site_is_built_without_a_warning(tmp_path):
+    for package in ("sphinx", "sphinx_gallery", "numpydoc", "myst_parser", "furo"):
+        pytest.importorskip(package, reason="pip install 'isomatch[docs]'")
+    command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", str(DOCS), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
