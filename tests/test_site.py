@@ -42,7 +42,7 @@ def toctree(page):
     ):
         for entry in block.split("\n"):
             if entry and not entry.startswith(":"):
-                yield from page.parent.glob(f"{entry}.md")
+                yield from page.parent.glob(f"{entry}.*")
 
 
 def anchors(page):

@@ -90,6 +90,10 @@ def write_rooms(app, config):
         path, text = folder / f"{room}.rst", page(room, home)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
+    current = {f"{place}.{name}" for name, place in home.items()}
+    for stale in Path(app.srcdir, "reference").rglob("names/*.rst"):
+        if stale.stem not in current:
+            stale.unlink()
 
 
 def find_home(app, env, node, contnode):

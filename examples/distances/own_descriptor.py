@@ -18,16 +18,16 @@ plain = match(source.mesh, target.mesh)
 print("without:", plain.outcome.name)
 
 # %%
-# As a network might give them: 32 smooth functions of the place on the body, with noise. Half a turn does not keep them.
+# As a network might give them: 32 smooth functions of the place on the body, with noise. Half a turn does not
+# keep them.
 
-directions, phases = np.random.default_rng(0).normal(0, 4, (3, 32)), np.arange(32)
+directions, phases = np.random.default_rng(0).normal(0, 3, (3, 32)), np.arange(32)
 
 
 def features(shape, seed):
     """(n, 32) values."""
-    return np.cos(shape.rest @ directions + phases) + np.random.default_rng(seed).normal(
-        0, 0.2, (len(shape.rest), 32)
-    )
+    noise = np.random.default_rng(seed).normal(0, 0.1, (len(shape.rest), 32))
+    return np.cos(shape.rest @ directions + phases) + noise
 
 
 # %%
@@ -39,7 +39,8 @@ print("with:", result.outcome.name, "from:", result.origin)
 print(f"score of the other map over that of this one: {result.quality.rival:.3f}")
 
 # %%
-# The outcome is honest: a map that the hint has excluded fits as well, or even better by a hair. The truth is known here.
+# The outcome is honest: a map that the hint has excluded fits as well, or even better by a hair. The truth is
+# known here.
 
 apart = target.mesh.vertices[result.map.vertices] - target.mesh.vertices[organ_truth(source, target).vertices]
 print(f"mean error: {np.linalg.norm(apart, axis=1).mean() / target.mesh.area**0.5:.3f} √area")
@@ -47,7 +48,11 @@ print(f"mean error: {np.linalg.norm(apart, axis=1).mean() / target.mesh.area**0.
 # %%
 # One of the features on the source, and what the map brings there from the target.
 
-draw_values("source.png", source.mesh, values[0][:, 0] + 1, "feature of the source")
+clear = values[0].std(axis=0).argmax()
+draw_values("source.png", source.mesh, values[0][:, clear] + 1, "feature of the source")
 draw_values(
-    "carried.png", source.mesh, result.map.pull_back(values[1])[:, 0] + 1, "feature carried from the target"
+    "carried.png",
+    source.mesh,
+    result.map.pull_back(values[1])[:, clear] + 1,
+    "feature carried from the target",
 )

@@ -222,7 +222,7 @@ class Collection:
         ----------
         executor : str or Executor
             "local": processes of this machine; "dask:ADDRESS": those of a Dask cluster, which see the same files; or any
-            executor of `concurrent.futures`.
+            executor of ``concurrent.futures``.
         jobs : int, optional
             How many run at once; by default one for each processor.
         shard : (int, int)

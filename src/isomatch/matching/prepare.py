@@ -55,7 +55,7 @@ class PreparedShape(SmoothShape):
     Parameters
     ----------
     surface, body, body_vertex, user_vertex, laplace, sample_vertices, config, detail
-        As for `SmoothShape`.
+        As for ``SmoothShape``.
     scale : float
         What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
         over ``graph_average_distance``.
