@@ -32,7 +32,7 @@ $(VENV)/docs: pyproject.toml $(VENV)/core
 	@touch $@
 
 docs: $(VENV)/docs
-	$(BIN)/python -m sphinx -n -W --keep-going docs docs/_build/html
+	$(BIN)/sphinx-build -n -W --keep-going docs docs/_build/html
 
 test: $(VENV)/dev lint types
 	$(BIN)/python -m pytest -n auto --dist loadfile

@@ -71,6 +71,7 @@ sphinx_gallery_conf = {
     "reset_modules": (),
     "nested_sections": False,
     "download_all_examples": False,
+    "capture_repr": (),
     "show_memory": False,
     "show_signature": False,
     "write_computation_times": False,

@@ -104,6 +104,14 @@ def test_the_house_has_no_import_upwards():
 def test_the_site_is_built_without_a_warning(tmp_path):
     for package in ("sphinx", "sphinx_gallery", "numpydoc", "myst_parser", "furo"):
         pytest.importorskip(package, reason="pip install 'isomatch[docs]'")
-    command = [sys.executable, "-m", "sphinx", "-n", "-W", "--keep-going", "-q", str(DOCS), str(tmp_path)]
+    command = [
+        Path(sys.executable).with_name("sphinx-build"),
+        "-n",
+        "-W",
+        "--keep-going",
+        "-q",
+        DOCS,
+        tmp_path,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import re
 from pathlib import Path
 from textwrap import indent
 
@@ -118,6 +119,13 @@ def find_home(app, env, node, contnode):
     )
 
 
+def shortened(app, what, name, obj, options, signature, returns):
+    """Leave out the defaults of nested settings, which have pages of their own."""
+    if signature:
+        signature = re.sub(r"(\w+Settings)\((?:[^()]|\([^()]*\))*\)", r"\1()", signature)
+    return signature, returns
+
+
 homes_of_site = homes()
 
 
@@ -125,4 +133,5 @@ def setup(app):
     """Write pages before files are listed, so that their summaries are made, too."""
     app.connect("config-inited", write_rooms)
     app.connect("missing-reference", find_home)
+    app.connect("autodoc-process-signature", shortened)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
