@@ -106,6 +106,8 @@ def measure(step: Step, data: str, output: Path) -> None:
     finally:
         seconds = round(spent + time.monotonic() - started)
         clock.write_text(str(seconds))
+    if present_stamp(step) != stamp:
+        raise SystemExit(f"{step.name}: the source was changed while it was measured; measure it again")
     for target, file in [
         *((RESULTS / f"{name}.csv", file) for name, file in step.tables.items()),
         *((ROOT / "docs" / name, file) for name, file in step.files.items()),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch.assets import Asset
+from isomatch.assets import Asset, read_asset
 from isomatch.assets.formats import obj, off, stl
 from isomatch.errors import FormatError
 
@@ -164,3 +164,8 @@ def test_stl_binary_whatever_its_first_word(start):
 def test_stl_broken(data, message):
     with pytest.raises(FormatError, match=message):
         stl.read(data, "a.stl")
+
+
+def test_obj_faces_that_refer_to_no_texture_coordinates_at_all(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2/2/1 3/3/1\n")
+    assert read_asset(tmp_path / "a.obj").attributes == ()

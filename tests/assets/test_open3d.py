@@ -51,7 +51,9 @@ def test_tensors_of_any_type_and_name():
 
 @pytest.mark.parametrize("tensors", [False, True])
 def test_empty_meshes(tensors):
-    assert len(Asset.from_object((o3d.t if tensors else o3d).geometry.TriangleMesh()).points) == 0
+    classes = (o3d.t if tensors else o3d).geometry
+    for made in (classes.TriangleMesh(), classes.PointCloud()):
+        assert len(Asset.from_object(made).points) == 0
 
 
 def test_point_clouds_are_points():

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 from made import ATTRIBUTES, POINTS, POLYGONS, whole
 
-from isomatch import Asset, FormatError, MeshError, UnwritableFileError, read_asset, write_asset
+from isomatch import (
+    Asset,
+    FormatError,
+    Mesh,
+    MeshError,
+    UnwritableFileError,
+    read_asset,
+    read_mesh,
+    write_asset,
+    write_mesh,
+)
 from isomatch.assets import Attribute, Polygons
 from isomatch.assets.formats import _gltf_data
 
@@ -97,3 +107,25 @@ def test_a_full_disk_is_no_damaged_file(tmp_path, monkeypatch):
     with pytest.raises(UnwritableFileError, match="cannot be written"):
         read_asset(tmp_path / "a.vtu")
     assert issubclass(UnwritableFileError, FormatError)
+
+
+def test_polygons_of_points_that_are_not_there(tmp_path):
+    """A mesh may have them, so that `check` can tell; what is built on it may not."""
+    bad = Mesh(np.eye(3), [[0, 1, 9]])
+    uv = Attribute("uv", "corner", "uv", np.zeros((3, 2)))
+    write_mesh(tmp_path / "a.vtp", bad)
+    assert read_mesh(tmp_path / "a.vtp").faces.tolist() == [[0, 1, 9]]
+    for use in (
+        lambda: read_asset(tmp_path / "a.vtp"),
+        lambda: Asset.from_object(bad),
+        lambda: Asset.of_mesh(bad).mesh,
+        lambda: Asset.of_mesh(bad).vertex_of_corner,
+        lambda: Asset.of_mesh(bad, [uv]),
+        lambda: write_mesh(tmp_path / "a.glb", bad),
+    ):
+        with pytest.raises(
+            ValueError, match=r"polygons 0 refer to points outside 0…2; remove them"
+        ) as caught:
+            use()
+        assert isinstance(caught.value, MeshError | FormatError)
+    assert not (tmp_path / "a.glb").exists()

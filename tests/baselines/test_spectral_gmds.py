@@ -89,20 +89,27 @@ def test_signs_of_eigenfunctions_do_not_matter(poses):
     np.testing.assert_allclose(other, plain * flips[:30], atol=1e-6)
 
 
-def test_distances_and_landmarks_decide(poses):
-    """With true landmarks the map is good; without distances, or with landmarks of one wrong point, worse."""
+def test_distances_landmarks_and_growth_decide(poses):
+    """Without distances α commutes less with them; without growth, or with wrong landmarks, the map is worse."""
     source, target, truth = poses
     landmarks = landmarks_of(source, truth)
     wrong = np.column_stack([landmarks[:, 0], np.roll(landmarks[:, 1], 1)])
     columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.surface.area)
+    here, there = (spectral_distances(shape, 30) for shape in (source, target))
+
+    def commutator(**weights):
+        config = replace(CONFIG, **weights)
+        alpha, _ = coefficient_map(task_of(source, target, landmarks=landmarks), config)
+        return np.linalg.norm(alpha @ there - here @ alpha)
 
     def error(**given):
         image = spectral_gmds(source, target, **given).map.vertices[::15]
         return columns[np.arange(len(image)), image].mean()
 
+    assert commutator(distance_weight=0.0) > 1.5 * commutator()
     good = error(landmarks=landmarks)
-    assert good < 0.03
-    assert error(landmarks=landmarks, config=SpectralGmdsConfig(distance_weight=0.0)) > 1.2 * good
+    assert good < 0.015
+    assert error(landmarks=landmarks, config=SpectralGmdsConfig(final_sizes=())) > 1.3 * good
     assert error(landmarks=wrong) > 0.1
 
 

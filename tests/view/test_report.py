@@ -243,7 +243,7 @@ def test_the_report_says_that_a_shape_was_simplified(pair, result, tmp_path, mon
     assert re.search(r"target is simplified to [\d,]+ of its 3,242 vertices", told)
     assert "source is simplified" not in told
     assert "hidden" in page.by_id("landmarks")
-    assert "No other map" in told
+    assert "There are none here." in told
     assert "Nothing was repaired" in told
     assert page.by_id("outcome")["text"] == "Converged"
     assert b64decode(page.all("img")[0]["src"].split(",")[1]) == b"a picture"

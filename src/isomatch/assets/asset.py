@@ -41,8 +41,8 @@ class Asset:
     Raises
     ------
     MeshError
-        If the positions have the wrong shape, or the parts do not add up; from the mesh and what belongs to it, if a
-        polygon refers to no point.
+        If the positions have the wrong shape, the parts do not add up, or a polygon refers to no point. Without values of
+        corners, only the mesh and what belongs to it refuse such polygons, as a `Mesh` may have them too.
     DescriptorError
         If an attribute has another number of rows, or two have the same name.
 
@@ -76,6 +76,8 @@ class Asset:
             self.attributes,
             {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)},
         )
+        if any(attribute.domain == "corner" for attribute in self.attributes):
+            self.require_points()
 
     def __repr__(self) -> str:
         names = ", ".join(attribute.name for attribute in self.attributes) or "no attributes"
@@ -99,7 +101,7 @@ class Asset:
         Raises
         ------
         MeshError
-            If it is none of these.
+            If it is none of these, or a polygon refers to no point.
         """
         # what follows reads files, too, which makes assets
         from isomatch.assets.formats.gltf_looks import with_texture
@@ -107,6 +109,7 @@ class Asset:
         from isomatch.assets.pictures import png_of, texture_on
 
         asset, texture = cls(*held_by(given)), texture_on(given)
+        asset.require_points()
         return asset if texture is None or not asset.of_kind("uv") else with_texture(asset, png_of(texture))
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:

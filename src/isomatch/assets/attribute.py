@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
 from typing import Literal, get_args
 
 import numpy as np
@@ -109,16 +108,12 @@ class Attribute:
 
         Skinning weights of other joints are dense: column j is joint j.
         """
-        return Attribute(
-            self.name, domain or self.domain, self.kind, values, names=self.names, colors=self.colors
-        )
+        return replace(self, domain=domain or self.domain, values=values, joints=None)
 
     def at(self, index: IntArray, domain: Domain | None = None) -> Attribute:
         """Return the values of some rows, in this order."""
         joints = None if self.joints is None else self.joints[index]
-        return Attribute(
-            self.name, domain or self.domain, self.kind, self.values[index], joints, self.names, self.colors
-        )
+        return replace(self, domain=domain or self.domain, values=self.values[index], joints=joints)
 
     @property
     def coded(self) -> Attribute:
@@ -126,14 +121,7 @@ class Attribute:
         if self.values.dtype.kind != "U":
             return self
         words, codes = np.unique(self.values, return_inverse=True)
-        return Attribute(
-            self.name,
-            self.domain,
-            self.kind,
-            codes,
-            names=dict(enumerate(words.tolist())),
-            colors=self.colors,
-        )
+        return replace(self, values=codes, names=dict(enumerate(words.tolist())))
 
     @property
     def plain(self) -> AnyArray:
@@ -194,66 +182,6 @@ class Attribute:
         return np.where(weights > 0, joints, 0), weights * scale
 
 
-def guessed_kind(name: str, values: AnyArray) -> Kind:
-    """Say what values mean by their name, type and width, in formats that do not tell.
-
-    Examples
-    --------
-    >>> guessed_kind("Normals", np.zeros((5, 3))), guessed_kind("region", np.zeros(5, int))
-    ('normal', 'label')
-    """
-    word = name.lower().strip("_").rstrip("0123456789").rstrip("_")
-    width = values.shape[1] if values.ndim == 2 else 1
-    if values.ndim == 1:
-        return "label" if values.dtype.kind in "iubU" else "scalar"
-    if width in (3, 4) and ("rgb" in word or "color" in word or "colour" in word):
-        if values.dtype == np.uint8:
-            return "colour"
-        if values.dtype.kind == "f" and len(values) and values.min() >= 0 and values.max() <= 1:
-            return "colour"
-    if word == "weights":
-        return "weights"
-    if width == 3 and word in ("normal", "normals", "nxnynz", "vertex_normals", "point_normals"):
-        return "normal"
-    if width == 2 and word.replace(" ", "").replace("_", "") in _UV_NAMES:
-        return "uv"
-    return "vector"
-
-
-_UV_NAMES = {
-    "uv",
-    "st",
-    "uvs",
-    "uvmap",
-    "texcoord",
-    "texcoords",
-    "tcoords",
-    "texturecoordinates",
-    "texturecoords",
-}
-
-
-def _frozen(values: AnyArray) -> AnyArray:
-    array = np.array(values)
-    array.flags.writeable = False
-    return array
-
-
-def told_apart(attributes: Iterable[Attribute], *, of_all: bool = False) -> tuple[Attribute, ...]:
-    """Return the same, numbered if one before of the same domain, or of all, has the name: uv, uv_1, uv_2."""
-    found: list[Attribute] = []
-    for attribute in attributes:
-        taken = [other.name for other in found if of_all or other.domain == attribute.domain]
-        name = unused_name(attribute.name, taken)
-        found.append(attribute if name == attribute.name else replace(attribute, name=name))
-    return tuple(found)
-
-
-def unused_name(name: str, taken: Container[str]) -> str:
-    """Return a name, with the next number if it is taken."""
-    return next(each for i in count() if (each := f"{name}_{i}" if i else name) not in taken)
-
-
 def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> None:
     """Raise `DescriptorError` unless the attributes have different names and a row for each point, corner or face."""
     for attribute in attributes:
@@ -266,3 +194,9 @@ def require_lengths(attributes: tuple[Attribute, ...], n: Mapping[str, int]) -> 
     twice = [f"{name!r} of {domain}s" for name, domain in keys if keys.count((name, domain)) > 1]
     if twice:
         raise DescriptorError(f"attributes with the same name: {', '.join(sorted(set(twice)))}; rename one")
+
+
+def _frozen(values: AnyArray) -> AnyArray:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
-from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.attribute import Attribute, Domain, Kind
+from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 
@@ -49,19 +50,6 @@ def held_by(given: object) -> tuple[AnyArray, Polygons, tuple[Attribute, ...]]:
     return found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found))
 
 
-def attribute_of(name: str, domain: Domain, values: AnyArray) -> Attribute | None:
-    """Make an attribute of an array whose meaning is not told; None if it holds no numbers or words."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "biufU" or array.ndim not in (1, 2):
-        return None
-    if array.ndim == 2 and array.shape[1] == 1:
-        array = array[:, 0]
-    kind = guessed_kind(name, array)
-    standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind)
-    is_standard = standard is not None and name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
-    return Attribute(standard if is_standard and standard else name, domain, kind, array)
-
-
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
 
 
@@ -75,9 +63,11 @@ def _triangles(given: object, points: Any, faces: Any) -> Geometry:
 
 
 def _tensors(given: Any, vertex: Any, triangle: Any) -> Geometry:
-    none = np.zeros((0, 3), dtype=np.int64)
-    points = _numpy(vertex["positions"]) if "positions" in vertex else none
-    return _triangles(given, points, _numpy(triangle["indices"]) if "indices" in triangle else none)
+    return _triangles(given, _tensor(vertex, "positions"), _tensor(triangle, "indices"))
+
+
+def _tensor(tensors: Any, name: str) -> AnyArray:
+    return _numpy(tensors[name]) if name in tensors else np.zeros((0, 3), dtype=np.int64)
 
 
 def _numpy(tensor: Any) -> AnyArray:
@@ -169,7 +159,7 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
     )
     for source, name, domain, kind in places:
         values = np.asarray(getattr(given, source, ()))
-        if len(values):
+        if values.size:
             yield Attribute(name, domain, kind, values)
 
 
@@ -192,12 +182,17 @@ def _of_tensors(tensors: Any, domain: Domain) -> Iterator[Attribute]:
 
 
 def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
-    for name, values in arrays.items():
-        attribute = attribute_of(
-            str(name), domain, np.asarray(values) if rows is None else np.asarray(values)[rows]
-        )
-        if attribute is not None:
-            yield attribute
+    """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
+    for title, values in arrays.items():
+        name, array = str(title), np.asarray(values) if rows is None else np.asarray(values)[rows]
+        if array.dtype.kind not in "biufU" or array.ndim not in (1, 2):
+            continue
+        if array.ndim == 2 and array.shape[1] == 1:
+            array = array[:, 0]
+        kind = guessed_kind(name, array)
+        standard = {"normal": "normal", "uv": "uv", "colour": "color"}.get(kind, name)
+        is_standard = name.lower().rstrip("s").replace(" ", "") in (*_STANDARD, standard)
+        yield Attribute(standard if is_standard else name, domain, kind, array)
 
 
 Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], Iterator[Attribute]]]
@@ -228,7 +223,7 @@ def _library(given: object) -> tuple[Any, Any, Reader]:
         for name, attributes in _CLOUDS.items():
             if _has(given, name):
                 points = getattr(given, name)
-                points = _numpy(points["positions"]) if name == "point" else points
+                points = _tensor(points, "positions") if name == "point" else points
                 return points, np.zeros((0, 3), dtype=np.int64), (_triangles, attributes)
     for names, readers in _LIBRARIES.items():
         if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):

@@ -10,7 +10,7 @@ import numpy as np
 from isomatch._arrays import AnyArray, BoolArray, IntArray
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.polygons import Polygons
-from isomatch.surfaces import first_equal
+from isomatch.surfaces import first_equal, welded
 
 
 @dataclass(frozen=True)
@@ -32,20 +32,15 @@ def split_at_seams(polygons: Polygons, n_points: int, attributes: Sequence[Attri
     of_corners = [a for a in attributes if a.domain == "corner"]
     if not of_corners:
         return Split(np.arange(n_points), corners, tuple(attributes))
-    first = first_equal(np.column_stack([corners, *(_codes(a.values) for a in of_corners)]))
-    new = np.flatnonzero(first == np.arange(len(first)))
+    kept, place = welded(np.column_stack([corners, *(_codes(a.values) for a in of_corners)]))
     unused = np.ones(n_points, dtype=bool)
     unused[corners] = False
-    source = np.concatenate([corners[new], np.flatnonzero(unused)])
+    source = np.concatenate([corners[kept], np.flatnonzero(unused)])
     order = np.argsort(source, kind="stable")
-    place = np.argsort(order, kind="stable")
-    number = np.zeros(len(first), dtype=np.int64)
-    number[new] = place[: len(new)]
-    corner = np.zeros(len(source), dtype=np.int64)
-    corner[: len(new)] = new
+    corner = np.append(kept, np.zeros(unused.sum(), dtype=np.int64))
     return Split(
         source[order],
-        number[first],
+        np.argsort(order, kind="stable")[place],
         tuple(
             _without(a.at(corner[order], "point"), unused[source[order]])
             if a.domain == "corner"

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import AnyArray
 from isomatch._packages import package
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import told_apart, unused_name
+from isomatch.assets.attribute_names import told_apart, unused_name
 from isomatch.assets.pictures import texture_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
@@ -45,9 +45,7 @@ def to_pyvista(asset: Asset) -> Any:
     """Make a ``pyvista.PolyData`` with all polygons and values."""
     pyvista = package("pyvista", "vtk", "a mesh of PyVista")
     split = _at_points(asset)
-    sizes = split.polygons.sizes
-    starts = np.cumsum(sizes) - sizes
-    cells = np.insert(split.polygons.corners, starts, sizes)
+    cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
     mesh = pyvista.PolyData(split.points, cells if len(cells) else None)
     for attribute in split.attributes:
         data = mesh.point_data if attribute.domain == "point" else mesh.cell_data

@@ -32,7 +32,7 @@ class SpectralGmdsConfig(Settings):
     sizes : tuple of int
         Laplace–Beltrami functions at each stage, increasing; a stage takes O(size⁶).
     distance_weight, data_weight, previous_weight : float
-        Weights of the distances, of the hints or signatures, and of the map of the previous stage.
+        Weights of the distances, of each kind of hint and the signatures, and of the map of the previous stage.
     icp_steps : int
         Maximum number of iterations in the spectral domain that turn the functional map into a map of points.
     final_sizes : tuple of int
@@ -72,8 +72,8 @@ def spectral_gmds(
     ----------
     source, target, landmarks, initial_map, initial_descriptors, seed
         As for `match`. Each hint gives functions that the map should preserve: heat that spreads from the landmarks, the
-        descriptors, and the target's eigenfunctions pulled back by the initial map. Without hints these are wave kernel
-        signatures, which do not distinguish left from right on a symmetric shape.
+        descriptors, and the target's eigenfunctions pulled back by the initial map. Wave kernel signatures are preserved
+        as well; alone they do not distinguish left from right on a symmetric shape.
     config : SpectralGmdsConfig, optional
         Settings.
 
@@ -117,7 +117,7 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
     sizes = sorted({task.functions_at_most(k) for k in config.sizes})
     distances = [spectral_distances(shape, sizes[-1]) for shape in shapes]
     constants = [shape.laplace.vectors[:, 0] @ shape.laplace.weights for shape in shapes]
-    data, origin = _data(task, sizes[-1])
+    data = _data(task, sizes[-1])
     alpha = np.zeros((0, 0))
     for k in sizes:
         prescribed = np.full((k, k), np.nan)
@@ -125,13 +125,13 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
         prescribed[0, 0] = constants[0] / constants[1]
         grown = np.pad(alpha, ((0, k - len(alpha)), (0, 0)))
         of_source, of_target = (d[None, :k, :k] for d in distances)
-        known = [coefficients[:k] for coefficients in data]
         energy = FunctionalEnergy(k, k)
         energy.commute(of_source, of_target, k * config.distance_weight)
-        energy.preserve(known[0], known[1], config.data_weight)
+        for known in data.values():
+            energy.preserve(known[0][:k], known[1][:k], config.data_weight)
         energy.preserve(grown, np.eye(k, len(alpha)), config.previous_weight)
         alpha = polar(energy.minimiser(prescribed))[0]
-    return alpha, origin
+    return alpha, next(iter(data))
 
 
 def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
@@ -144,22 +144,20 @@ def spectral_distances(shape: PreparedShape, k: int) -> FloatArray:
     return (interpolated + interpolated.T) / (2 * shape.intrinsic_scale)
 
 
-def _data(task: Task, k: int) -> tuple[tuple[FloatArray, FloatArray], str]:
-    """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1; and their origin."""
+def _data(task: Task, k: int) -> dict[str, tuple[FloatArray, ...]]:
+    """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1, by their origin."""
     shapes = task.shapes
-    given: dict[str, tuple[FloatArray, ...]] = {}
+    data: dict[str, tuple[FloatArray, ...]] = {}
     if len(task.hints.known):
-        given["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
+        data["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
     if len(task.hints.landmarks):
-        given["landmarks"] = tuple(
+        data["landmarks"] = tuple(
             _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.hints.landmarks.T)
         )
     if task.hints.functions[0].shape[1]:
-        given["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
-    if not given:
-        given["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
-    of_source, of_target = (np.hstack(side) for side in zip(*given.values()))
-    return (of_source, of_target), next(iter(given))
+        data["descriptors"] = tuple(_smooth(shape, f, k) for shape, f in zip(shapes, task.hints.functions))
+    data["signatures"] = tuple(_smooth(shape, shape.signatures[:, :WAVE_KERNELS], k) for shape in shapes)
+    return data
 
 
 def _smooth(shape: PreparedShape, functions: FloatArray, k: int) -> FloatArray:

@@ -84,18 +84,17 @@ def run(
         config=read_config(config) or isomatch.Config(),
         seed=seed,
     )
-    begin = time.monotonic()
+    end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*_told(event))
-        left = None if time_limit is None else max(0.0, begin + time_limit - time.monotonic())
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in _status(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
-            for event in collections.agree(collection, executor, jobs, left):
+            for event in collections.agree(collection, executor, jobs, _until(end)):
                 tell(*_told(event))
         if part[1] == 1:
-            _write(collection, reports, executor, jobs, tell)
+            _write(collection, reports, executor, jobs, end, tell)
     _tell_status(collection, talk)
 
 
@@ -213,10 +212,11 @@ def agree(
         Which pairs get a report; as for isomatch collect.
     """
     collection = collections.Collection.open(folder)
+    end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collections.agree(collection, executor, jobs, time_limit):
             tell(*_told(event))
-        _write(collection, reports, executor, jobs, tell)
+        _write(collection, reports, executor, jobs, end, tell)
     if not collections.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
@@ -225,11 +225,21 @@ def agree(
     _tell_status(collection, talk)
 
 
+def _until(end: float | None) -> float | None:
+    """Seconds that are left."""
+    return None if end is None else max(0.0, end - time.monotonic())
+
+
 def _write(
-    collection: collections.Collection, reports: Reports, executor: str, jobs: int | None, tell: Tell
+    collection: collections.Collection,
+    reports: Reports,
+    executor: str,
+    jobs: int | None,
+    end: float | None,
+    tell: Tell,
 ) -> None:
     if reports != "none":
-        for pair, row in collections.write_reports(collection, reports, executor, jobs):
+        for pair, row in collections.write_reports(collection, reports, executor, jobs, _until(end)):
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
     for line in collections.finish(collection, executor, jobs):

@@ -47,7 +47,7 @@ def export(
     UnwritableFileError
         If a file cannot be written, or there is an earlier export.
     """
-    if meshes == ".stl":
+    if meshes and meshes.lower() == ".stl":
         raise FormatError(
             "STL files do not keep the order of vertices, which corresponds; give another format"
         )

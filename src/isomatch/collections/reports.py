@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from functools import partial
+from shlex import join
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +31,7 @@ def write_reports(
     which: int | Literal["doubtful", "all"] = "doubtful",
     executor: str | Executor = "local",
     jobs: int | None = None,
+    time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, Record]]:
     """Write reports of pairs, those with the present map excepted that are there already.
 
@@ -38,7 +41,7 @@ def write_reports(
         The collection.
     which : int, or "doubtful" or "all"
         So many of the worst pairs; those on the page that are not ``CONVERGED``, and the three next; or all.
-    executor, jobs
+    executor, jobs, time_limit
         As for `Collection.run`.
 
     Yields
@@ -46,6 +49,7 @@ def write_reports(
     (str, str), dict
         Each pair with a row: its ``state``, "done" or "failed", with the ``error``.
     """
+    end = math.inf if time_limit is None else time.monotonic() + time_limit
     rows = collection.rows()
     lines = [line for line in table_of(rows) if {line["source"], line["target"]} <= set(collection.names)]
     chosen = [(pair, rows.pairs[pair]) for pair in _chosen(lines, which)]
@@ -55,7 +59,7 @@ def write_reports(
     (collection.layout.folder / "reports").mkdir(exist_ok=True)
     tasks = [Task((each,), partial(_reported, collection)) for each in todo]
     with workers_of(executor, jobs) as workers:
-        for (pair, _), row in workers.completed(tasks):
+        for (pair, _), row in workers.completed(tasks, lambda: time.monotonic() > end):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
 
 
@@ -70,7 +74,9 @@ def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
     known = [line for line in lines if line["state"] == "done"]
     if which == "doubtful":
         which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in known) + ALSO, MOST_SHOWN)
-    return [(line["source"], line["target"]) for line in known[: None if which == "all" else int(which)]]
+    return [
+        (line["source"], line["target"]) for line in known[: None if which == "all" else max(0, int(which))]
+    ]
 
 
 def _reported(collection: Collection, items: Sequence[tuple[Pair, Record]]) -> list[Record]:
@@ -87,7 +93,7 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
         mesh_from(target),
         _result(collection, pair, record),
         names=pair,
-        command=f"isomatch match {source} {target} -o DIR --landmarks landmarks.txt",
+        command=f"{join(['isomatch', 'match', str(source), str(target)])} -o DIR --landmarks landmarks.txt",
     )
     return {"bytes": path.stat().st_size}
 

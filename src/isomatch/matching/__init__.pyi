@@ -13,6 +13,7 @@ from isomatch.matching.first_map import first_map
 from isomatch.matching.hints import Hints
 from isomatch.matching.landmarks import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.prepare import PreparedShape, prepare
 from isomatch.matching.quality import (
@@ -22,7 +23,7 @@ from isomatch.matching.quality import (
     measure_quality,
     outcome_of,
 )
-from isomatch.matching.result import Alternative, MatchResult, Outcome, Quality
+from isomatch.matching.result import Alternative, MatchResult, Quality
 from isomatch.matching.settings import (
     AnchorSettings,
     OutcomeSettings,

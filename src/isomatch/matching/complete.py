@@ -21,10 +21,11 @@ from isomatch.matching.joint_refinement import (
     polished_points,
     refine_jointly,
 )
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.paper_refinements import descriptor_embedding, laplace_icp_embedding
 from isomatch.matching.quality import contradicted_landmarks, measure_quality, outcome_of
-from isomatch.matching.result import Alternative, MatchResult, Outcome
+from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.search import (
     Hypothesis,
     hypotheses_from_hints,

@@ -3,64 +3,34 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import permutations, product
+from dataclasses import replace
+from itertools import permutations
 from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import FloatArray
 from isomatch._threads import parallel_map
-from isomatch.correspondence import UNMATCHED
 from isomatch.errors import NotConvergedError
 from isomatch.matching.carrier import Carrier
+from isomatch.matching.component_hints import ComponentHints
+from isomatch.matching.component_result import ComponentMatch, composed, numbers_without
 from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import (
-    FEWEST_POINTS,
     Hints,
-    checked_descriptors,
-    checked_initial_map,
-    checked_landmarks,
 )
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
-from isomatch.matching.result import MAP_ARRAYS, MatchResult, Outcome
+from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.vertex_confidence import expected_errors
 from isomatch.surfaces import Mesh
 
 FAR_APART = 1e6  # cost of components that are no partners
-SIDES = "source", "target"
-
-
-@dataclass(frozen=True, eq=False)
-class ComponentMatch:
-    """Two components that are partners.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The components, each as a prepared shape of the user's whole surface.
-    result : MatchResult
-        Their map, in the users' vertices.
-    remark : str
-        How the map was decided upon, if not by the components alone.
-    hinted : bool
-        Whether the user gave hints for them.
-    """
-
-    pair: ShapePair
-    result: MatchResult
-    remark: str = ""
-    hinted: bool = False
-
-    @property
-    def share(self) -> float:
-        """Share of the area or of the vertices of either shape, the largest one."""
-        return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
 def match_components(
@@ -80,78 +50,16 @@ def match_components(
     """
     timer.start("components")
     parallel_map(lambda shape: shape.components, (pair.source, pair.target))
-    found = _Components(pair, _Given(pair, landmarks, initial_map, initial_descriptors), timer, seed)
+    found = _Components(pair, ComponentHints(pair, landmarks, initial_map, initial_descriptors), timer, seed)
     matches, tied = found.large_ones()
     matches += found.carried_ones(matches)
-    return _composed(pair, matches, tied, found.given, timer)
-
-
-class _Given:
-    """The user's hints, and what of them concerns two components."""
-
-    def __init__(
-        self,
-        pair: ShapePair,
-        landmarks: ArrayLike | None,
-        initial_map: ArrayLike | None,
-        initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
-    ) -> None:
-        self.pair = pair
-        self.functions: tuple[FloatArray, FloatArray] | None = None
-        sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-        none = np.zeros((0, 2), dtype=np.int64)
-        self.landmarks = none if landmarks is None else checked_landmarks(landmarks, *sizes)
-        self.image = np.full(sizes[0], UNMATCHED)
-        if initial_map is not None:
-            self.image = checked_initial_map(initial_map, *sizes)
-        if initial_descriptors is not None:
-            self.functions = checked_descriptors(initial_descriptors, *sizes)
-        known = np.flatnonzero(self.image != UNMATCHED)
-        self.joins = np.concatenate([self.landmarks, np.column_stack([known, self.image[known]])])
-        joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
-        self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
-        if len(self.joins) and self.joined.max() < FEWEST_POINTS:
-            Hints.of(pair, landmarks, initial_map, None)  # refuses them
-
-    @property
-    def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
-        """Components of source and target."""
-        return self.pair.source.components, self.pair.target.components
-
-    def _inside(self, pair: ShapePair, joins: IntArray) -> IntArray:
-        """Those pairs of the users' vertices that lie on two components."""
-        here = pair.source.body_vertex[joins[:, 0]] >= 0
-        return joins[here & (pair.target.body_vertex[joins[:, 1]] >= 0)]
-
-    def on(self, pair: ShapePair) -> Hints:
-        """Hints on two components; none where too little is known of them."""
-        landmarks = self.landmarks_on(pair)
-        known = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
-        known = known[known[:, 1] != UNMATCHED]
-        image = np.full(len(self.image), UNMATCHED)
-        image[known[:, 0]] = known[:, 1]
-        functions = self.functions
-        if functions is not None and pair.source.body is not self.pair.source.body:
-            parts = zip((pair.source, pair.target), functions)
-            if not all(np.isfinite(shape.restrict(values)).all() for shape, values in parts):
-                functions = None
-        return Hints.of(
-            pair,
-            landmarks if len(landmarks) else None,
-            image if len(known) >= FEWEST_POINTS else None,
-            functions,
-        )
-
-    def landmarks_on(self, pair: ShapePair) -> IntArray:
-        """Landmarks on two components, if they are enough to be used."""
-        landmarks = self._inside(pair, self.landmarks)
-        return landmarks if len(landmarks) >= FEWEST_POINTS else landmarks[:0]
+    return composed(pair, matches, tied, found.given, timer)
 
 
 class _Components:
     """The components of both shapes, and which of them are partners."""
 
-    def __init__(self, pair: ShapePair, given: _Given, timer: StageTimer, seed: int) -> None:
+    def __init__(self, pair: ShapePair, given: ComponentHints, timer: StageTimer, seed: int) -> None:
         self.pair, self.given, self.timer, self.seed = pair, given, timer, seed
         self.sources, self.targets = given.sides
         self.settings = pair.config.components
@@ -190,8 +98,8 @@ class _Components:
 
     def carried_ones(self, known: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where the known map carries them."""
-        rows = _without(self.sources, [match.pair.source for match in known])
-        columns = _without(self.targets, [match.pair.target for match in known])
+        rows = numbers_without(self.sources, [match.pair.source for match in known])
+        columns = numbers_without(self.targets, [match.pair.target for match in known])
         carrier = Carrier.of([(match.pair, match.result) for match in known], self.settings.falloff)
         if not (rows and columns and carrier):
             return []
@@ -298,85 +206,3 @@ def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:
     if n > m:
         return [[(i, j) for j, i in pairs] for pairs in _assignments(m, n)]
     return [list(enumerate(chosen)) for chosen in permutations(range(m), n)]
-
-
-def _without(side: tuple[PreparedShape, ...], matched: list[PreparedShape]) -> list[int]:
-    """Numbers of the components that are not yet matched."""
-    return [i for i, shape in enumerate(side) if not any(shape is other for other in matched)]
-
-
-def _composed(
-    pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: _Given, timer: StageTimer
-) -> MatchResult:
-    """Sum up the maps of all pairs of components; the first is the main one."""
-    main, *others = matches
-    bounds = pair.config.outcome
-    counted = [
-        match.result.outcome
-        for match in matches
-        if match is main or match.share > bounds.large_component or match.hinted
-    ]
-    unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
-    if max(left_out for left_out, _ in unmatched) > bounds.large_component:
-        counted.append(Outcome.PARTIAL)
-    notes = [*main.result.notes, *(_described(match) for match in others)]
-    if tied:
-        counted.append(Outcome.SYMMETRY_AMBIGUOUS)
-        notes.append("the largest components may as well be exchanged: nothing tells which are partners")
-    if lost := len(given.landmarks) - sum(len(given.landmarks_on(match.pair)) for match in matches):
-        notes.append(
-            f"{lost} of {len(given.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
-            "and are left out"
-        )
-    vertices, corners, weights = (getattr(main.result.map, name).copy() for name in MAP_ARRAYS)
-    errors = main.result.expected_error.copy()
-    for match in others:
-        new = match.result.map.matched & (vertices == UNMATCHED)
-        for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
-            array[new] = getattr(match.result.map, name)[new]
-        errors[new] = match.result.expected_error[new] * np.sqrt(
-            match.pair.target.share / main.pair.target.share
-        )
-    whole = replace(main.result.map, vertices=vertices, faces=corners, barycentric=weights)
-    quality = replace(
-        main.result.quality,
-        matched=float(whole.matched.mean()),
-        coverage=sum(match.pair.target.share * match.result.quality.coverage for match in matches),
-    )
-    return replace(
-        main.result,
-        map=whole,
-        outcome=Outcome.least_sure(counted),
-        quality=quality,
-        expected_error=errors,
-        notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
-        timings=timer.stop(),
-    )
-
-
-def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tuple[float, list[str]]:
-    """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
-    components = getattr(pair, side).components
-    alone = [components[i] for i in _without(components, matched)]
-    notes = [f"{side}: {_named(shape)} has no partner and is left unmatched" for shape in alone]
-    tiny = 1 - sum(shape.share for shape in components)
-    if tiny > 1e-9:
-        notes.append(
-            f"{side}: components that cannot be matched by themselves, with {tiny:.1%} of the area, are left unmatched"
-        )
-    area = tiny + sum(shape.share for shape in alone)
-    return max(area, sum(map(_vertex_share, alone))), notes
-
-
-def _vertex_share(shape: PreparedShape) -> float:
-    return float((shape.body_vertex >= 0).mean())
-
-
-def _named(shape: PreparedShape) -> str:
-    size = f"{(shape.body_vertex >= 0).sum()} vertices, {shape.share:.1%} of the area"
-    return f"the component of vertex {shape.user_vertex[0]} ({size})"
-
-
-def _described(match: ComponentMatch) -> str:
-    outcome = match.result.outcome.value + (f", {match.remark}" if match.remark else "")
-    return f"{_named(match.pair.source)} is matched to {_named(match.pair.target)} of the target: {outcome}"

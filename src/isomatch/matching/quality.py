@@ -13,8 +13,9 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config, Orientation
 from isomatch.matching.hints import Hints
 from isomatch.matching.orientation import orientation_of
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.result import Outcome, Quality
+from isomatch.matching.result import Quality
 from isomatch.matching.select import Selection
 from isomatch.surfaces import Graph, Surface
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from enum import Enum
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -22,6 +21,7 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.config import MatchSettings
+from isomatch.matching.outcome import Outcome
 from isomatch.surfaces import Mesh
 
 MAP_ARRAYS = {
@@ -44,54 +44,6 @@ FORMAT = ArrayFormat(
         "about": Stored("text"),
     },
 )
-
-
-class Outcome(Enum):
-    """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
-
-    HINTS_CONTRADICTED = "hints contradicted"
-    LOW_CONFIDENCE = "low confidence"
-    SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
-    PARTIAL = "partial"
-    CONVERGED = "converged"
-
-    @property
-    def advice(self) -> str:
-        """One sentence: what happened, why, what to do."""
-        return _ADVICE[self]
-
-    @property
-    def sureness(self) -> int:
-        """Rank among the outcomes; 0 is the least sure."""
-        return list(Outcome).index(self)
-
-    @staticmethod
-    def least_sure(outcomes: Iterable[Outcome]) -> Outcome:
-        """Return the least sure of some outcomes."""
-        return min(outcomes, key=lambda outcome: outcome.sureness)
-
-
-_ADVICE = {
-    Outcome.HINTS_CONTRADICTED: (
-        "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "
-        "pairs (source vertex, target vertex) that count from 0; if they are right, match with hypotheses = 'given'."
-    ),
-    Outcome.LOW_CONFIDENCE: (
-        "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
-        "three to five landmark pairs at extremities, or start = 'pose' if the shapes are roughly aligned in space; or "
-        "check that both shapes are complete and of one kind."
-    ),
-    Outcome.SYMMETRY_AMBIGUOUS: (
-        "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "
-        "three to five pairs, at least one on one side only (a left hand, a right ear), and say which orientation "
-        "is meant; or start = 'pose' if the shapes are roughly aligned in space."
-    ),
-    Outcome.PARTIAL: (
-        "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
-        "The notes say what is missing. Landmarks on two components make them partners."
-    ),
-    Outcome.CONVERGED: "The evidence agrees on one map.",
-}
 
 
 @dataclass(frozen=True)

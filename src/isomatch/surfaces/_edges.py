@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from isomatch._arrays import AnyArray, BoolArray, IntArray
+from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch._compiled import compiled
 
 
@@ -71,6 +71,12 @@ def _stable_order(keys: IntArray, n_keys: int) -> AnyArray:
     one_a_row = scipy.sparse.csr_array((ones, keys, start), shape=(len(keys), n_keys))
     order: AnyArray = one_a_row.tocsc().indices
     return order
+
+
+def lengths(points: FloatArray, ends: IntArray) -> FloatArray:
+    """Lengths of edges (e, 2) between points (n, 3)."""
+    x, y, z = (points[ends[:, 0]] - points[ends[:, 1]]).T
+    return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
 
 
 def meetings(edges: EdgeTable, faces: IntArray) -> Meetings:

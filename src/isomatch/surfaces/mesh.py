@@ -12,7 +12,7 @@ from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch.errors import MeshError, some
 from isomatch.surfaces._content_hash import hash_of
-from isomatch.surfaces._edges import EdgeTable, edge_table, linked
+from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,8 +132,7 @@ class Mesh:
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge, in mesh units."""
-        x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
-        return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
+        return lengths(self.vertices, self.edges)
 
     @cached_property
     def content_hash(self) -> str:

@@ -13,7 +13,7 @@ from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch._cached import cached_property
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._content_hash import hash_of
-from isomatch.surfaces._edges import linked
+from isomatch.surfaces._edges import lengths, linked
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
 
@@ -100,8 +100,7 @@ class PointCloud:
     @cached_property
     def edge_lengths(self) -> FloatArray:
         """(e,) length of each edge, in the units of the points."""
-        x, y, z = (self.vertices[self.edges[:, 0]] - self.vertices[self.edges[:, 1]]).T
-        return np.asarray(np.hypot(np.hypot(x, y), z))  # unlike squares, hypot does not overflow or underflow
+        return lengths(self.vertices, self.edges)
 
     @cached_property
     def vertex_areas(self) -> FloatArray:

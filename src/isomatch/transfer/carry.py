@@ -215,9 +215,7 @@ def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attr
             means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
         if attribute.kind == "normal":
             polygons = receiver.polygons
-            means = _turned(
-                bridge, means, receiver.vertex_of_corner[np.cumsum(polygons.sizes) - polygons.sizes]
-            )
+            means = _turned(bridge, means, receiver.vertex_of_corner[polygons.starts])
         values = _in_type(means, attribute)
     return attribute.with_values(values[owner_of_row])
 

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import json
-from base64 import b64encode
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
-from io import BytesIO
 from pathlib import Path
-from platform import python_version
 from string import Template
 from typing import Any
 
@@ -19,21 +15,28 @@ from numpy.typing import ArrayLike
 
 from isomatch._arrays import IntArray, array_of
 from isomatch._files import write_text
-from isomatch.correspondence import Correspondence
 from isomatch.errors import LandmarkError
-from isomatch.matching import Alternative, MatchResult, MatchSettings, Outcome
+from isomatch.matching import MatchResult, Outcome
 from isomatch.surfaces import Mesh
 from isomatch.view import lighting
 from isomatch.view.layers import expected_error, user_layers
-from isomatch.view.measures import quality_measures
+from isomatch.view.report_sections import (
+    drawn,
+    paragraphs,
+    pictures_of_alternatives,
+    png,
+    quality_rows,
+    sentence,
+    table,
+    tables_of_run,
+    versions,
+)
 from isomatch.view.scene import scene_of
-from isomatch.view.stills import WIDTH, draw_map
+from isomatch.view.stills import WIDTH
 
-STILL_WIDTH = 640  # pixels of the picture of an alternative
 MOST_ALTERNATIVES = 4
 LEAST_TURN = 0.1  # degrees of a turn worth telling
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
-LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
 
 # safe for the colour-blind (Okabe & Ito); the text states the outcome as well
 _COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00"}
@@ -110,13 +113,13 @@ def write_report(
     )
     titles = _title("source", names[0]), _title("target", names[1])
     still = (
-        _drawn(source, target, result.map, titles, WIDTH) if picture is None else Path(picture).read_bytes()
+        drawn(source, target, result.map, titles, WIDTH) if picture is None else Path(picture).read_bytes()
     )
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = _template("details.html").substitute(
-        quality=_quality(result),
-        alternatives=_alternatives(source, target, others),
-        notes=_paragraphs(map(_sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
+        quality=quality_rows(result),
+        alternatives=pictures_of_alternatives(source, target, others),
+        notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),
     )
     page = _page(
         (source, target),
@@ -124,18 +127,18 @@ def write_report(
         scene,
         pairs,
         colour=_COLOURS.get(result.outcome, _UNDECIDED),
-        headline=escape(_sentence(result.outcome.value)),
+        headline=escape(sentence(result.outcome.value)),
         advice=escape(_advice(result.outcome)),
-        picture=f'<img src="{_png(still)}" alt="Source on the left, target on the right; points of the same colour '
+        picture=f'<img src="{png(still)}" alt="Source on the left, target on the right; points of the same colour '
         'correspond.">',
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{escape(name)}</option>" for name in maps),
-        remarks=_paragraphs(_remarks(scene, result)),
+        remarks=paragraphs(_remarks(scene, result)),
         picking=" checked" if helped else "",
         unpicked="" if helped or len(pairs) else " hidden",
         command=escape(command),
         details=details,
-        run=_run(result, facts or {}),
+        run=tables_of_run(result, facts or {}),
     )
     write_text(Path(path), page)
 
@@ -176,16 +179,16 @@ def write_landmark_picker(
         pairs,
         colour=_COLOURS[Outcome.LOW_CONFIDENCE],
         headline="No map was found",
-        advice=escape(_sentence(reason.rstrip(".")) + "."),
+        advice=escape(sentence(reason.rstrip(".")) + "."),
         picture="",
         plain="Pick landmarks below.",
         maps="",
-        remarks=_paragraphs(_simplified(scene)),
+        remarks=paragraphs(_simplified(scene)),
         picking=" checked",
         unpicked="",
         command=escape(command),
         details="",
-        run=_table("Run", {**(facts or {}), **_versions()}),
+        run=table("Run", {**(facts or {}), **versions()}),
     )
     write_text(Path(path), page)
 
@@ -278,95 +281,5 @@ def _simplified(scene: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _quality(result: MatchResult) -> str:
-    rows = []
-    for measure, number, against in quality_measures(result):
-        verdict = " (violated)" if against else ""
-        rows.append(
-            f'<tr{" class=against" if against else ""}><th scope="row">{escape(measure.name)}</th>'
-            f'<td class="number">{escape(measure.value(number))}</td>'
-            f'<td class="bound">{escape(measure.bound + verdict)}</td><td>{escape(measure.meaning)}</td></tr>'
-        )
-    return "".join(rows)
-
-
-def _alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> str:
-    figures = "".join(
-        f'<figure><img src="{_png(_drawn(source, target, other.map, _SIDES, STILL_WIDTH))}" '
-        f'alt="Alternative {i}"><figcaption>Alternative {i}, from {escape(other.origin)}{_evidence(other)}</figcaption>'
-        "</figure>"
-        for i, other in enumerate(others, 1)
-    )
-    return f'<div class="stills">{figures}</div>' if others else "<p>There are none here.</p>"
-
-
-def _evidence(other: Alternative) -> str:
-    return (
-        "" if np.isnan(other.energy) else f": energy {other.energy:.3g}, orientation {other.orientation:.2f}"
-    )
-
-
-def _run(result: MatchResult, facts: Mapping[str, object]) -> str:
-    run = {
-        **facts,
-        "winning start": result.origin,
-        "selected for": result.reason,
-        "geodesic engine": result.engine,
-        "seed": result.seed,
-        **{f"{side} onto itself": found for side, found in zip(_SIDES, result.symmetries) if found},
-        **_versions(),
-    }
-    seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
-    return (
-        _table("Run", run)
-        + _table("Seconds", seconds)
-        + _table("Settings", _everyday(result.config) | result.config.changed())
-    )
-
-
-def _table(title: str, rows: Mapping[str, object]) -> str:
-    body = "".join(
-        f'<tr><th scope="row">{escape(str(name))}</th><td>{escape(str(value))}</td></tr>'
-        for name, value in rows.items()
-    )
-    return f"<section><h2>{escape(title)}</h2><table><tbody>{body}</tbody></table></section>"
-
-
-def _paragraphs(lines: Iterable[str]) -> str:
-    return "".join(f'<p class="soft">{escape(line)}</p>' for line in lines)
-
-
 def _title(side: str, name: str) -> str:
     return side if name == side else f"{side}: {name}"
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
-    """Draw a map as PNG."""
-    still = BytesIO()
-    draw_map(source, target, shown, still, titles=titles, width=width)
-    return still.getvalue()
-
-
-def _png(data: bytes) -> str:
-    return "data:image/png;base64," + b64encode(data).decode("ascii")
-
-
-def _versions() -> dict[str, str]:
-    return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-def _everyday(settings: MatchSettings) -> dict[str, Any]:
-    """Select the settings that are not those of a single stage, and not left open."""
-    everyday = settings.to_dict().items()
-    return {name: value for name, value in everyday if value is not None and not isinstance(value, dict)}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.assets.attribute import unused_name
+from isomatch.assets.attribute_names import unused_name
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.parts import product
 

@@ -10,7 +10,8 @@ from itertools import takewhile
 import numpy as np
 
 from isomatch._arrays import AnyArray, IntArray
-from isomatch.assets.attribute import Attribute, Domain, Kind, guessed_kind, told_apart
+from isomatch.assets.attribute import Attribute, Domain, Kind
+from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._ply_body import Table
 from isomatch.assets.formats._ply_header import Element, Property
 from isomatch.assets.formats._ply_rows import Cells, cells

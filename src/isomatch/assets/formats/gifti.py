@@ -9,7 +9,8 @@ import numpy as np
 
 from isomatch._packages import package
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, guessed_kind
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute_names import guessed_kind
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError

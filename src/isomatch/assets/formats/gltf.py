@@ -11,7 +11,8 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute, told_apart
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.formats._gltf_attributes import (
     gather,
     joined,
@@ -115,6 +116,7 @@ def write_gltf(asset: Asset) -> bytes:
 
 
 def _written(asset: Asset) -> GltfData:
+    asset.require_points()
     document = asset.document
     if not isinstance(document, GltfDocument) or asset.polygons is not document.polygons:
         document = new_document(len(asset.polygons.corner_of_triangle))
@@ -142,17 +144,7 @@ def _written(asset: Asset) -> GltfData:
         if is_split:
             gather(gltf, keys, rows - first_point)
         if is_moved:
-            position = asset.points[rows].astype(np.float32)
-            if not np.isfinite(position).all():
-                raise MeshError(
-                    "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
-                )
-            bounds = (
-                {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
-                if len(rows)
-                else {}
-            )
-            keys["POSITION"] = gltf.add_array(position, **bounds)
+            keys["POSITION"] = _add_positions(gltf, asset.points[rows])
         for attribute in split.attributes:
             write_values(gltf, keys, attribute.at(np.arange(start, stop)), places[0][0])
         for primitive, (_, _, n_triangles) in zip(primitives, places):
@@ -167,6 +159,18 @@ def _written(asset: Asset) -> GltfData:
             first_triangle += n_triangles
         first_point += int((asset.part_of_point == part).sum())
     return gltf
+
+
+def _add_positions(gltf: GltfData, points: FloatArray) -> int:
+    """Append the accessor of the points of a part, with their bounds; return its index."""
+    positions = points.astype(np.float32)
+    if not np.isfinite(positions).all():
+        raise MeshError(
+            "glTF files hold no positions of nan or infinity; remove these points with repair(mesh)"
+        )
+    if not len(positions):
+        return gltf.add_array(positions)
+    return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
 
 
 def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
+from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import MeshError, some
-from isomatch.surfaces import Mesh, first_equal
+from isomatch.surfaces import Mesh, welded
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
 """The keyword of each attribute that is written before the faces that it holds for."""
@@ -52,24 +52,9 @@ def read_asset(data: bytes, name: str) -> Asset:
         table_lines = lines.starting_with(keyword)
         if not len(table_lines):
             continue
-        numbers = table_lines.parse()
-        least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
-        numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
-        table = np.zeros((len(table_lines), width))
-        for column in range(width):
-            said = numbers.counts > column
-            table[said, column] = numbers.values[numbers.starts[said] + column]
-        rows = words.fields(i + 1).parse()
-        given = rows.whole(None, f"whole indices of {keyword}")
-        index = _from_zero(given, rows, table_lines)
-        inside = (index >= np.where(given == 0, -1, 0)) & (index < len(table))
-        if not inside.all():
-            row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
-            words.fail(row, f"indices of the {len(table)} {keyword} lines")
-        if (index >= 0).any():
-            attributes.append(
-                Attribute(attribute, "corner", kind, np.vstack([table, np.full(width, np.nan)])[index])
-            )
+        values = _indexed(table_lines, keyword, width, words, i + 1)
+        if not np.isnan(values).all():
+            attributes.append(Attribute(attribute, "corner", kind, values))
     for attribute, keyword in _STATEMENTS.items():
         statements = lines.starting_with(keyword)
         if len(statements):
@@ -135,12 +120,12 @@ def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     if not found:
         return np.zeros((0, width)), np.full(len(corners), -1)
     values = found[0].values[:, :width].astype(np.float64)
-    is_none = np.isnan(values).any(axis=1)
+    rows = np.flatnonzero(~np.isnan(values).any(axis=1))
     of_points = found[0].domain == "point"
-    first = np.arange(len(values)) if of_points else first_equal(values)
-    new = (first == np.arange(len(first))) & ~is_none
-    index = np.where(is_none, -1, (np.cumsum(new) - 1)[first])
-    return values[new], index[corners] if of_points else index
+    kept, place = (np.arange(len(rows)),) * 2 if of_points else welded(values[rows])
+    index = np.full(len(values), -1)
+    index[rows] = place
+    return values[rows[kept]], index[corners] if of_points else index
 
 
 def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
@@ -161,6 +146,27 @@ def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
     parts: list[tuple[IntArray, AnyArray]] = [_changes(statement) for statement in statements]
     parts += [(np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)), (sizes, words)]
     return interleaved_lines(parts, len(sizes))
+
+
+def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
+    """Read what the corners of faces refer to in one field of their words, (c, width); nan where there is nothing."""
+    numbers = table_lines.parse()
+    least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
+    numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
+    table = np.zeros((len(table_lines) + 1, width))
+    table[-1] = np.nan
+    for column in range(width):
+        (said,) = np.nonzero(numbers.counts > column)
+        table[said, column] = numbers.values[numbers.starts[said] + column]
+    rows = words.fields(which).parse()
+    given = rows.whole(None, f"whole indices of {keyword}")
+    index = _from_zero(given, rows, table_lines)
+    inside = (index >= np.where(given == 0, -1, 0)) & (index < len(table_lines))
+    if not inside.all():
+        row = int(np.searchsorted(np.cumsum(rows.counts), np.argmin(inside), side="right"))
+        words.fail(row, f"indices of the {len(table_lines)} {keyword} lines")
+    found: FloatArray = table[index]
+    return found
 
 
 def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:

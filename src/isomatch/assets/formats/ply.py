@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute import Attribute, Domain
 from isomatch.assets.formats._ply_attributes import Columns, read_columns, write_columns
 from isomatch.assets.formats._ply_body import Table, read_tables
 from isomatch.assets.formats._ply_header import Header, Property, read_header
@@ -94,44 +95,23 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         raise MeshError("face indices exceed the 32 bits of PLY; remove the faces with repair(mesh)")
     kind = np.dtype("f4" if document.positions == "float" else "f8")
     lists = cells(document.index_list, polygons.corners.astype(np.int32), polygons.sizes)
+    positions = [Cells(Property(axis, kind), column) for axis, column in zip("xyz", asset.points.T)]
+
+    def columns(own: list[Cells], used: Iterable[str], known: Columns, domain: Domain) -> tuple[Cells, ...]:
+        taken = [*used, *(each.declared.name for each in known.others)]
+        new = write_columns(asset.attributes, domain, known.names, polygons.sizes, taken)
+        return (*own, *new, *known.others)
+
     elements = [
-        (
-            "vertex",
-            (
-                *(Cells(Property(axis, kind), asset.points[:, i]) for i, axis in enumerate("xyz")),
-                *write_columns(
-                    asset.attributes,
-                    "point",
-                    document.vertex.names,
-                    polygons.sizes,
-                    ["x", "y", "z", *(each.declared.name for each in document.vertex.others)],
-                ),
-                *document.vertex.others,
-            ),
-            len(asset.points),
-        ),
-        (
-            "face",
-            (
-                lists,
-                *write_columns(
-                    asset.attributes,
-                    "face",
-                    document.face.names,
-                    polygons.sizes,
-                    [*_INDEX_LISTS, *(each.declared.name for each in document.face.others)],
-                ),
-                *document.face.others,
-            ),
-            len(polygons),
-        ),
+        ("vertex", columns(positions, "xyz", document.vertex, "point"), len(asset.points)),
+        ("face", columns([lists], _INDEX_LISTS, document.face, "face"), len(polygons)),
         *document.elements,
     ]
     encoding = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[byte_order]
     header = ["ply", f"format {encoding} 1.0", *document.comments]
-    for name, columns, n_rows in elements:
-        header += [f"element {name} {n_rows}", *(column.declaration for column in columns)]
-    body = [write_rows(list(columns), n_rows, byte_order) for _, columns, n_rows in elements]
+    for name, written, n_rows in elements:
+        header += [f"element {name} {n_rows}", *(column.declaration for column in written)]
+    body = [write_rows(list(written), n_rows, byte_order) for _, written, n_rows in elements]
     return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
 
 

@@ -11,12 +11,13 @@ from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
+from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
-from isomatch.matching.result import MatchResult, Outcome, Quality
+from isomatch.matching.result import MatchResult, Quality
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.starts import nearest_in_pose
 from isomatch.matching.symmetries import describe_symmetries

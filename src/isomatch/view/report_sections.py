@@ -1,0 +1,121 @@
+"""The sections of a report below its 3D view, as HTML: quality, alternatives, how the map was found."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from importlib.metadata import PackageNotFoundError, version
+from io import BytesIO
+from platform import python_version
+from typing import Any
+
+import numpy as np
+
+from isomatch.correspondence import Correspondence
+from isomatch.matching import Alternative, MatchResult, MatchSettings
+from isomatch.surfaces import Mesh
+from isomatch.view.measures import quality_measures
+from isomatch.view.stills import draw_map
+
+STILL_WIDTH = 640  # pixels of the picture of an alternative
+LIBRARIES = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib")
+_SIDES = ("source", "target")
+
+
+def quality_rows(result: MatchResult) -> str:
+    """Make a row for each measure, with its bound."""
+    rows = []
+    for measure, number, against in quality_measures(result):
+        verdict = " (violated)" if against else ""
+        rows.append(
+            f'<tr{" class=against" if against else ""}><th scope="row">{escape(measure.name)}</th>'
+            f'<td class="number">{escape(measure.value(number))}</td>'
+            f'<td class="bound">{escape(measure.bound + verdict)}</td><td>{escape(measure.meaning)}</td></tr>'
+        )
+    return "".join(rows)
+
+
+def pictures_of_alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> str:
+    """Draw the other maps side by side."""
+    figures = "".join(
+        f'<figure><img src="{png(drawn(source, target, other.map, _SIDES, STILL_WIDTH))}" '
+        f'alt="Alternative {i}"><figcaption>Alternative {i}, from {escape(other.origin)}{_evidence(other)}</figcaption>'
+        "</figure>"
+        for i, other in enumerate(others, 1)
+    )
+    return f'<div class="stills">{figures}</div>' if others else "<p>There are none here.</p>"
+
+
+def _evidence(other: Alternative) -> str:
+    return (
+        "" if np.isnan(other.energy) else f": energy {other.energy:.3g}, orientation {other.orientation:.2f}"
+    )
+
+
+def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
+    """Tell how the map was found: facts, seconds and settings."""
+    run = {
+        **facts,
+        "winning start": result.origin,
+        "selected for": result.reason,
+        "geodesic engine": result.engine,
+        "seed": result.seed,
+        **{f"{side} onto itself": found for side, found in zip(_SIDES, result.symmetries) if found},
+        **versions(),
+    }
+    seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}
+    return (
+        table("Run", run)
+        + table("Seconds", seconds)
+        + table("Settings", _everyday(result.config) | result.config.changed())
+    )
+
+
+def table(title: str, rows: Mapping[str, object]) -> str:
+    """Make a table of two columns."""
+    body = "".join(
+        f'<tr><th scope="row">{escape(str(name))}</th><td>{escape(str(value))}</td></tr>'
+        for name, value in rows.items()
+    )
+    return f"<section><h2>{escape(title)}</h2><table><tbody>{body}</tbody></table></section>"
+
+
+def paragraphs(lines: Iterable[str]) -> str:
+    """Set each line in small print."""
+    return "".join(f'<p class="soft">{escape(line)}</p>' for line in lines)
+
+
+def sentence(text: str) -> str:
+    """Begin with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def drawn(source: Mesh, target: Mesh, shown: Correspondence, titles: tuple[str, str], width: int) -> bytes:
+    """Draw a map as PNG."""
+    still = BytesIO()
+    draw_map(source, target, shown, still, titles=titles, width=width)
+    return still.getvalue()
+
+
+def png(data: bytes) -> str:
+    """Embed a PNG file."""
+    return "data:image/png;base64," + b64encode(data).decode("ascii")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that decide numbers."""
+    return {"python": python_version(), **{name: _version(name) for name in LIBRARIES}}
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _everyday(settings: MatchSettings) -> dict[str, Any]:
+    """Select the settings that are not those of a single stage, and not left open."""
+    everyday = settings.to_dict().items()
+    return {name: value for name, value in everyday if value is not None and not isinstance(value, dict)}
