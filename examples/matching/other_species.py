@@ -10,8 +10,8 @@ from isomatch import match
 from isomatch.datasets import creature
 from isomatch.view import draw_map
 
-quadruped = creature(3000, pose=0).mesh
-biped = creature(3000, kind="biped", pose=0, triangulation=1).mesh
+quadruped = creature(2000, pose=0).mesh
+biped = creature(2000, kind="biped", pose=0, triangulation=1).mesh
 result = match(quadruped, biped)
 print(f"{result.outcome.name}: {result.outcome.advice}")
 print(*result.notes, sep="\n")

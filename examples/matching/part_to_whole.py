@@ -10,8 +10,8 @@ from isomatch import match
 from isomatch.datasets import creature, cut
 from isomatch.view import draw_map
 
-whole = creature(2500, pose=0).mesh
-part = cut(creature(2500, pose=1, triangulation=1).mesh, share=0.3, seed=3).mesh
+whole = creature(1800, pose=0).mesh
+part = cut(creature(1800, pose=1, triangulation=1).mesh, share=0.3, seed=3).mesh
 
 result = match(part, whole)
 print(f"{result.outcome.name}: {result.outcome.advice}")
