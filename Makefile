@@ -1,4 +1,4 @@
-# Two commands: `make demo` shows a match, `make test` runs everything CI runs.
+# `make demo` shows a match, `make test` runs everything CI runs, `make docs` builds the site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -76,4 +76,4 @@ release-check: $(VENV)/dev $(VENV)/uv
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)
 
 clean:
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo dist performance docs/_build docs/gallery docs/reference/names docs/reference/rooms

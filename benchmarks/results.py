@@ -4,10 +4,11 @@
     python benchmarks/results.py --pages                           # only fills the pages from docs/results
     python benchmarks/results.py --list
 
-The command of a step writes into ``OUT/SOURCE/STEP``, where SOURCE is the hash of ``src``: a step that was interrupted
-continues there if nothing has changed. Its tables are copied to ``docs/results``, and other files beside the pages.
-``docs/results/stamps.json`` says of what each step is: the source, the command, the machine, versions of packages, the
-revision, the date and the seconds. A step whose stamp is the present one is skipped.
+The command of a step writes into ``OUT/STEP_STAMP``, where STAMP is a hash of all that its stamp says before it runs: a
+step that was interrupted continues there if nothing has changed, and else begins anew. Its tables are copied to
+``docs/results``, and other files beside the pages. ``docs/results/stamps.json`` says of what each step is: the source, the
+command, the machine, versions of packages, the revision, the date and the seconds. A step whose stamp is the present one
+is skipped.
 
 In a page, what is between ``<!-- result: NAME -->`` and ``<!-- end of result -->`` is ``docs/results/NAME.csv``, in
 ``<!-- result: NAME: A; B -->`` two of its columns. ``<!-- result: stamp -->`` says of what the tables of the page are.
@@ -41,9 +42,11 @@ Stamp = dict[str, Any]
 
 
 def source_hash(folder: Path = ROOT / "src") -> str:
-    """Hash of all Python files of a folder and of their names."""
+    """Hash of all files of a folder and of their names, without those that Python makes."""
     digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted(folder.rglob("*")):
+        if "__pycache__" in path.parts or not path.is_file():
+            continue
         digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
 
@@ -51,7 +54,10 @@ def source_hash(folder: Path = ROOT / "src") -> str:
 def present_stamp(step: Step) -> Stamp:
     """Say with what a step would be measured now."""
     scripts = [word for word in step.command.split() if word.endswith(".py")]
-    code = b"".join((ROOT / path).read_bytes() for path in [*scripts, "benchmarks/studies.py"])
+    code = b"".join(
+        (ROOT / path).read_bytes()
+        for path in [*scripts, "benchmarks/studies.py", "benchmarks/hard_pairs.txt"]
+    )
     return {
         "source": source_hash(),
         "command": step.command,
@@ -94,7 +100,8 @@ def is_present(step: Step, known: dict[str, Stamp]) -> bool:
 def measure(step: Step, data: str, output: Path) -> None:
     """Run the command of a step, copy what it wrote, and stamp it."""
     stamp = present_stamp(step)
-    out = output / stamp["source"] / step.name
+    told_before = json.dumps(stamp, sort_keys=True).encode()
+    out = output / f"{step.name}_{hashlib.sha256(told_before).hexdigest()[:16]}"
     out.mkdir(parents=True, exist_ok=True)
     clock = out / "seconds.txt"  # of this run and of those that were interrupted
     spent = float(clock.read_text()) if clock.exists() else 0.0
@@ -117,6 +124,7 @@ def measure(step: Step, data: str, output: Path) -> None:
     stamp |= {"revision": revision(), "date": date.today().isoformat(), "seconds": seconds}
     text = json.dumps(dict(sorted((stamps() | {step.name: stamp}).items())), indent=1)
     (RESULTS / "stamps.json").write_text(text + "\n", encoding="utf-8")
+    clock.unlink()
 
 
 def tables_of(text: str) -> list[str]:
@@ -171,7 +179,7 @@ def told(shown: dict[str, Stamp]) -> str:
         if not stamp["source"]
     ]
     if older:
-        lines.append(f"Not measured again yet, with their revisions: {', '.join(older)}.\n")
+        lines.append(f"Measured earlier, in these revisions: {', '.join(older)}.\n")
     return "".join(lines)
 
 
@@ -219,9 +227,15 @@ def main() -> None:
         if not asked.list and state != "present":
             measure(step, str(Path(asked.data).resolve()), asked.output.resolve())
     if not asked.list:
+        refused = []
         for page in pages():
             text = page.read_text(encoding="utf-8")
-            page.write_text(filled(text, stamps()), encoding="utf-8")
+            try:
+                page.write_text(filled(text, stamps()), encoding="utf-8")
+            except SystemExit as error:
+                refused.append(f"{page.relative_to(ROOT)}: {error}")
+        if refused:
+            raise SystemExit("\n".join(refused))
 
 
 if __name__ == "__main__":

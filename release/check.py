@@ -10,6 +10,7 @@ extra. The files are left in ``dist``.
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from test_code_blocks import RUN, SHELL, write_shapes
+from test_code_blocks import RUN, SHELL, commands, write_shapes
 
 
 def run(*command: object, **options: object) -> None:
@@ -40,8 +41,8 @@ def write_examples(folder: Path) -> None:
     """Write shapes and the examples of the readme: what it calls in a shell, then its Python."""
     write_shapes(folder)
     blocks = [block for block in RUN["README.md"] if not block.mark]
-    lines = [line for block in blocks if block.language in SHELL for line in block.code.splitlines()]
-    (folder / "examples.sh").write_text("\n".join(line for line in lines if line.startswith("isomatch ")))
+    lines = [shlex.join(words) for b in blocks if b.language in SHELL for words in commands(b.code)]
+    (folder / "examples.sh").write_text("".join(f"isomatch {line}\n" for line in lines))
     (folder / "examples.py").write_text("".join(b.code for b in blocks if b.language == "python"))
 
 

@@ -72,7 +72,7 @@ def test_tables_without_a_stamp_are_named():
     known = {"engines": ONE, "smoothness": {"source": None, "revision": None}}
     text = results.filled(page_of("engines", "smoothness"), known)
     assert "Measured in revision r1" in text
-    assert "Not measured again yet, with their revisions: smoothness (not stated)." in text
+    assert "Measured earlier, in these revisions: smoothness (not stated)." in text
 
 
 def test_columns_of_a_table(tmp_path):
@@ -86,8 +86,12 @@ def test_columns_of_a_table(tmp_path):
 def test_the_source_is_what_its_files_hold(tmp_path):
     (tmp_path / "a.py").write_text("1")
     before = results.source_hash(tmp_path)
-    (tmp_path / "a.txt").write_text("other files do not count")
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "a.pyc").write_text("does not count")
     assert results.source_hash(tmp_path) == before
+    (tmp_path / "a.npz").write_text("data count")
+    assert results.source_hash(tmp_path) != before
+    before = results.source_hash(tmp_path)
     (tmp_path / "a.py").rename(tmp_path / "b.py")
     assert results.source_hash(tmp_path) != before
 
@@ -97,7 +101,7 @@ def toy(tmp_path, monkeypatch):
     """A step that ends with its second run, and counts them; results and docs are elsewhere."""
     (tmp_path / "docs" / "results").mkdir(parents=True)
     (tmp_path / "benchmarks").mkdir()
-    for name in ("studies.py", "result_steps.py", "results.py"):
+    for name in ("studies.py", "hard_pairs.txt"):
         (tmp_path / "benchmarks" / name).write_text("")
     (tmp_path / "benchmarks" / "toy.py").write_text(
         "import sys, pathlib\n"
@@ -128,3 +132,5 @@ def test_an_interrupted_step_continues_and_a_finished_one_is_present(toy, tmp_pa
     with (tmp_path / "benchmarks/toy.py").open("a") as file:
         file.write("# changed\n")
     assert not results.is_present(toy, results.stamps())
+    with pytest.raises(Exception, match="returned non-zero"):  # it begins anew
+        results.measure(toy, "data", tmp_path / "out")

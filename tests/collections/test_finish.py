@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Correspondence, FormatError, InputError, UnwritableFileError, read_mesh
+from isomatch import Correspondence, FormatError, InputError, SettingError, UnwritableFileError, read_mesh
 from isomatch.cli import main
 from isomatch.collections import Collection, export, finish, surfaces_written, write_reports
 from isomatch.collections import reports as reports_module
@@ -122,9 +122,42 @@ def test_export_refuses_what_would_not_correspond_and_what_is_not_there(small, s
     with pytest.raises(FormatError, match="do not keep the order"):
         next(export(star, tmp_path / "out", ".stl"))
     empty = Collection.create(tmp_path / "empty", small.shapes, config=small.config)
-    with pytest.raises(InputError, match="nothing to export yet"):
+    with pytest.raises(InputError, match="nothing to export"):
         next(export(empty, tmp_path / "out"))
     assert not (tmp_path / "out").exists()
+
+
+def test_export_never_writes_over_the_collection_or_what_it_did_not_ask_for(star, tmp_path):
+    for force in (False, True):
+        with pytest.raises(InputError, match="the folder of the collection itself"):
+            next(export(star, star.folder / ".." / star.folder.name, force=force))
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "s0__s1.npz").write_text("of an export that was ended")
+    with pytest.raises(UnwritableFileError, match="already exists"):
+        list(export(star, tmp_path))
+
+
+def test_a_surface_that_could_not_be_written_is_tried_again(copied, monkeypatch):
+    collection = replace(copied, template="s0")
+    finished_lines(collection)
+    changed(collection, PAIR, replaced_by=["s0", "s2", "s1"])
+    with monkeypatch.context() as broken:
+        broken.setattr("isomatch.collections.wrapped.wrap", lambda *_: 1 / 0)
+        assert finished_lines(collection) == ["s1"]
+    assert surfaces_written(collection) == ["s0", "s2", "s3"]
+    assert finished_lines(collection) == ["s1"]
+    assert "s1" in surfaces_written(collection)
+
+
+def test_a_number_of_reports_is_not_negative(copied):
+    with pytest.raises(SettingError, match="-3 reports"):
+        reported(copied, -3)
+
+
+def test_a_map_that_was_contradicted_stays_so_when_its_match_fails(copied):
+    changed(copied, PAIR, state="failed", attempt=1, contradicted=True)
+    assert copied.retry("failed") == [PAIR]
+    assert copied.rows().pairs[PAIR]["contradicted"]
 
 
 def test_the_status_of_a_collection_that_was_not_run(small, tmp_path, capsys):

@@ -37,6 +37,17 @@ def test_a_mirror_image_is_not_mended():
     assert wrapped.inverted_before == 0
 
 
+def test_a_flat_face_is_mended_though_none_is_turned_over():
+    mesh = icosphere(2)
+    vertex, other, last = mesh.faces[0]
+    faces = np.array([mesh.faces[(mesh.faces == v).any(axis=1).argmax()] for v in range(162)])
+    barycentric = (faces == np.arange(162)[:, None]).astype(float)
+    faces[vertex], barycentric[vertex] = (vertex, other, last), (1e-5, 0.5, 0.5 - 1e-5)
+    wrapped = wrap(Correspondence(np.arange(162), 162, faces, barycentric), mesh, mesh)
+    assert (wrapped.inverted_before, wrapped.inverted) == (0, 0)
+    assert wrapped.mesh.face_areas.min() > 0.01 * mesh.face_areas.min()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_inverted_faces_are_mended_on_the_surface(seed):
     source, target = icosphere(3), icosphere(4)

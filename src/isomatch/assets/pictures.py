@@ -22,9 +22,11 @@ def pixels_of(picture: bytes) -> FloatArray:
 
 
 def png_of(pixels: AnyArray) -> bytes:
-    """Make a PNG file of (height, width, channels) uint8 pixels, or of floats 0…1."""
+    """Make a PNG file of (height, width, channels) pixels: integers of the full range of their type, or floats 0…1."""
     from matplotlib.image import imsave
 
+    if pixels.dtype.kind in "iu" and pixels.dtype != np.uint8:
+        pixels = pixels / np.iinfo(pixels.dtype).max
     file = BytesIO()
     imsave(file, _four_channels(pixels, 255 if pixels.dtype == np.uint8 else 1.0), format="png")
     return file.getvalue()
@@ -51,7 +53,7 @@ def texture_on(given: Any) -> AnyArray | None:
     for image in getattr(given, "textures", ()):  # of Open3D, upside down
         if np.asarray(image).size > 1:
             found.append(np.asarray(image)[::-1])
-    if getattr(given, "has_valid_material", bool)():  # of its tensors
+    if getattr(given, "has_valid_material", lambda: False)():  # of its tensors
         maps = given.material.texture_maps
         if "albedo" in maps:
             found = [maps["albedo"].as_tensor().cpu().numpy()]

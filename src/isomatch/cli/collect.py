@@ -177,7 +177,7 @@ def export(
     def summary() -> None:
         say(f"wrote {written['meshes']} meshes and {written['maps']} maps to {to}")
         if left_out:
-            say(f"without a map to the template: {', '.join(left_out)}", "bold red")
+            say(f"not in the topology of the template, see shapes.csv: {', '.join(left_out)}", "bold red")
 
     talk.result(result, summary)
 

@@ -272,6 +272,8 @@ class Collection:
             tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
             for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
                 row = {**_row_of(record), "key": plan.key, "attempt": plan.attempt}
+                if row["state"] == "failed":  # the map that was there before is judged as before
+                    row["contradicted"] = plan.contradicted
                 ledger.put_pair(plan.pair, row)
                 yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -296,7 +298,7 @@ class Collection:
                     if state_of(record) == which:
                         attempt = record["attempt"] + (which == "low")
                         todo = {"state": "todo", "time": time.time(), "attempt": attempt}
-                        ledger.put_pair(pair, {**todo, "contradicted": is_contradicted(record)})
+                        ledger.put_pair(pair, {**todo, "contradicted": _was_contradicted(record)})
                         again.append(pair)
         return again
 
@@ -369,6 +371,10 @@ def state_of(record: Record) -> str:
 def is_contradicted(record: Record) -> bool:
     """Whether other maps contradict that of a pair, as far as they were compared."""
     return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
+
+
+def _was_contradicted(record: Record) -> bool:
+    return is_contradicted(record) or bool(record.get("contradicted", False))
 
 
 def _row_of(record: Record | Exception) -> Record:

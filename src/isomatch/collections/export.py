@@ -36,27 +36,32 @@ def export(
         Suffix of the maps, see `Correspondence.save`: ".npz" for all arrays, ".txt" for a target vertex on each line;
         None for none.
     force : bool
-        Whether to replace an earlier export in the folder.
+        Whether to write over files of an earlier export; others in the folder stay.
 
     Raises
     ------
     InputError
-        If there is nothing to export.
+        If there is nothing to export, or the folder is that of the collection.
     FormatError
         If the format of the meshes is unknown, or does not keep the order of vertices.
     UnwritableFileError
-        If a file cannot be written, or there is an earlier export.
+        If a file cannot be written, or there are files of an earlier export.
     """
     if meshes and meshes.lower() == ".stl":
         raise FormatError(
             "STL files do not keep the order of vertices, which corresponds; give another format"
         )
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
+    if last.parent.resolve() == collection.folder.resolve():
+        raise InputError(f"{folder}: is the folder of the collection itself; give another one")
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair, row in rows.pairs.items() if row["state"] == "done"] if maps else []
     if not names and not pairs:
-        raise InputError(f"{collection.folder}: nothing to export yet; run isomatch collect to its end")
-    with made_folder(last.parent), claimed(last, [] if force else [last]):
+        raise InputError(
+            f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"
+        )
+    earlier = [last, *(file for kind in ("meshes", "maps") for file in sorted(last.parent.glob(f"{kind}/*")))]
+    with made_folder(last.parent), claimed(last, [] if force else earlier):
         for kind in ("meshes", "maps"):
             (last.parent / kind).mkdir(exist_ok=True)
         for name in names:

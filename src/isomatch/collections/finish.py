@@ -23,7 +23,6 @@ def finish(
     collection: Collection,
     executor: str | Executor = "local",
     jobs: int | None = None,
-    suffix: str = ".ply",
 ) -> Iterator[dict[str, Any]]:
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
@@ -36,8 +35,6 @@ def finish(
         The collection.
     executor, jobs
         As for `Collection.run`.
-    suffix : str
-        Format of the surfaces.
 
     Yields
     ------
@@ -51,9 +48,9 @@ def finish(
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
-        job = WrapJob(layout, template, collection.paths[template], suffix)
+        job = WrapJob(layout, template, collection.paths[template])
         plans = _planned(collection, rows, template)
-        todo = [plan for plan in plans if not _is_written(layout, plan, lines, suffix)]
+        todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         with workers_of(executor, jobs) as workers:
             for plan, line in workers.completed(tasks):
@@ -85,9 +82,10 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     return plans
 
 
-def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any], suffix: str = ".ply") -> bool:
-    known = lines.get(plan.name, {}).get("key") == plan.key
-    return known and layout.corresponded(plan.name, suffix).exists()
+def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
+    line = lines.get(plan.name, {})
+    known = line.get("key") == plan.key and not line.get("error")
+    return known and layout.corresponded(plan.name).exists()
 
 
 def _known_lines(collection: Collection) -> dict[str, Any]:

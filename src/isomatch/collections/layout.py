@@ -57,9 +57,9 @@ class Layout:
         """Return the path of the maps of a pair, both directions."""
         return self.folder / "maps" / f"{BETWEEN.join(pair)}.npz"
 
-    def corresponded(self, name: str, suffix: str = ".ply") -> Path:
+    def corresponded(self, name: str) -> Path:
         """Return the path of a shape's surface in the topology of the template."""
-        return self.folder / "corresponded" / f"{name}{suffix}"
+        return self.folder / "corresponded" / f"{name}.ply"
 
     def report(self, pair: Pair) -> Path:
         """Return the path of the report of a pair."""

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from isomatch._files import writing
 from isomatch.assets import mesh_from
 from isomatch.collections.collection import Collection, is_contradicted
 from isomatch.collections.jobs import row_of
@@ -20,6 +21,7 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, workers_of
+from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.view import write_report
 
@@ -44,19 +46,31 @@ def write_reports(
     executor, jobs, time_limit
         As for `Collection.run`.
 
+    Raises
+    ------
+    SettingError
+        If the number is negative.
+    UnwritableFileError
+        If the folder cannot be made.
+
     Yields
     ------
     (str, str), dict
         Each pair with a row: its ``state``, "done" or "failed", with the ``error``.
     """
+    if not isinstance(which, str) and which < 0:
+        raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
     end = math.inf if time_limit is None else time.monotonic() + time_limit
     rows = collection.rows()
-    lines = [line for line in table_of(rows) if {line["source"], line["target"]} <= set(collection.names)]
+    names = set(collection.names)
+    lines = [line for line in table_of(rows) if {line["source"], line["target"]} <= names]
     chosen = [(pair, rows.pairs[pair]) for pair in _chosen(lines, which)]
     todo = [each for each in chosen if not has_report(collection.layout, *each)]
     if not todo:
         return
-    (collection.layout.folder / "reports").mkdir(exist_ok=True)
+    folder = collection.layout.folder / "reports"
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
     tasks = [Task((each,), partial(_reported, collection)) for each in todo]
     with workers_of(executor, jobs) as workers:
         for (pair, _), row in workers.completed(tasks, lambda: time.monotonic() > end):
@@ -74,9 +88,7 @@ def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
     known = [line for line in lines if line["state"] == "done"]
     if which == "doubtful":
         which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in known) + ALSO, MOST_SHOWN)
-    return [
-        (line["source"], line["target"]) for line in known[: None if which == "all" else max(0, int(which))]
-    ]
+    return [(line["source"], line["target"]) for line in known[: None if which == "all" else int(which)]]
 
 
 def _reported(collection: Collection, items: Sequence[tuple[Pair, Record]]) -> list[Record]:

@@ -57,14 +57,11 @@ class WrapJob:
         Name of the template.
     template_path : Path
         Its file.
-    suffix : str
-        Format of the surfaces.
     """
 
     layout: Layout
     template: str
     template_path: Path
-    suffix: str = ".ply"
 
     def wrap_shapes(self, plans: Sequence[PlannedSurface]) -> list[Record]:
         """Write shapes with the vertices of the template, and their pictures; return a line about each."""
@@ -79,7 +76,7 @@ class WrapJob:
                 found = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
                 mesh = found.mesh
                 line |= {name: getattr(found, name) for name in ("inverted_before", "inverted", "extended")}
-            write_mesh(self.layout.corresponded(plan.name, self.suffix), mesh)
+            write_mesh(self.layout.corresponded(plan.name), mesh)
             _draw(template, mesh, self.layout.thumbnail(plan.name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
             line["error"] = f"{type(error).__name__}: {error}"

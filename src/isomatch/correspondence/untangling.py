@@ -55,7 +55,7 @@ class Untangling:
     def run(self) -> tuple[int, int]:
         """Mend; the numbers of inverted faces before and after."""
         share = self._determinants()
-        before = int((share <= 0).sum())
+        before = _wrong(share)
         best = before, self.images.corners.copy(), self.images.barycentric.copy()
         moving, rings = np.zeros(len(self.x), dtype=bool), np.full(len(self.x), RINGS)
         for _ in range(ROUNDS):
@@ -73,10 +73,10 @@ class Untangling:
                 if not self._round(rows, near, share, width / RINGS):
                     rings[rows] = min(width + 1, MOST_RINGS)
             share = self._determinants()
-            if (share <= 0).sum() < best[0]:
-                best = int((share <= 0).sum()), self.images.corners.copy(), self.images.barycentric.copy()
+            if _wrong(share) < best[0]:
+                best = _wrong(share), self.images.corners.copy(), self.images.barycentric.copy()
         self.images.corners[:], self.images.barycentric[:] = best[1:]
-        return before, best[0]
+        return before[0], best[0][0]
 
     def _regions(self, moving: BoolArray, bad: IntArray) -> list[tuple[IntArray, IntArray]]:
         """Group moving vertices (m,) into connected regions with bad ones; each with the faces that have any of them."""
@@ -120,6 +120,11 @@ class Untangling:
         self.x[rows], self.n[rows] = here[moved], up[moved]
         self.images.corners[rows], self.images.barycentric[rows] = there
         return improved
+
+
+def _wrong(share: FloatArray) -> tuple[int, int]:
+    """Count faces that are turned over, and those that are turned over or flat."""
+    return int((share <= 0).sum()), int((share <= FLAT).sum())
 
 
 def _planes(normals: FloatArray, faces: IntArray) -> FloatArray:

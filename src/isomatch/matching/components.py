@@ -18,9 +18,7 @@ from isomatch.matching.carrier import Carrier
 from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.component_result import ComponentMatch, composed, numbers_without
 from isomatch.matching.connected import match_connected
-from isomatch.matching.hints import (
-    Hints,
-)
+from isomatch.matching.hints import Hints
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepare import PreparedShape
