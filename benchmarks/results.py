@@ -6,7 +6,7 @@
 
 The command of a step writes into ``OUT/STEP_STAMP``, where STAMP is a hash of all that its stamp says before it runs: a
 step that was interrupted continues there if nothing has changed, and else begins anew. Its tables are copied to
-``docs/results``, and other files beside the pages. ``docs/results/stamps.json`` says of what each step is: the source, the
+``docs/results``, other files beside the pages. ``docs/results/stamps.json`` says of what each step is: the source, the
 command, the machine, versions of packages, the revision, the date and the seconds. A step whose stamp is the present one
 is skipped.
 

@@ -95,7 +95,7 @@ def write_shapes(folder):
     for i, name in enumerate(SCANS):
         isomatch.write_mesh(folder / f"scans/{name}.ply", decimate(creature(1500, pose=i).mesh, 700).mesh)
     alike = random_shapes(len(GROUPS) + 1)
-    for name, vertices in zip([*GROUPS, "../../new_scan"], alike.vertices, strict=True):
+    for name, vertices in zip([*GROUPS, "../../new_scored"], alike.vertices, strict=True):
         isomatch.write_mesh(folder / f"OUT/corresponded/{name}.ply", Mesh(vertices, alike.faces))
     (folder / "list.csv").write_text("\n".join(["path", *(f"scans/{name}.ply" for name in SCANS)]))
     (folder / "groups.csv").write_text("\n".join(["name,group", *map(",".join, GROUPS.items())]))

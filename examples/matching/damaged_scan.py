@@ -3,7 +3,7 @@ A scan with holes and noise
 ===========================
 
 Scans have holes, and their points are not where they should be. :func:`isomatch.check` says what is wrong with a
-mesh; matching needs no repair here. What defect would spoil a map is repaired inside, and named in the notes.
+mesh; matching needs no repair here. Defects that would spoil a map are mended internally, and named in the notes.
 """
 
 from isomatch import check, match

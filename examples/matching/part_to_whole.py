@@ -2,8 +2,7 @@
 A part and a whole
 ==================
 
-A part of a body, cut off somewhere, is matched to a whole one in another pose. Grey vertices of the whole have no
-counterpart.
+A part of a body, cut off somewhere, is matched to a whole one in another pose.
 """
 
 from isomatch import match

@@ -2,7 +2,7 @@
 One shape against many
 ======================
 
-Half of the time of a match is spent on each shape alone. :func:`isomatch.prepare` does that once. A prepared shape
+About half of the time of a match is spent on what depends on one shape alone. :func:`isomatch.prepare` does that once. A prepared shape
 takes the place of the surface, any number of times, and can be saved to a file.
 """
 

@@ -3,7 +3,7 @@ Compare with functional maps (pyFM)
 ===================================
 
 The same pair by pyFM, with the settings that its authors recommend, and by isomatch. It needs
-``pip install 'isomatch[peers]'``.
+``python -m pip install '.[peers]'``.
 """
 
 import matplotlib.pyplot as plt
