@@ -2,8 +2,8 @@
 One shape against many
 ======================
 
-About half of the time of a match is spent on what depends on one shape alone. :func:`isomatch.prepare` does that once. A prepared shape
-takes the place of the surface, any number of times, and can be saved to a file.
+About half of the time of a match is spent on what depends on one shape alone. :func:`isomatch.prepare` does that once. A
+prepared shape takes the place of the surface, any number of times, and can be saved to a file.
 """
 
 import time
