@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Outcome
+from isomatch.correspondence import PrecisePoints
 from isomatch.matching import Quality, outcome_of
+from isomatch.matching.quality import torn_off_share
+from shapes import icosphere
 
 BOUNDS = Config().outcome
 NONE = Quality(**{field.name: np.nan for field in fields(Quality)})
@@ -28,6 +31,7 @@ def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
         ("misfit", BOUNDS.poor_misfit, 1, Outcome.LOW_CONFIDENCE),
         ("residual", BOUNDS.poor_residual, 1, Outcome.LOW_CONFIDENCE),
         ("stretch", BOUNDS.poor_stretch, 1, Outcome.LOW_CONFIDENCE),
+        ("torn_off", BOUNDS.poor_torn_off, 1, Outcome.LOW_CONFIDENCE),
         ("orientation", BOUNDS.poor_orientation, -1, Outcome.LOW_CONFIDENCE),
         ("rival", BOUNDS.tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
         ("mirrored", BOUNDS.mirror_tie, -1, Outcome.SYMMETRY_AMBIGUOUS),
@@ -66,3 +70,20 @@ def test_the_first_outcome_that_holds_is_given():
         everything = replace(everything, **{measure: getattr(GOOD, measure)})
     found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]
     assert found == list(Outcome)
+
+
+def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
+    sphere = icosphere(3)
+    images = np.arange(sphere.n_vertices)
+    cap = sphere.vertices[:, 2] > 0.8
+    opposite = (sphere.vertices @ -sphere.vertices[cap].T).argmax(axis=0)
+
+    def torn_off(images):
+        pull_back = PrecisePoints.at_vertices(images).interpolation(sphere.n_vertices)
+        return torn_off_share(sphere, sphere, pull_back, BOUNDS.torn_apart)
+
+    assert torn_off(images) == 0.0
+    assert torn_off(images[::-1]) < 0.05, "scattered points are no piece"
+    images[cap] = opposite
+    assert torn_off(images) == pytest.approx(sphere.vertex_areas[cap].sum() / sphere.area)
+    assert torn_off(images) == pytest.approx(0.1, abs=0.02)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
@@ -52,14 +53,14 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     basis = SampledBasis(source.laplace.vectors, vertices)
+    pull_back = points.interpolation(target.body.n_vertices)
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
         rival=selection.rival if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
-        stretch=edge_stretch(
-            source.body, target.body, points.interpolation(target.body.n_vertices), settings.torn
-        ),
+        stretch=edge_stretch(source.body, target.body, pull_back, settings.torn),
+        torn_off=torn_off_share(source.body, target.body, pull_back, settings.torn_apart),
         orientation=orientation_of(source, basis, target, image[vertices], settings.normal_functions)
         if pair.oriented
         else np.nan,
@@ -103,6 +104,25 @@ def edge_stretch(
     points = pull_back @ target.vertices
     images, lengths = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (points, unit * source.vertices))
     return float(np.minimum(images, torn * lengths).sum() / lengths.sum())
+
+
+def torn_off_share(source: Surface, target: Surface, pull_back: csr_array, apart: float) -> float:
+    """Share of the source's area in the largest piece that a map tears from the rest; nan without coordinates.
+
+    An edge is torn if its image is longer than itself by more than ``apart``, each in the √area of its surface.
+    """
+    if isinstance(source, Graph) or isinstance(target, Graph):
+        return np.nan
+    i, j = source.edges.T
+    images, lengths = (
+        np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(surface.area)
+        for x, surface in ((pull_back @ target.vertices, target), (source.vertices, source))
+    )
+    whole = images - lengths <= apart
+    links = csr_array((whole[whole], (i[whole], j[whole])), shape=(source.n_vertices,) * 2)
+    _, piece = connected_components(links, directed=False)
+    shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
+    return float(shares[1]) if len(shares) > 1 else 0.0
 
 
 def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:
@@ -153,6 +173,7 @@ def outcome_of(
         or quality.misfit > bounds.poor_misfit
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
+        or quality.torn_off > bounds.poor_torn_off
         or (kept < bounds.poor_orientation and not turned)
         or quality.rival < 1.0
     )

@@ -88,6 +88,9 @@ class Quality:
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
     initial_map_error : float
         Median distance between the images and those of the initial map / √target area; nan without.
+    torn_off : float
+        Share of the source's area in the largest piece that the map tears from the rest; 0 for a right map, and a limb
+        where the map exchanges two; nan for a graph and for a part.
     stress : float
         For a part, how much distances between images leave the intervals in which those on the whole must lie, relative
         to them: 0.01 for a right map, above 0.03 poor; nan for complete shapes. For a part, residual and distortion are
@@ -106,6 +109,7 @@ class Quality:
     matched: float
     landmark_error: float
     initial_map_error: float
+    torn_off: float = math.nan
     stress: float = math.nan
 
 

@@ -135,6 +135,14 @@ MEASURES = {
         "map stretches or tears the surface. A torn edge counts at most four times.",
         most_of="outcome.poor_stretch",
     ),
+    "torn_off": Measure(
+        "torn off",
+        "{:.1%}",
+        "of the source area, in one piece",
+        "Fraction of the source area in the largest piece that the map tears from the rest, such as a limb that it "
+        "exchanges with another. 0 for a correct map.",
+        most_of="outcome.poor_torn_off",
+    ),
     "stress": Measure(
         "stress of a part",
         "{:.3f}",

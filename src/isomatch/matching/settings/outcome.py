@@ -23,7 +23,9 @@ class OutcomeSettings(Settings):
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
     torn : float
         Squared length of the image of an edge, over its own, above which it counts no more: the edge is torn.
-    poor_misfit, poor_residual, poor_stretch : float
+    torn_apart : float
+        How much farther apart the images of neighbours are than the neighbours, in √area, where the map tears them.
+    poor_misfit, poor_residual, poor_stretch, poor_torn_off : float
         Values above which a map is poor.
     poor_orientation : float
         Value below which a map is poor.
@@ -55,6 +57,10 @@ class OutcomeSettings(Settings):
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
+    torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
+    poor_torn_off: float = setting(
+        0.005, "half a hand; right maps have none: docs/benchmarks.md, confidence", least=0
+    )
     poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     error_scale: float = setting(
