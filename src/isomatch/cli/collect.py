@@ -155,7 +155,7 @@ def export(
         npz (default): image vertices, and precise images in triangles; txt: the image vertex of each vertex on a line;
         or none.
     force : bool
-        Replace an earlier export.
+        Write over files of an earlier export; others in the folder stay.
     """
     meshes = None if format == "none" else f".{format.removeprefix('.')}"
     if meshes:

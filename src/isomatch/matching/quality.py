@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
@@ -18,7 +17,7 @@ from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
 from isomatch.matching.select import Selection
-from isomatch.surfaces import Graph, Surface
+from isomatch.surfaces import Graph, Surface, linked
 
 MOST_NAMED = 5  # landmarks in a note
 COVERAGE_RADIUS = Config().outcome.coverage_radius
@@ -119,8 +118,7 @@ def torn_off_share(source: Surface, target: Surface, pull_back: csr_array, apart
         for x, surface in ((pull_back @ target.vertices, target), (source.vertices, source))
     )
     whole = images - lengths <= apart
-    links = csr_array((whole[whole], (i[whole], j[whole])), shape=(source.n_vertices,) * 2)
-    _, piece = connected_components(links, directed=False)
+    _, piece = linked(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
     return float(shares[1]) if len(shares) > 1 else 0.0
 
