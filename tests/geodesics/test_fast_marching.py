@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, geodesic_distances
+from isomatch.geodesics import distance_engine, pair_distances
 from shapes import cylinder, cylinder_distances, disguised, flat_grid, icosphere, planar_delaunay
 
 
@@ -153,3 +154,22 @@ def test_coincident_corners_and_repeated_vertices_shorten_no_path(seed):
     distances = geodesic_distances(mesh, np.arange(60))
     assert (distances >= 0.8 * straight - 1e-6).all()
     assert (distances <= geodesic_distances(mesh, np.arange(60), "dijkstra") + 1e-6).all()
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-13])
+def test_pairs_have_the_distances_of_whole_columns(unit):
+    """Near and far pairs, some in both directions and some twice, one with itself, one that no path joins."""
+    sphere = icosphere(3)
+    n = sphere.n_vertices
+    vertices = np.concatenate([sphere.vertices, sphere.vertices + 5.0])
+    mesh = Mesh(unit * vertices, np.concatenate([sphere.faces, sphere.faces + n]))
+    rng = np.random.default_rng(0)
+    near = sphere.edges[rng.integers(len(sphere.edges), size=30)]
+    far = rng.integers(n, size=(30, 2))
+    pairs = np.concatenate([near, near[:5, ::-1], far, far[:5], [[7, 7], [3, n + 3]], far + n])
+    engine = distance_engine(mesh)
+    columns = engine.distances_from(pairs[:, 0])
+    found = pair_distances(engine, pairs)
+    assert np.array_equal(found, columns[np.arange(len(pairs)), pairs[:, 1]])
+    assert np.isinf(found).sum() == 1
+    assert pair_distances(engine, np.zeros((0, 2), int)).shape == (0,)

@@ -1,11 +1,11 @@
-"""A distance engine that keeps its columns, because all methods of a pair are judged at the same true images."""
+"""A distance engine that keeps its columns, because the distortion of all maps of a pair has the same rows."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.geodesics import DistanceEngine
+from isomatch.geodesics import DistanceEngine, pair_distances
 
 
 class CachingEngine:
@@ -34,6 +34,10 @@ class CachingEngine:
         for vertex in new[: self._most - len(self._kept)]:
             self._kept[vertex] = computed[vertex].copy()
         return np.array(columns, dtype=np.float64).reshape(len(wanted), self.n_points)
+
+    def pair_distances(self, pairs: IntArray) -> FloatArray:
+        """Distances (m,) of m pairs, as the engine finds them; nothing is kept."""
+        return pair_distances(self._engine, pairs)
 
     def lower(self, nearest: FloatArray, source: int) -> FloatArray | None:
         """Lower ``nearest`` as the engine does; nothing is kept."""

@@ -77,8 +77,8 @@ def geodesic_errors(
 
     Notes
     -----
-    Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One distance column for each distinct true image,
-    computed in batches; no n × n matrix.
+    Kim, Lipman & Funkhouser, *Blended Intrinsic Maps*, SIGGRAPH 2011. One front for each distinct true image, which by
+    fast marching goes no farther than the image; no n × n matrix.
     """
     if n_points is not None and n_points < len(truth):
         truth = truth[np.sort(generator(seed).choice(len(truth), n_points, replace=False))]

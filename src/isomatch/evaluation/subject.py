@@ -32,7 +32,6 @@ from isomatch.evaluation.true_landmarks import true_landmarks
 from isomatch.geodesics import distance_engine
 from isomatch.matching import Config, prepare
 
-DISTORTION_ROWS = 100  # points whose distances to 1000 others are compared in every row
 TABLE_SHARE = 4  # a quarter of the points are rows of the table, because columns are slow on large meshes
 
 
@@ -106,9 +105,12 @@ class Subject:
     def measures(self, found: Found, back: Found | None = None) -> Row:
         """Measure a map, and its cycle error with a map back; the seconds count each preparation once."""
         run, pair = self._run, self.pair
-        numbers = self._distortion("distortion_l2", found.map, n_rows=DISTORTION_ROWS)
-        numbers["image_area"] = coverage(pair.target, found.map, reach=0.0)
-        numbers["smoothness"] = dirichlet_energy(pair.source, pair.target, found.map)
+        numbers = {
+            "image_area": coverage(pair.target, found.map, reach=0.0),
+            "smoothness": dirichlet_energy(pair.source, pair.target, found.map),
+        }
+        if run.distortion_rows:
+            numbers |= self._distortion("distortion_l2", found.map, n_rows=run.distortion_rows)
         if run.table_distortion:
             n_points = min(run.n_points, len(pair.truth))
             draw = {"n_rows": n_points // TABLE_SHARE, "n_columns": n_points, "same_points": True}

@@ -122,13 +122,13 @@ def improvements(rows: list[Row]) -> list[dict[str, Any]]:
     for (name, damage, method), members in groups.items():
         line: dict[str, Any] = {"set": name, "damage": damage, "method": method, "pairs": len(members)}
         for key in ("error", "distortion_l2"):
-            values = [[np.inf if row[key] is None else row[key] for row in both] for both in members]
-            before, after = np.array(values).T
+            values = [[row.get(key) for row in both] for both in members]
+            before, after = np.array(values, dtype=np.float64).T  # NaN where there is none
             finite = np.isfinite(before) & np.isfinite(after)
             line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[finite].tolist()) for x in (before, after))
             line[f"{key}_smaller"] = float((after < before).mean())
         line["distortion_pairs"] = int(finite.sum())
-        line["distortion_l2_truth"] = _mean([row["distortion_l2_truth"] for _, row in members])
+        line["distortion_l2_truth"] = _mean([row.get("distortion_l2_truth") for _, row in members])
         table.append(line)
     return table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
-from isomatch.geodesics.front import march, march_bounded
+from isomatch.geodesics.front import march, march_bounded, march_to
 from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.stencil import stencil_of
 from isomatch.geodesics.units import ordinary_unit, require_finite
@@ -49,6 +49,11 @@ class FastMarching(ColumnEngine):
         scaled = nearest / self._unit
         march_bounded(self._stencil, source, scaled)
         nearest[:] = scaled * self._unit
+
+    def pair_distances(self, pairs: IntArray) -> FloatArray:
+        """Distances (m,) of m pairs of vertices; a front ends at the farthest vertex paired with its source."""
+        self._require_in_range(pairs.ravel())
+        return march_to(self._stencil, pairs.astype(np.int64)) * self._unit
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = march(self._stencil, sources)

@@ -50,10 +50,32 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
 
     def rows(first: int) -> None:
         for row in range(first, len(sources), threads):
-            _march(*stencil.arrays, sources[row], out[row], _NO_BOUND)
+            _march(*stencil.arrays, sources[row], out[row], _NO_BOUND, _TO_ALL)
 
     parallel_map(rows, range(threads))
     return out
+
+
+def march_to(stencil: Stencil, pairs: IntArray) -> FloatArray:
+    """Distances (m,) of m pairs (source, target), the same numbers as by `march`.
+
+    A front ends at the farthest target of its source: where pairs are near, it passes a small part of the surface.
+    """
+    sources, of_pair = np.unique(pairs[:, 0], return_inverse=True)
+    order = np.argsort(of_pair, kind="stable")
+    ends = np.searchsorted(of_pair[order], np.arange(len(sources) + 1))
+    distances = np.full(len(pairs), np.inf)
+    threads = max(1, min(n_threads(), len(sources)))
+
+    def rows(first: int) -> None:
+        for row in range(first, len(sources), threads):
+            chosen = order[ends[row] : ends[row + 1]]
+            column = np.full(stencil.n_vertices, np.inf)
+            _march(*stencil.arrays, sources[row], column, _NO_BOUND, pairs[chosen, 1])
+            distances[chosen] = column[pairs[chosen, 1]]
+
+    parallel_map(rows, range(threads))
+    return distances
 
 
 def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
@@ -62,11 +84,12 @@ def march_bounded(stencil: Stencil, source: int, nearest: FloatArray) -> None:
     The fronts of p successive sources together cost about log p full ones.
     """
     distance = np.full(stencil.n_vertices, np.inf)
-    _march(*stencil.arrays, source, distance, nearest)
+    _march(*stencil.arrays, source, distance, nearest, _TO_ALL)
     np.minimum(nearest, distance, out=nearest)
 
 
 _NO_BOUND = np.zeros(0)
+_TO_ALL = np.zeros(0, np.int64)
 
 
 @compiled(inline="always")
@@ -99,13 +122,20 @@ def _march(
     source: int,
     distance: FloatArray,
     bound: FloatArray,
+    targets: IntArray,
 ) -> None:
     """Set distances in increasing order, as in Dijkstra's algorithm, with an indexed binary heap.
 
     ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no
-    nearer than its bound stays at ``inf``, and the front does not continue from it.
+    nearer than its bound stays at ``inf``, and the front does not continue from it. The front ends as soon as all
+    ``targets`` are known, if there are any; what it holds of other vertices is then no distance.
     """
     n = len(start) - 1
+    awaited = np.zeros(n if len(targets) else 0, np.bool_)
+    missing = 0
+    for v in targets:
+        missing += not awaited[v]
+        awaited[v] = True
     known = np.empty(n, np.float64)  # final distances; inf while tentative, −1 where the bound is nearer
     excess = np.empty(n, np.float64)
     slot = np.empty(n, np.int32)  # index in the heap, −1 for a vertex never reached
@@ -144,6 +174,10 @@ def _march(
             known[v] = -1.0
             continue
         known[v] = dv
+        if missing > 0 and awaited[v]:
+            missing -= 1
+            if missing == 0:
+                return
         for e in range(start[v], start[v + 1]):
             c = target[e]
             if known[c] != np.inf:

@@ -1,4 +1,4 @@
-"""Distances of pairs of points, from one distance column per distinct source."""
+"""Distances of pairs of points, at most at the cost of one column per distinct source."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    One column per distinct source, 64 at a time: of the two ends, put the one with fewer distinct points first.
+    One column per distinct source, 64 at a time: of the two ends, put the one with fewer distinct points first. An
+    engine that has a method ``pair_distances``, as fast marching does, is asked directly: its fronts end early.
 
     Examples
     --------
@@ -53,6 +54,9 @@ def pair_distances(engine: DistanceEngine, pairs: ArrayLike) -> FloatArray:
         raise MeshError(
             f"pairs of vertices {some(bad)} leave 0…{engine.n_points - 1}, the vertices of the surface"
         )
+    if hasattr(engine, "pair_distances"):
+        found: FloatArray = engine.pair_distances(wanted)
+        return found
     sources, of_pair = np.unique(wanted[:, 0], return_inverse=True)
     order = np.argsort(of_pair, kind="stable")
     distances = np.zeros(len(wanted))
