@@ -4,6 +4,7 @@ import numpy as np
 
 from isomatch import Mesh, distance_engine
 from isomatch.evaluation import CachingEngine
+from isomatch.geodesics import pair_distances
 from shapes import planar_delaunay
 
 
@@ -32,6 +33,15 @@ def test_the_same_columns_computed_once():
     again[:] = 0
     assert np.array_equal(engine.distances_from([5]), first[1:2]), "the caller may change what was returned"
     assert engine.distances_from(np.zeros(0, dtype=int)).shape == (0, 60)
+
+
+def test_pairs_are_those_of_the_engine_and_keep_nothing():
+    inner = Counting(planar_delaunay(60))
+    pairs = np.array([[3, 5], [5, 3], [7, 7]])
+    assert np.array_equal(
+        pair_distances(CachingEngine(inner, 2**20), pairs), pair_distances(inner.engine, pairs)
+    )
+    assert inner.columns == 3, "of an engine that has only columns"
 
 
 def test_no_more_is_kept_than_allowed():

@@ -15,7 +15,11 @@ from isomatch.errors import MeshError, some
 
 @runtime_checkable
 class DistanceEngine(Protocol):
-    """Distances of a metric space of n points, one column (source) at a time; nothing else of the space is needed."""
+    """Distances of a metric space of n points, one column (source) at a time; nothing else of the space is needed.
+
+    An engine that finds single distances faster than columns may also have a method ``pair_distances``, from (m, 2) pairs
+    of points to (m,) distances; the function `pair_distances` then uses it.
+    """
 
     name: str
     n_points: int
