@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOWEST := $(VENV)/lowest
+DOCS := $(VENV)/docs
 LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
@@ -27,12 +28,14 @@ $(VENV)/uv:
 demo: $(VENV)/core
 	$(BIN)/isomatch demo -o demo
 
-$(VENV)/docs: pyproject.toml $(VENV)/core
-	$(BIN)/python $(PIP) -e '.[docs]'
+$(DOCS)/bin/sphinx-build: pyproject.toml
+	rm -rf $(DOCS)
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python $(PIP) -e '.[docs]'
 	@touch $@
 
-docs: $(VENV)/docs
-	$(BIN)/sphinx-build -n -W --keep-going docs docs/_build/html
+docs: $(DOCS)/bin/sphinx-build
+	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 test: $(VENV)/dev lint types
 	$(BIN)/python -m pytest -n auto --dist loadfile

@@ -152,6 +152,34 @@ def test_a_texture_of_trimesh_goes_out_and_in(kind):
     given = textured().to_trimesh()
     if kind == "PBR":
         given.visual.material = given.visual.material.to_pbr()
-    materials, [(picture, _)] = base_colours(Asset.from_object(given).document)
+    materials, [(picture, tint)] = base_colours(Asset.from_object(given).document)
     assert set(materials) == {0}
     assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
+    assert tint == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "tint"),
+    [
+        (lambda m: setattr(m, "diffuse", np.uint8([51, 102, 255, 255])), [0.2, 0.4, 1, 1]),
+        (lambda m: setattr(m, "diffuse", [0.2, 0.4, 1.0]), [0.2, 0.4, 1, 1]),
+        (lambda m: setattr(m, "diffuse", type(m)().diffuse), [1, 1, 1, 1]),  # none was given
+        (lambda m: setattr(m, "baseColorFactor", [0.2, 0.4, 1.0, 0.6]), [0.2, 0.4, 1, 0.6]),
+        (lambda m: setattr(m, "baseColorFactor", None), [1, 1, 1, 1]),
+    ],
+    ids=["simple", "fractions", "unset", "PBR", "PBR without"],
+)
+def test_the_tint_of_a_texture_of_trimesh_stays(change, tint, request, tmp_path):
+    mesh = textured().to_trimesh()
+    if request.node.callspec.id.startswith("PBR"):
+        mesh.visual.material = mesh.visual.material.to_pbr()
+    change(mesh.visual.material)
+    write_asset(tmp_path / "tinted.glb", Asset.from_object(mesh))
+    asset = read_asset(tmp_path / "tinted.glb")
+    _, [(picture, found)] = base_colours(asset.document)
+    assert found == pytest.approx(tint)
+    assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
+
+    opened = asset.to_trimesh().visual.material.to_pbr()  # as trimesh writes it to a GLB file
+    shown = np.asarray(opened.baseColorTexture) * (opened.baseColorFactor / 255)
+    assert np.abs(shown - TEXTURE * tint).max() < 0.51

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Outcome
-from isomatch.correspondence import PrecisePoints
 from isomatch.matching import Quality, outcome_of
 from isomatch.matching.quality import torn_off_share
 from shapes import icosphere
@@ -79,8 +78,7 @@ def test_a_cap_that_goes_to_the_other_pole_is_torn_off():
     opposite = (sphere.vertices @ -sphere.vertices[cap].T).argmax(axis=0)
 
     def torn_off(images):
-        pull_back = PrecisePoints.at_vertices(images).interpolation(sphere.n_vertices)
-        return torn_off_share(sphere, sphere, pull_back, BOUNDS.torn_apart)
+        return torn_off_share(sphere, sphere.area, sphere.vertices[images], BOUNDS.torn_apart)
 
     assert torn_off(images) == 0.0
     assert torn_off(images[::-1]) < 0.05, "scattered points are no piece"

@@ -110,7 +110,10 @@ class Asset:
 
         asset, texture = cls(*held_by(given)), texture_on(given)
         asset.require_points()
-        return asset if texture is None or not asset.of_kind("uv") else with_texture(asset, png_of(texture))
+        if texture is None or not asset.of_kind("uv"):
+            return asset
+        picture, tint = texture
+        return with_texture(asset, png_of(picture), tint)
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
         """Return an attribute by its name, and its domain if several have that name.

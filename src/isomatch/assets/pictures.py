@@ -9,7 +9,9 @@ import numpy as np
 
 from isomatch._arrays import AnyArray, FloatArray
 from isomatch.assets.asset import Asset
-from isomatch.assets.formats.gltf_looks import base_colours
+from isomatch.assets.formats.gltf_looks import UNTINTED, base_colours
+
+NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 def pixels_of(picture: bytes) -> FloatArray:
@@ -43,8 +45,8 @@ def texture_of(asset: Asset) -> AnyArray | None:
     return pixels
 
 
-def texture_on(given: Any) -> AnyArray | None:
-    """Return the texture of a mesh of trimesh or Open3D; None unless it has one."""
+def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
+    """Return the texture of a mesh of trimesh or Open3D, and the colour that tints it, 0…1; None unless it has one."""
     found: list[AnyArray] = []
     material = getattr(getattr(given, "visual", None), "material", None)  # of trimesh
     for name in ("image", "baseColorTexture"):
@@ -57,7 +59,20 @@ def texture_on(given: Any) -> AnyArray | None:
         maps = given.material.texture_maps
         if "albedo" in maps:
             found = [maps["albedo"].as_tensor().cpu().numpy()]
-    return found[0] if len(found) == 1 else None
+    return (found[0], _tint(material)) if len(found) == 1 else None
+
+
+def _tint(material: Any) -> tuple[float, ...]:
+    """Colour by which a material of trimesh multiplies its picture; of those of Open3D none is known."""
+    tint = getattr(material, "baseColorFactor", None)
+    diffuse = getattr(material, "diffuse", None)
+    if tint is None and diffuse is not None and tuple(diffuse) != NO_DIFFUSE:
+        tint = diffuse
+    if tint is None:
+        return UNTINTED
+    colour = np.asarray(tint)
+    channels = colour if colour.dtype.kind == "f" else colour / 255
+    return (*channels.tolist(), 1.0)[:4]
 
 
 def _four_channels(pixels: AnyArray, opaque: float) -> AnyArray:

@@ -26,8 +26,12 @@ def to_trimesh(asset: Asset) -> Any:
         values = attribute.plain
         of_points = attribute.domain == "point"
         if attribute.kind == "uv" and of_points:
-            image = None if texture is None else package("PIL.Image", None, "a texture").fromarray(texture)
-            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), image=image)
+            material = None
+            if texture is not None:
+                image = package("PIL.Image", None, "a texture").fromarray(texture)
+                # white, as the tint is painted into it; with none given, trimesh would write a dark grey
+                material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
+            mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
         elif attribute.kind == "colour" and not has_uv:
             values = trimesh.visual.to_rgba(values)
             if of_points:

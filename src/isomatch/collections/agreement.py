@@ -112,9 +112,10 @@ def agreement_of(rows: Rows) -> Agreement:
     """Sum up the rows of a collection."""
     compared = [pair for pair, row in rows.pairs.items() if "agreement" in row]
     names = sorted({name for pair in compared for name in pair})
+    number = {name: i for i, name in enumerate(names)}
     orientations = np.full((len(names), len(names)), np.nan)
     for pair in compared:
-        i, j = map(names.index, pair)
+        i, j = (number[name] for name in pair)
         orientation = rows.pairs[pair]["there"]["quality"]["orientation"]
         orientations[i, j] = orientations[j, i] = np.nan if orientation is None else orientation
     return Agreement(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
@@ -52,14 +51,14 @@ def measure_quality(
     distortion = np.abs(source.columns[:, vertices] - there)
     aligned = source.points.at(vertices), target.points.at(image[vertices])
     basis = SampledBasis(source.laplace.vectors, vertices)
-    pull_back = points.interpolation(target.body.n_vertices)
+    positions = image_positions(source.body, target.body, points)
     return Quality(
         misfit=selection.winner.misfit if selection else np.nan,
         rival=selection.rival if selection else np.nan,
         mirrored=selection.mirrored if selection else np.nan,
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
-        stretch=edge_stretch(source.body, target.body, pull_back, settings.torn),
-        torn_off=torn_off_share(source.body, target.body, pull_back, settings.torn_apart),
+        stretch=edge_stretch(source.body, positions, settings.torn),
+        torn_off=torn_off_share(source.body, target.body.area, positions, settings.torn_apart),
         orientation=orientation_of(source, basis, target, image[vertices], settings.normal_functions)
         if pair.oriented
         else np.nan,
@@ -84,40 +83,46 @@ def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_R
     return float(surface.vertex_areas[gap <= radius * np.sqrt(surface.area)].sum() / surface.area)
 
 
+def image_positions(source: Surface, target: Surface, points: PrecisePoints) -> FloatArray | None:
+    """(n_s, 3) where the images of the source's vertices lie in space; None unless both surfaces have coordinates."""
+    if isinstance(source, Graph) or isinstance(target, Graph):
+        return None
+    positions: FloatArray = points.interpolation(target.n_vertices) @ target.vertices
+    return positions
+
+
 def edge_stretch(
     source: Surface,
-    target: Surface,
-    pull_back: csr_array,
+    images: FloatArray | None,
     torn: float,
     unit: float = 1.0,
     matched: BoolArray | None = None,
 ) -> float:
-    """Dirichlet energy of the map on edges: squared lengths of their images over their own; nan without coordinates.
+    """Dirichlet energy of the map on edges: squared lengths of their images (n_s, 3) over their own; nan without these.
 
     An edge counts with at most ``torn`` times its own: a few torn faces must not outweigh all others. Lengths of the
     source are worth ``unit``; only edges between matched vertices count.
     """
-    if isinstance(source, Graph) or isinstance(target, Graph):
+    if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = (source.edges if matched is None else source.edges[matched[source.edges].all(axis=1)]).T
-    points = pull_back @ target.vertices
-    images, lengths = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (points, unit * source.vertices))
-    return float(np.minimum(images, torn * lengths).sum() / lengths.sum())
+    there, here = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (images, unit * source.vertices))
+    return float(np.minimum(there, torn * here).sum() / here.sum())
 
 
-def torn_off_share(source: Surface, target: Surface, pull_back: csr_array, apart: float) -> float:
-    """Share of the source's area in the largest piece that a map tears from the rest; nan without coordinates.
+def torn_off_share(source: Surface, target_area: float, images: FloatArray | None, apart: float) -> float:
+    """Share of the source's area in the largest piece that a map to ``images`` tears from the rest; nan without these.
 
     An edge is torn if its image is longer than itself by more than ``apart``, each in the √area of its surface.
     """
-    if isinstance(source, Graph) or isinstance(target, Graph):
+    if isinstance(source, Graph) or images is None:
         return np.nan
     i, j = source.edges.T
-    images, lengths = (
-        np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(surface.area)
-        for x, surface in ((pull_back @ target.vertices, target), (source.vertices, source))
+    there, here = (
+        np.linalg.norm(x[i] - x[j], axis=1) / np.sqrt(area)
+        for x, area in ((images, target_area), (source.vertices, source.area))
     )
-    whole = images - lengths <= apart
+    whole = there - here <= apart
     _, piece = linked(source.n_vertices, (i[whole], j[whole]))
     shares = np.sort(np.bincount(piece, source.vertex_areas))[::-1] / source.vertex_areas.sum()
     return float(shares[1]) if len(shares) > 1 else 0.0

@@ -15,8 +15,8 @@ from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.transfer.bridge import Bridge, columns
 from isomatch.transfer.choices import Labelling, Side
+from isomatch.transfer.corner_values import interpolated_at_corners, is_seamless
 from isomatch.transfer.rotations import rotations
-from isomatch.transfer.sheets import interpolated_at_corners, is_seamless
 
 _SYNONYMS = {"color": "colour", "texture": "uv", "skin": "weights"}
 GREY = 0.5  # colour of what is unmatched

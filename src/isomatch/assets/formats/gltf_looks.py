@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, new_document
 
+UNTINTED = (1.0, 1.0, 1.0, 1.0)
 _LISTS = ("images", "samplers", "textures", "materials")
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
@@ -104,12 +106,14 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     return _closed(receiver, document, gltf)
 
 
-def with_texture(receiver: Asset, png: bytes) -> Asset:
-    """Return the receiver as a glTF file with one material of one picture."""
+def with_texture(receiver: Asset, png: bytes, tint: Sequence[float] = UNTINTED) -> Asset:
+    """Return the receiver as a glTF file with one material of one picture, multiplied by a tint of red to alpha, 0…1."""
     document, gltf = _opened(receiver)
     image = gltf.append("images", {"bufferView": gltf.add_bytes(png), "mimeType": "image/png"})
     texture = gltf.append("textures", {"source": image})
-    look = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0}
+    look: dict[str, Any] = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0}
+    if tuple(tint) != UNTINTED:
+        look["baseColorFactor"] = list(tint)
     material = gltf.append("materials", {"name": "baked", "pbrMetallicRoughness": look})
     for mesh, i, _ in (place for part in document.primitives for place in part):
         gltf.json["meshes"][mesh]["primitives"][i]["material"] = material
@@ -144,7 +148,7 @@ def base_colours(document: object) -> tuple[IntArray, list[tuple[bytes, list[flo
                 view = document.json["bufferViews"][image["bufferView"]]
                 start = view.get("byteOffset", 0)
                 picture = document.blob[start : start + view["byteLength"]]
-        looks.append((picture, base.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0])))
+        looks.append((picture, base.get("baseColorFactor", list(UNTINTED))))
     return material_of_triangles(document), looks
 
 

@@ -16,7 +16,12 @@ from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.parts.closing import match_closed
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
-from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, edge_stretch
+from isomatch.matching.quality import (
+    contradicted_landmarks,
+    distances_to_hints,
+    edge_stretch,
+    image_positions,
+)
 from isomatch.matching.result import MatchResult, Quality
 from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.starts import nearest_in_pose
@@ -170,8 +175,7 @@ def _quality(
         residual=np.nan,
         stretch=edge_stretch(
             source.body,
-            target.body,
-            points.interpolation(target.body.n_vertices),
+            image_positions(source.body, target.body, points),
             pair.config.outcome.torn,
             unit,
             matched,
