@@ -1,12 +1,14 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of
-from isomatch.collections.collection import Collection, Event, state_of
+from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
 from isomatch.collections.reports import write_reports
+from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry
+from isomatch.collections.states import state_of
 from isomatch.collections.tables import write_table
 
 __all__ = [

@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch.collections.collection import Collection, Event, is_contradicted
+from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
 from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
 from isomatch.collections.ledger import Ledger, Rows, writing_ledger
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair, tiles_of
+from isomatch.collections.run import Event
+from isomatch.collections.states import is_contradicted
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Config, Outcome

@@ -3,42 +3,28 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from isomatch._cached import cached_property
-from isomatch._files import write_text, writing
-from isomatch.collections.consistency import CONTRADICTED
-from isomatch.collections.jobs import LOADED, Job, PlannedPair
-from isomatch.collections.layout import Layout, key_of
+from isomatch._files import write_text
+from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
-from isomatch.collections.map_file import PairMaps, Record
-from isomatch.collections.pairs import PATTERNS, SIDE, Pair, pairs_of, tiles_of
+from isomatch.collections.map_file import PairMaps
+from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
+from isomatch.collections.run import Event, Run
 from isomatch.collections.shapes import Entry, entries_of
+from isomatch.collections.states import state_of, was_contradicted
 from isomatch.collections.template import medoid
-from isomatch.collections.workers import Task, workers_of
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.matching import Config
-
-TILES_PER_WORKER = 4  # so that the last ones end at about the same time
-
-
-class Event(NamedTuple):
-    """A step of a run: what was done for which shape or pair, its row, and how many of how many are."""
-
-    what: Literal["shape", "pair", "agreement"]
-    name: str | Pair
-    record: Record
-    done: int
-    of: int
 
 
 @dataclass(frozen=True)
@@ -238,44 +224,7 @@ class Collection:
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """
-        end = math.inf if time_limit is None else time.time() + time_limit
-        layout, job = self.layout, Job(self.layout, self.config, self.seed, end)
-        for folder in ("prepared", "maps"):
-            with writing(layout.folder / folder):
-                (layout.folder / folder).mkdir(parents=True, exist_ok=True)
-        with (
-            workers_of(executor, jobs) as workers,
-            writing_ledger(layout.ledger(shard), one_host=shard[1] == 1) as ledger,
-        ):
-            layout.remove_unfinished(shard)
-            known = self.rows()
-            todo = [entry for entry in self._needed(shard, known) if not self._is_prepared(entry, known)]
-            tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
-            for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-                known.shapes[entry.name] = _row_of(record)
-                ledger.put_shape(entry.name, known.shapes[entry.name])
-                yield Event("shape", entry.name, known.shapes[entry.name], count, len(todo))
-            if job.is_late():
-                return
-            usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
-            pairs = [pair for pair in self._in_shard(shard, known) if usable.issuperset(pair)]
-            plans = [self._planned(pair, known) for pair in pairs]
-            files = {path.name for path in (layout.folder / "maps").iterdir()}
-            missing = {
-                plan.pair: plan
-                for plan in plans
-                if not self._is_matched(plan, known.pairs.get(plan.pair), files)
-            }
-            largest = max((known.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
-            most = max(1, len(missing) // (TILES_PER_WORKER * workers.count()))
-            tiles = tiles_of(list(missing), self.names, max(1, LOADED // (2 * largest)), most)
-            tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
-            for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-                row = {**_row_of(record), "key": plan.key, "attempt": plan.attempt}
-                if row["state"] == "failed":  # the map that was there before is judged as before
-                    row["contradicted"] = plan.contradicted
-                ledger.put_pair(plan.pair, row)
-                yield Event("pair", plan.pair, row, count, len(missing))
+        return Run(self, shard).events(executor, jobs, time_limit)
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:
         """Let the next run match pairs again: those that failed, or those that ended with low confidence.
@@ -298,54 +247,9 @@ class Collection:
                     if state_of(record) == which:
                         attempt = record["attempt"] + (which == "low")
                         todo = {"state": "todo", "time": time.time(), "attempt": attempt}
-                        ledger.put_pair(pair, {**todo, "contradicted": _was_contradicted(record)})
+                        ledger.put_pair(pair, {**todo, "contradicted": was_contradicted(record)})
                         again.append(pair)
         return again
-
-    def _in_shard(self, shard: tuple[int, int], rows: Rows) -> list[Pair]:
-        """List the pairs of a shard: as many as of any other, and of few different shapes."""
-        pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
-        index, count = shard
-        if count == 1:
-            return pairs
-        in_order = [pair for tile in tiles_of(pairs, self.names, SIDE, len(pairs)) for pair in tile]
-        return in_order[len(pairs) * index // count : len(pairs) * (index + 1) // count]
-
-    def _needed(self, shard: tuple[int, int], rows: Rows) -> list[Entry]:
-        """List the shapes of a shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
-        if self.pairs == "star" and self.template is None:
-            first = len(self.shapes) * shard[0] // shard[1]
-            return [*self.shapes[first:], *self.shapes[:first]]
-        if shard[1] == 1:
-            return list(self.shapes)
-        needed = {name for pair in self._in_shard(shard, rows) for name in pair}
-        return [entry for entry in self.shapes if entry.name in needed]
-
-    def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
-        record = rows.shapes.get(entry.name)
-        if record is None or not entry.path.exists():
-            return False
-        stat = entry.path.stat()
-        if (record.get("size"), record.get("changed")) != (stat.st_size, stat.st_mtime_ns):
-            return False
-        if record["state"] == "failed":
-            return True
-        key = key_of(self.config, self.seed, record["hash"])
-        return bool(record["key"] == key) and self.layout.prepared(key).exists()
-
-    def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
-        shapes = [rows.shapes[name] for name in pair]
-        hashes = (shapes[0]["hash"], shapes[1]["hash"])
-        row = rows.pairs.get(pair, {})
-        attempt = row.get("attempt", 0)
-        key = key_of(self.config, self.seed + attempt, *hashes)
-        keys = (shapes[0]["key"], shapes[1]["key"])
-        return PlannedPair(pair, key, keys, hashes, attempt, row.get("contradicted", False))
-
-    def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
-        if row is None or row["state"] == "todo" or row["key"] != plan.key:
-            return False
-        return row["state"] == "failed" or self.layout.maps(plan.pair).name in files
 
     def _require_same(self, old: Collection) -> None:
         """Raise `SettingError` unless another collection has the same settings."""
@@ -359,27 +263,3 @@ class Collection:
                 f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
                 "give another folder"
             )
-
-
-def state_of(record: Record) -> str:
-    """How a pair stands: "todo", "failed", "low" (matched with low confidence) or "done"."""
-    if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
-        return "low"
-    return str(record["state"])
-
-
-def is_contradicted(record: Record) -> bool:
-    """Whether other maps contradict that of a pair, as far as they were compared."""
-    return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
-
-
-def _was_contradicted(record: Record) -> bool:
-    return is_contradicted(record) or bool(record.get("contradicted", False))
-
-
-def _row_of(record: Record | Exception) -> Record:
-    """Row of a job, or of its end: a worker that died of it."""
-    if not isinstance(record, Exception):
-        return record
-    reason = f"three workers died of it, killed or out of memory ({type(record).__name__}: {record})"
-    return {"state": "failed", "time": time.time(), "error": reason}

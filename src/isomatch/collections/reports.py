@@ -14,11 +14,12 @@ import numpy as np
 
 from isomatch._files import writing
 from isomatch.assets import mesh_from
-from isomatch.collections.collection import Collection, is_contradicted
+from isomatch.collections.collection import Collection
 from isomatch.collections.jobs import row_of
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
+from isomatch.collections.states import is_contradicted
 from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, workers_of
 from isomatch.errors import SettingError

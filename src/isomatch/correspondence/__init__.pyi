@@ -4,7 +4,8 @@ from isomatch.correspondence.alignment import (
     iterative_closest_points,
     signed_procrustes,
 )
-from isomatch.correspondence.correspondence import UNMATCHED, Correspondence
+from isomatch.correspondence.checked_map import UNMATCHED
+from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.functional_maps import (
     Embedding,
     FunctionalMap,

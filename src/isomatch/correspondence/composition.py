@@ -5,11 +5,61 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch._arrays import BoolArray, IntArray
+from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
 
 TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
+
+
+def composed(
+    vertices: IntArray,
+    points: PrecisePoints,
+    image: IntArray,
+    there: PrecisePoints,
+    middle: Mesh | None,
+    target: Mesh | None,
+) -> tuple[IntArray, PrecisePoints]:
+    """Map the images under one map by another; see `Correspondence.then`.
+
+    Parameters
+    ----------
+    vertices : (n,) array of int
+        Middle vertex of each source vertex.
+    points : PrecisePoints
+        The same, as n precise images.
+    image : (m,) array of int
+        Target vertex of each middle vertex.
+    there : PrecisePoints
+        The same, as m precise images.
+    middle, target : Mesh, optional
+        Both or neither.
+
+    Returns
+    -------
+    (n,) array of int, PrecisePoints
+        Target vertex of each source vertex, and n precise images.
+    """
+    by_weight = np.argsort(-points.barycentric, axis=1, kind="stable")
+    corners = np.take_along_axis(points.corners, by_weight, axis=1)
+    weights = np.take_along_axis(points.barycentric, by_weight, axis=1)
+    nearest = corners[:, 0]
+    found = np.where(vertices >= 0, image[nearest], UNMATCHED)
+    faces, barycentric = there.corners[nearest], there.barycentric[nearest]
+    weights = np.where((image >= 0)[corners], weights, 0.0)
+    inside = np.flatnonzero((found >= 0) & (weights[:, 1:] > 0).any(axis=1))
+    weights = weights[inside] / weights[inside].sum(axis=1, keepdims=True)
+    between = PrecisePoints(corners[inside], weights)
+    precise, changed = (
+        composed_in_faces(between, there)
+        if middle is None or target is None
+        else composed_on_surface(between, there, middle, target)
+    )
+    rows = inside[changed]
+    faces[rows], barycentric[rows] = (part[changed] for part in precise)
+    found[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
+    return found, PrecisePoints(faces, barycentric)
 
 
 def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:

@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of
 from isomatch.assets import SurfaceLike, mesh_from, surface_from
 from isomatch.bases import LaplaceBasis, laplace_basis
 from isomatch.correspondence.carried_values import pulled_back, pushed_forward
-from isomatch.correspondence.composition import composed_in_faces, composed_on_surface, inverse
+from isomatch.correspondence.checked_map import UNMATCHED, checked_map
+from isomatch.correspondence.composition import composed, inverse
 from isomatch.correspondence.functional_maps import FunctionalMap, fit_functional_map
 from isomatch.correspondence.map_files import read_map, write_map
-from isomatch.errors import DescriptorError, FormatError, MapError, some
+from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.surfaces import Mesh, PrecisePoints, picture, surface_in_use
-
-UNMATCHED = -1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -69,33 +68,13 @@ class Correspondence:
         source_hash: str = "",
         target_hash: str = "",
     ) -> None:
-        given = array_of(vertices, "the vertices of a map", MapError)
-        if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-            raise MapError(
-                f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape "
-                f"{given.shape}"
-            )
-        if n_target < 0:
-            raise MapError(f"n_target = {n_target} is not a number of target vertices")
-        bad = np.flatnonzero((given < UNMATCHED) | (given >= n_target))
-        if len(bad):
-            raise MapError(
-                f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
-                "indices count from 0, and −1 means unmatched"
-            )
-        image = np.array(given, dtype=np.int64)
-        if (faces is None) != (barycentric is None):
-            raise MapError("faces and barycentric describe the precise image together; give both or neither")
-        if faces is None or barycentric is None:
-            corners = np.repeat(image[:, None], 3, axis=1)
-            weights = np.tile([1.0, 0.0, 0.0], (len(image), 1))
-        else:
-            given_weights = numbers_of(barycentric, "barycentric weights", MapError)
-            corners, weights = _precise(array_of(faces, "faces", MapError), given_weights, image, n_target)
-        for name, array in (("vertices", image), ("faces", corners), ("barycentric", weights)):
+        image, points = checked_map(vertices, n_target, faces, barycentric)
+        for array in (image, *points):
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
         for field, value in (
+            ("vertices", image),
+            ("faces", points.corners),
+            ("barycentric", points.barycentric),
             ("n_target", int(n_target)),
             ("source_hash", source_hash),
             ("target_hash", target_hash),
@@ -329,27 +308,10 @@ class Correspondence:
         if middle is not None:
             middle, target = mesh_from(middle), mesh_from(target)
             other.check_fits(middle, target)
-        by_weight = np.argsort(-self.barycentric, axis=1, kind="stable")
-        corners = np.take_along_axis(self.faces, by_weight, axis=1)
-        weights = np.take_along_axis(self.barycentric, by_weight, axis=1)
-        image, faces, barycentric = (
-            part[corners[:, 0]] for part in (other.vertices, other.faces, other.barycentric)
-        )
-        image = np.where(self.matched, image, UNMATCHED)
-        weights = np.where(other.matched[corners], weights, 0.0)
-        inside = np.flatnonzero((image >= 0) & (weights[:, 1:] > 0).any(axis=1))
-        weights = weights[inside] / weights[inside].sum(axis=1, keepdims=True)
-        points = PrecisePoints(corners[inside], weights)
+        points = PrecisePoints(self.faces, self.barycentric)
         there = PrecisePoints(other.faces, other.barycentric)
-        found, changed = (
-            composed_on_surface(points, there, middle, target)
-            if middle is not None
-            else composed_in_faces(points, there)
-        )
-        rows = inside[changed]
-        faces[rows], barycentric[rows] = (part[changed] for part in found)
-        image[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
-        return Correspondence(image, other.n_target, faces, barycentric, self.source_hash, other.target_hash)
+        image, images = composed(self.vertices, points, other.vertices, there, middle, target)
+        return Correspondence(image, other.n_target, *images, self.source_hash, other.target_hash)
 
     def reversed(
         self, source: SurfaceLike = None, target: SurfaceLike = None, within: float = 0.05
@@ -432,25 +394,3 @@ class Correspondence:
             return cls(**read_map(Path(path), n_target))
         except MapError as error:
             raise FormatError(f"{path}: {error}") from None
-
-
-def _precise(
-    faces: AnyArray, weights: FloatArray, image: IntArray, n_target: int
-) -> tuple[IntArray, FloatArray]:
-    """Return corners and weights once they are precise images of the matched vertices; `MapError` if they are not."""
-    if faces.shape != (len(image), 3) or weights.shape != (len(image), 3):
-        raise MapError("faces and barycentric must both have one row of three for each source vertex")
-    if faces.size and faces.dtype.kind not in "iu":
-        raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
-    held = image >= 0
-    if ((faces[held] < 0) | (faces[held] >= n_target)).any():
-        raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
-    smallest, sums = (
-        weights[held].min(initial=0.0),
-        np.where(np.isfinite(weights), weights, np.inf)[held].sum(axis=1),
-    )
-    if smallest < -1e-9 or not (np.abs(sums - 1) <= 1e-6).all():
-        raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
-    corners = faces.astype(np.int64)
-    corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
-    return corners, weights

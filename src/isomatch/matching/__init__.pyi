@@ -15,7 +15,8 @@ from isomatch.matching.landmarks import nearest_landmarks, read_landmarks
 from isomatch.matching.match import match
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.prepare import prepare
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import (
     COVERAGE_RADIUS,
     contradicted_landmarks,

@@ -20,7 +20,7 @@ from isomatch.matching.match import match_prepared, require_landmarks_for_pins
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.parts import part_of
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.search import Hypothesis
 from isomatch.matching.stage_timer import Progress, StageTimer, two_arguments

@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.surfaces import Mesh
 

@@ -17,7 +17,7 @@ from isomatch.matching.hints import (
     checked_landmarks,
 )
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 
 
 class ComponentHints:

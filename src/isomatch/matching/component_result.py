@@ -11,7 +11,7 @@ from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.hints import FEWEST_POINTS
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MAP_ARRAYS, MatchResult
 from isomatch.matching.stage_timer import StageTimer
 

@@ -21,7 +21,7 @@ from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import StageTimer

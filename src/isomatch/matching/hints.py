@@ -12,7 +12,7 @@ from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 

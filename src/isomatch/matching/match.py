@@ -17,7 +17,7 @@ from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints, checked_landmarks
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.pins import pinned
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.stage_timer import Progress, StageTimer
 

@@ -11,7 +11,7 @@ from isomatch.correspondence import SampledBasis
 from isomatch.surfaces import vertex_normals
 
 if TYPE_CHECKING:
-    from isomatch.matching.prepare import PreparedShape
+    from isomatch.matching.prepared_shape import PreparedShape
 
 
 def orientation_of(

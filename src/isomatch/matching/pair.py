@@ -13,7 +13,8 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
 from isomatch.matching.config import Config
-from isomatch.matching.prepare import PreparedShape, prepare
+from isomatch.matching.prepare import prepare
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.smooth_shape import SmoothShape
 from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
 

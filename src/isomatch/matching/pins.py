@@ -13,7 +13,7 @@ from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.settings import RefinementSettings
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface

@@ -14,7 +14,7 @@ from isomatch.correspondence import alignment_from_functions, alignments_from_po
 from isomatch.errors import SettingError
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.settings import SearchSettings
 from isomatch.surfaces import Graph, Surface
 

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._cached import cached_property
 from isomatch.correspondence import nearest_rows
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.settings import ElasticSettings
 from isomatch.surfaces import Mesh
 

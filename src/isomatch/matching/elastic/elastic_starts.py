@@ -7,7 +7,7 @@ import numpy as np
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import IntervalCost, assign_points, pin_first
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.symmetries import farthest_rows
 
 

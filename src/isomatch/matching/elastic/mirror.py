@@ -14,7 +14,7 @@ from isomatch.matching.elastic.elastic_fit import ElasticFit, coarse_steps
 from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 
 NONE = np.zeros((0, 2), dtype=np.int64)
 

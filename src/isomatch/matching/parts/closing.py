@@ -17,7 +17,7 @@ from isomatch.matching.complete import CompleteMatch, complete_result, match_com
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.role import Part
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, covered_share
 from isomatch.matching.result import Alternative, MatchResult
 from isomatch.matching.stage_timer import StageTimer

@@ -16,7 +16,7 @@ from isomatch.matching.config import Config
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, composed, self_maps
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest

@@ -11,7 +11,7 @@ from isomatch._cached import cached_property
 from isomatch.correspondence import IntervalCost
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.matching.config import Config
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh
 
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)

@@ -13,7 +13,7 @@ from isomatch._cached import cached_property
 from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.surfaces import vertex_normals
 
 EXTRA_FUNCTIONS = 3

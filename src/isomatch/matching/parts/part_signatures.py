@@ -11,7 +11,7 @@ from isomatch._arrays import FloatArray
 from isomatch._cached import cached_property
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 
 N_ENERGIES = 20
 REACH = 4.0  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ

@@ -14,7 +14,7 @@ from isomatch.matching.config import Config
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.part_pair import PartPair, areas_of_samples
 from isomatch.matching.parts.part_signatures import WholeSignatures
-from isomatch.matching.prepare import PreparedShape
+from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.search import Hypothesis, flips
 
 BALL_TOLERANCE = 0.15

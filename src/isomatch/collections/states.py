@@ -1,0 +1,23 @@
+"""How a pair stands, as its row tells."""
+
+from __future__ import annotations
+
+from isomatch.collections.consistency import CONTRADICTED
+from isomatch.collections.map_file import Record
+
+
+def state_of(record: Record) -> str:
+    """How a pair stands: "todo", "failed", "low" (matched with low confidence) or "done"."""
+    if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
+        return "low"
+    return str(record["state"])
+
+
+def is_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, as far as they were compared."""
+    return bool(record.get("agreement", {}).get("inconsistency", 0.0) > CONTRADICTED)
+
+
+def was_contradicted(record: Record) -> bool:
+    """Whether other maps contradict that of a pair, or did before it was to be matched again."""
+    return is_contradicted(record) or bool(record.get("contradicted", False))

@@ -1,0 +1,62 @@
+"""What describes a map, checked: a target vertex for each source vertex, and precise images in triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch.errors import MapError, some
+from isomatch.surfaces import PrecisePoints
+
+UNMATCHED = -1
+
+
+def checked_map(
+    vertices: ArrayLike, n_target: int, faces: ArrayLike | None, barycentric: ArrayLike | None
+) -> tuple[IntArray, PrecisePoints]:
+    """Return target vertices (n_source,) and precise images, once they describe a map; see `Correspondence`.
+
+    Raises
+    ------
+    MapError
+        If they do not.
+    """
+    given = array_of(vertices, "the vertices of a map", MapError)
+    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+        raise MapError(
+            f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape {given.shape}"
+        )
+    if n_target < 0:
+        raise MapError(f"n_target = {n_target} is not a number of target vertices")
+    bad = np.flatnonzero((given < UNMATCHED) | (given >= n_target))
+    if len(bad):
+        raise MapError(
+            f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
+            "indices count from 0, and −1 means unmatched"
+        )
+    image = np.array(given, dtype=np.int64)
+    if (faces is None) != (barycentric is None):
+        raise MapError("faces and barycentric describe the precise image together; give both or neither")
+    if faces is None or barycentric is None:
+        return image, PrecisePoints.at_vertices(image)
+    weights = numbers_of(barycentric, "barycentric weights", MapError)
+    return image, _precise(array_of(faces, "faces", MapError), weights, image, n_target)
+
+
+def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: int) -> PrecisePoints:
+    """Return corners and weights once they are precise images of the matched vertices."""
+    if faces.shape != (len(image), 3) or weights.shape != (len(image), 3):
+        raise MapError("faces and barycentric must both have one row of three for each source vertex")
+    if faces.size and faces.dtype.kind not in "iu":
+        raise MapError(f"faces have type {faces.dtype}, expected integers: three target vertices each")
+    held = image >= 0
+    if ((faces[held] < 0) | (faces[held] >= n_target)).any():
+        raise MapError(f"faces name vertices outside the target's 0…{n_target - 1}")
+    smallest = weights[held].min(initial=0.0)
+    sums = np.where(np.isfinite(weights), weights, np.inf)[held].sum(axis=1)
+    if smallest < -1e-9 or not (np.abs(sums - 1) <= 1e-6).all():
+        raise MapError("barycentric weights must be numbers that are not negative and sum to 1 in each row")
+    corners = faces.astype(np.int64)
+    corners[~held], weights[~held] = UNMATCHED, (1.0, 0.0, 0.0)
+    return PrecisePoints(corners, weights)
