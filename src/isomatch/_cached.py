@@ -1,16 +1,22 @@
-"""`cached_property` as in Python 3.12: before, a lock let only one thread compute it, whatever the object."""
+"""Values that are computed once for each object, kept with it, and go when it goes."""
 
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+
+S = TypeVar("S")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 if TYPE_CHECKING or sys.version_info >= (3, 12):
     from functools import cached_property
 else:
 
     class cached_property:
-        """A property that is computed once for each object, and then kept as an attribute."""
+        """`cached_property` as in Python 3.12: before, a lock let only one thread compute it, whatever the object."""
 
         def __init__(self, func: Any) -> None:
             self.func = func
@@ -27,4 +33,24 @@ else:
             return value
 
 
-__all__ = ["cached_property"]
+def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
+    """Decorate a method whose results are kept with the object, one for each list of arguments.
+
+    A cache of the bound method would refer to its own object, a circle in which large arrays stay until the garbage
+    collector happens to run.
+    """
+    name = f"results of {method.__name__}"
+
+    @wraps(method)
+    def remembered(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        known = self.__dict__.setdefault(name, {})
+        key = (args, *kwargs.items())
+        if key not in known:
+            known[key] = method(self, *args, **kwargs)
+        result: R = known[key]
+        return result
+
+    return remembered
+
+
+__all__ = ["cached_method", "cached_property"]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from isomatch._arrays import IntArray
+from isomatch._cached import cached_method
 from isomatch._memory import memory_budget
 from isomatch._threads import n_threads, parallel_map, serial_blas
 from isomatch.correspondence import Correspondence
@@ -69,10 +71,9 @@ class Subject:
         self._engines, self._whole_engines = (
             (engine(shapes.source), engine(shapes.target)) for shapes in (self.pair, self._dense.whole)
         )
-        self._landmarks = lru_cache(lambda count: true_landmarks(self.pair, count, run.seed, self._engines))
-        self._prepared = lru_cache(self._prepare)
 
-    def _prepare(self, config: Config | None) -> tuple[tuple[MatchInput, MatchInput], float]:
+    @cached_method
+    def _prepared(self, config: Config | None) -> tuple[tuple[MatchInput, MatchInput], float]:
         """Prepare both shapes, or take the meshes themselves; also give the seconds."""
         meshes = self.pair.source, self.pair.target
         if config is None:
@@ -81,6 +82,11 @@ class Subject:
         with serial_blas():
             source, target = parallel_map(lambda mesh: prepare(mesh, config), meshes)
         return (source, target), time.perf_counter() - started
+
+    @cached_method
+    def _landmarks(self, count: int) -> IntArray:
+        """Choose true landmarks (count, 2)."""
+        return true_landmarks(self.pair, count, self._run.seed, self._engines)
 
     def match(self, method: Method, start: Found | None = None, backwards: bool = False) -> Found:
         """Match source to target, or backwards, from another map or from true landmarks if the method needs them."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._cached import cached_property
+from isomatch._cached import cached_method, cached_property
 from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
@@ -38,15 +37,17 @@ class WholeCoordinates:
     def __init__(self, whole: PreparedShape) -> None:
         self._whole = whole
         self.signatures = WholeSignatures(whole)
-        self.smooth = lru_cache(self._smooth)
-        self.at = lru_cache(self._at)
 
-    def _smooth(self, k: int) -> _Smooth:
+    @cached_method
+    def smooth(self, k: int) -> _Smooth:
+        """Give the whole through its first k functions."""
         mesh = self._whole.mesh_body
         vertices = self._whole.laplace.low_passed(mesh.vertices, k)
         return _Smooth(vertices, vertex_normals(vertices, mesh.faces))
 
-    def _at(self, k: int, with_positions: bool) -> FloatArray:
+    @cached_method
+    def at(self, k: int, with_positions: bool) -> FloatArray:
+        """Give the coordinates (n, m) with k functions."""
         settings = self._whole.config.refining
         columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.signatures.values]
         if with_positions:

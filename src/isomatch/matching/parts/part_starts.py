@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._cached import cached_method
 from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, assign_points, pin_first, trilaterate
 from isomatch.matching.config import Config
@@ -91,7 +92,6 @@ class PartStarts:
         settings = pair.config.parts
         self._apart = settings.led_apart if len(pair.landmarks) else settings.apart
         self._at = lru_cache(pair.with_unit)
-        self._unary = lru_cache(self._unary_cost)
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
@@ -161,7 +161,8 @@ class PartStarts:
         areas, there = areas_of_samples(whole, fine), whole.distances.between(self._places, fine)
         return np.stack([(there < r) @ areas for r in self._pair.config.parts.radii], axis=1)
 
-    def _unary_cost(self, pair: PartPair) -> FloatArray:
+    @cached_method
+    def _unary(self, pair: PartPair) -> FloatArray:
         """Cost (m, p) of each image of each anchor: areas of balls, and signatures."""
         settings, places, balls = pair.config.parts, self._places, self._balls
         radii, samples = np.array(settings.radii), pair.part.sample_vertices
