@@ -6,15 +6,16 @@ import re
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections
+from isomatch.cli.collect_status import status_of, tell_status, told
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
-from isomatch.cli.terminal import TALK, Talk, Tell, say, say_table
+from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
 
 Reports = int | Literal["doubtful", "all", "none"]
@@ -87,15 +88,15 @@ def run(
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collection.run(executor, jobs, part, time_limit):
-            tell(*_told(event))
+            tell(*told(event))
         wanted = pairs == "all" if agree is None else agree
-        if wanted and part[1] == 1 and "todo" not in _status(collection)["pairs"]:
+        if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
             for event in collections.agree(collection, executor, jobs, _until(end)):
-                tell(*_told(event))
+                tell(*told(event))
         if part[1] == 1:
             _write(collection, reports, executor, jobs, end, tell)
-    _tell_status(collection, talk)
+    tell_status(collection, talk)
 
 
 @collect.command
@@ -109,7 +110,7 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     """
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
-    _tell_status(collection, talk)
+    tell_status(collection, talk)
 
 
 @collect.command
@@ -215,14 +216,14 @@ def agree(
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collections.agree(collection, executor, jobs, time_limit):
-            tell(*_told(event))
+            tell(*told(event))
         _write(collection, reports, executor, jobs, end, tell)
     if not collections.agreement_of(collection.rows()).compared and time_limit is None:
         raise InputError(
             f"{folder}: no three shapes are all matched with one another, so there is nothing to compare maps with; "
             "match with --pairs all"
         )
-    _tell_status(collection, talk)
+    tell_status(collection, talk)
 
 
 def _until(end: float | None) -> float | None:
@@ -244,73 +245,3 @@ def _write(
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
     for line in collections.finish(collection, executor, jobs):
         tell(f"written in the topology of the template: {line['name']}", 1.0)
-
-
-def _told(event: collections.Event) -> tuple[str, float]:
-    name = event.name if isinstance(event.name, str) else " and ".join(event.name)
-    what = {"shape": "prepared", "pair": "matched", "agreement": "compared"}[event.what]
-    return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
-
-
-def _ending(record: dict[str, Any]) -> str:
-    if record["state"] == "failed":
-        return f"failed: {record['error']}"
-    if "replaced_by" in record:
-        return f"replaced by the composition over {record['replaced_by'][1]}"
-    if "refused" in record.get("agreement", {}):
-        return f"contradicted, but not replaced: {record['agreement']['refused']}"
-    return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
-
-
-def _tell_status(collection: collections.Collection, talk: Talk) -> None:
-    status = _status(collection)
-    talk.result(status, lambda: _say_status(status, collection.layout))
-
-
-def _status(collection: collections.Collection) -> dict[str, Any]:
-    rows = collection.rows()
-    pairs = collection.wanted_pairs(rows)
-    states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
-    outcomes = Counter(
-        rows.pairs[pair]["there"]["outcome"]
-        for pair in pairs
-        if rows.pairs.get(pair, {}).get("state") == "done"
-    )
-    failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
-    failures |= {
-        " and ".join(pair): row["error"] for pair, row in rows.pairs.items() if row["state"] == "failed"
-    }
-    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
-    return {
-        "folder": str(collection.folder),
-        "shapes": {"all": len(collection.shapes), "prepared": prepared},
-        "template": collection.chosen_template(rows),
-        "pairs": {"all": len(pairs), **states},
-        "outcomes": dict(outcomes),
-        "agreement": collections.agreement_of(rows)._asdict(),
-        "failures": failures,
-    }
-
-
-def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
-    shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
-    say(
-        f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
-    )
-    say(f"{pairs['all'] - pairs.get('todo', 0)} of {pairs['all']} pairs done")
-    say_table(
-        (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
-    )
-    if agreement["compared"]:
-        say(
-            f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
-            f"{len(agreement['replaced'])} replaced"
-        )
-    if agreement["turned"]:
-        say(
-            f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
-            "bold red",
-        )
-    for name, error in status["failures"].items():
-        say(f"failed: {name}: {error}", "bold red")
-    say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")

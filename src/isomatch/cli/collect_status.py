@@ -1,0 +1,82 @@
+"""What ``isomatch collect`` tells: how far a collection is, and each step of a run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from isomatch import collections
+from isomatch.cli.terminal import Talk, say, say_table
+
+
+def tell_status(collection: collections.Collection, talk: Talk) -> None:
+    """Tell how far a collection is, in words or as JSON."""
+    status = status_of(collection)
+    talk.result(status, lambda: _say_status(status, collection.layout))
+
+
+def status_of(collection: collections.Collection) -> dict[str, Any]:
+    """Sum up how far a collection is, from the ledgers of all shards."""
+    rows = collection.rows()
+    pairs = collection.wanted_pairs(rows)
+    states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
+    outcomes = Counter(
+        rows.pairs[pair]["there"]["outcome"]
+        for pair in pairs
+        if rows.pairs.get(pair, {}).get("state") == "done"
+    )
+    failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
+    failures |= {
+        " and ".join(pair): row["error"] for pair, row in rows.pairs.items() if row["state"] == "failed"
+    }
+    prepared = sum(row["state"] == "done" for row in rows.shapes.values())
+    return {
+        "folder": str(collection.folder),
+        "shapes": {"all": len(collection.shapes), "prepared": prepared},
+        "template": collection.chosen_template(rows),
+        "pairs": {"all": len(pairs), **states},
+        "outcomes": dict(outcomes),
+        "agreement": collections.agreement_of(rows)._asdict(),
+        "failures": failures,
+    }
+
+
+def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
+    shapes, pairs, agreement = status["shapes"], status["pairs"], status["agreement"]
+    say(
+        f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
+    )
+    say(f"{pairs['all'] - pairs.get('todo', 0)} of {pairs['all']} pairs done")
+    say_table(
+        (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
+    )
+    if agreement["compared"]:
+        say(
+            f"{agreement['compared']} pairs compared with compositions: {len(agreement['contradicted'])} contradicted, "
+            f"{len(agreement['replaced'])} replaced"
+        )
+    if agreement["turned"]:
+        say(
+            f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
+            "bold red",
+        )
+    for name, error in status["failures"].items():
+        say(f"failed: {name}: {error}", "bold red")
+    say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")
+
+
+def told(event: collections.Event) -> tuple[str, float]:
+    """Describe a step of a run, with the share of its steps that are done."""
+    name = event.name if isinstance(event.name, str) else " and ".join(event.name)
+    what = {"shape": "prepared", "pair": "matched", "agreement": "compared"}[event.what]
+    return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
+
+
+def _ending(record: dict[str, Any]) -> str:
+    if record["state"] == "failed":
+        return f"failed: {record['error']}"
+    if "replaced_by" in record:
+        return f"replaced by the composition over {record['replaced_by'][1]}"
+    if "refused" in record.get("agreement", {}):
+        return f"contradicted, but not replaced: {record['agreement']['refused']}"
+    return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"
