@@ -16,7 +16,7 @@ from isomatch._workers import worker_processes
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
-from isomatch.collections import collection as collection_module
+from isomatch.collections import run as run_module
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.cycles import CycleJob
 from isomatch.collections.workers import Workers
@@ -192,7 +192,7 @@ def test_shapes_that_are_mirrored_together_are_named():
 @pytest.fixture
 def in_threads(monkeypatch):
     """Local workers that need not be started."""
-    for module in (agreement_module, collection_module, finish_module):
+    for module in (agreement_module, run_module, finish_module):
         monkeypatch.setattr(
             module, "workers_of", lambda *_: nullcontext(Workers(lambda: ThreadPoolExecutor(1), lambda: 1))
         )
