@@ -8,9 +8,11 @@ from threading import Barrier, Event
 
 import numpy as np
 import pytest
+import scipy.linalg  # noqa: F401 - loads a BLAS of its own
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from isomatch._cached import cached_property
-from isomatch._threads import ROWS, parallel_map, row_product
+from isomatch._threads import ROWS, parallel_map, row_product, serial_blas
 from isomatch.surfaces import Mesh, surface_in_use
 
 
@@ -35,6 +37,43 @@ def test_product_with_a_part_of_the_columns():
     a, b = rng.normal(size=(5000, 40)), rng.normal(size=(9, 40))
     np.testing.assert_allclose(row_product(a[:, :20], b.T[:20]), a[:, :20] @ b.T[:20], atol=1e-12)
     np.testing.assert_allclose(row_product(a[::3], b[:1].T), a[::3] @ b[:1].T, atol=1e-12)
+
+
+def threads_of_blas():
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_blas_is_serial_where_another_thread_limited_it():
+    """As where a program sets a limit of its own once, before it matches."""
+
+    def within():
+        with serial_blas():
+            return threads_of_blas()
+
+    with threadpool_limits(2), ThreadPoolExecutor(1) as other:
+        assert other.submit(within).result() == {1}
+        assert threads_of_blas() == {2}
+        with threadpool_limits(3):
+            assert threads_of_blas() == {3}
+
+
+def test_blas_has_its_threads_again_when_the_last_thread_leaves():
+    entered, left = Event(), Event()
+
+    def first():
+        with serial_blas():
+            entered.set()
+            left.wait()
+
+    with threadpool_limits(2):
+        with ThreadPoolExecutor(1) as other:
+            running = other.submit(first)
+            entered.wait()
+            with serial_blas():
+                left.set()
+                running.result()
+                assert threads_of_blas() == {1}
+        assert threads_of_blas() == {2}
 
 
 def test_results_keep_the_order_of_the_items(monkeypatch):

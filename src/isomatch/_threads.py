@@ -10,7 +10,7 @@ from threading import Lock, local
 from typing import Any, TypeVar
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import OpenBLASController, ThreadpoolController
 
 from isomatch._arrays import FloatArray
 from isomatch._interruption import current_call, in_background, stop_if_abandoned
@@ -123,14 +123,25 @@ class _SerialBlas:
                 self._controller = ThreadpoolController()
             self._depth += 1
             if self._depth == 1:
-                self._limiter = self._controller.limit(limits=1, user_api="blas")
+                with _any_thread_may_limit():
+                    self._limiter = self._controller.limit(limits=1, user_api="blas")
         try:
             yield
         finally:
             with self._lock:
                 self._depth -= 1
                 if self._depth == 0:
-                    self._limiter.restore_original_limits()
+                    with _any_thread_may_limit():
+                        self._limiter.restore_original_limits()
+
+
+@contextmanager
+def _any_thread_may_limit() -> Iterator[None]:
+    """Limit OpenBLAS also where another thread did: threadpoolctl 3.8 lets the first one only, and ignores others."""
+    release = getattr(OpenBLASController, "clear_controlling_thread", lambda force: None)
+    release(force=True)
+    yield
+    release(force=True)
 
 
 serial_blas = _SerialBlas()

@@ -6,7 +6,9 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from threading import Event
 
 import numpy as np
 import pytest
@@ -128,6 +130,33 @@ def test_a_ledger_whose_writer_was_killed_has_all_its_rows(one_host, tmp_path):
     with writing_ledger(path, one_host=not one_host) as ledger:
         assert len(ledger.rows.pairs) == 50
         assert not ledger.rows.shapes
+
+
+@pytest.mark.parametrize("one_host", [True, False])
+def test_a_ledger_is_read_while_it_is_made(one_host, tmp_path):
+    """As by the shards of a run, which begin at about the same time."""
+    ended = Event()
+
+    def reads(path):
+        while not ended.is_set():
+            if path.exists():
+                assert read_ledgers([path]) in (Rows(), Rows(shapes={"a": DONE}))
+
+    for turn in range(30):
+        path = tmp_path / f"ledger_{turn}.sqlite"
+        ended.clear()
+        with ThreadPoolExecutor(1) as other:
+            reading = other.submit(reads, path)
+            with writing_ledger(path, one_host=one_host) as ledger:
+                ledger.put_shape("a", DONE)
+            ended.set()
+            reading.result()
+
+
+def test_a_ledger_that_is_just_begun_has_no_rows(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    path.touch()
+    assert read_ledgers([path]) == Rows()
 
 
 def test_what_is_no_ledger_is_refused(tmp_path):

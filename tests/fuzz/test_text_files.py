@@ -149,6 +149,10 @@ def test_lines_that_are_no_rows(folder, line):
     assert not attempt(folder, FILE, rows() + line + b"\n")
 
 
+def test_a_position_beyond_64_bits(folder):
+    assert not attempt(folder, "positions.txt", b"18446744073709551616 0 0 1 0 0\n1,1,0,0,1,0\n")
+
+
 def test_an_index_beyond_64_bits(folder):
     for name in ("landmarks.txt", "map.txt", "cat0.vts"):
         for word in (b"99999999999999999999", b"1" * 5000, b"1_0", "٣".encode(), b"nan"):

@@ -17,8 +17,10 @@ from isomatch.errors import FormatError, UnwritableFileError
 
 PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
 _TABLES = """
+BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS pairs (source TEXT, target TEXT, record TEXT NOT NULL, PRIMARY KEY (source, target));
+COMMIT;
 """
 
 
@@ -149,6 +151,8 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 
 
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
+    if connection.execute("SELECT name FROM sqlite_master").fetchone() is None:
+        return Rows()  # another process has just begun it
     try:
         shapes = {name: json.loads(record) for name, record in connection.execute("SELECT * FROM shapes")}
         pairs = {(a, b): json.loads(record) for a, b, record in connection.execute("SELECT * FROM pairs")}

@@ -128,7 +128,7 @@ def nearest_landmarks(
 def _vertices(points: list[MarkedPoint], given: SurfaceLike, side: str) -> IntArray:
     """Vertex (m,) of each point: the nearest one to a position."""
     placed = [i for i, point in enumerate(points) if len(point.at) == 3]
-    vertices = np.array([point.at[0] for point in points]).astype(np.int64)
+    vertices = np.array([int(point.at[0]) if len(point.at) == 1 else -1 for point in points], dtype=np.int64)
     if not placed:
         return vertices
     surface = surface_from(given)
