@@ -33,7 +33,7 @@ def run_of(name: str, data: str) -> BenchmarkRun:
         drawn = np.random.default_rng(0).permutation(len(pairs))
         pairs = tuple({frozenset(pairs[i]): pairs[i] for i in drawn}.values())
     methods = BESIDE.get(name, ("isomatch",))
-    return BenchmarkRun(name, methods, data, n_points=POINTS, distortion_rows=0, pairs=pairs)
+    return BenchmarkRun(name, methods, data, n_points=POINTS, distortion=False, pairs=pairs)
 
 
 def accuracy(summary: list[Row]) -> Iterator[Row]:

@@ -38,6 +38,7 @@ from isomatch.evaluation import (
     benchmark_run,
     counted,
     cycle_errors,
+    improvements,
     read_published_curves,
     read_rows,
     rows_of,
@@ -325,6 +326,28 @@ def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path)
         BenchmarkRun("small", ("right+gdd", "right+magic"))
     with pytest.raises(SettingError, match=r"unknown method right\+;"):
         BenchmarkRun("small", ("right+",))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "smaller", "mean_after"),
+    [
+        ([4, 4], [1, 5], 0.5, 3.0),
+        ([None, 4], [1, 4], 0.5, 4.0),
+        ([4, None], [None, None], 0.0, None),
+        ([], [], None, None),
+    ],
+)
+def test_a_torn_map_has_a_distortion_larger_than_any(before, after, smaller, mean_after):
+    """Rows that were judged without distortion count for none of its numbers."""
+    base = {"set": "s", "damage": None, "error": 1.0}
+    rows = [
+        base | {"pair": str(i), "method": method} | ({"distortion_l2": values[i]} if values else {})
+        for method, values in (("a", before), ("a+b", after))
+        for i in range(2)
+    ]
+    (line,) = improvements(rows)
+    assert (line["distortion_l2_smaller"], line["distortion_l2_after"]) == (smaller, mean_after)
+    assert (line["error_after"], line["error_smaller"], line["pairs"]) == (1.0, 0.0, 2)
 
 
 def test_mirrored_truth_is_reported_but_does_not_excuse_shapes_that_are_not_symmetric(

@@ -44,9 +44,9 @@ class BenchmarkRun(Settings):
     cycles : bool
         Also match the target to the source with the same method, and record the mean cycle error, see `cycle_errors`. The
         seconds of a row do not include this.
-    distortion_rows : int
-        Number of random points whose distances to 1000 others are compared, for the mean squared distortion of each map;
-        with 0 it is left out. It costs up to three distance columns a point, more than the errors.
+    distortion : bool
+        Also record the mean squared distortion of each map, over the distances from 100 random points to 1000. It costs
+        up to three distance columns a point, more than the errors.
     table_distortion : bool
         Also record the distortion as in the paper's table: over the distances from a quarter of ``n_points`` random
         points to all of them.
@@ -71,7 +71,7 @@ class BenchmarkRun(Settings):
     jobs: int | None = setting(None, least=1)
     landmarks: str | None = None
     cycles: bool = False
-    distortion_rows: int = setting(100, least=0)
+    distortion: bool = True
     table_distortion: bool = False
     pairs: tuple[PairNames, ...] | None = None
     damage: str | None = None
@@ -117,7 +117,7 @@ class BenchmarkRun(Settings):
         wanted = {
             "error": True,
             "cycle": self.cycles,
-            "distortion_l2": self.distortion_rows > 0,
+            "distortion_l2": self.distortion,
             "distortion_table": self.table_distortion,
         }
         return all(name in row for name, asked in wanted.items() if asked)

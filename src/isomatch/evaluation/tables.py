@@ -109,8 +109,8 @@ def improvements(rows: list[Row]) -> list[dict[str, Any]]:
     """Compare maps that were started from another method's map with that map, on the pairs for which both exist.
 
     For each set, damage and such method: mean error and distortion before and after, and the share of pairs for which
-    each became smaller. The distortion of a map that tears is infinite; such pairs are left out of its means, and
-    "distortion_pairs" is the number of the others.
+    each became smaller. The distortion of a map that tears is infinite: it counts for that share, but not for the means,
+    and "distortion_pairs" is the number of the other pairs.
     """
     good = {(*_group(row), row["pair"]): row for row in rows if "problem" not in row}
     groups: dict[tuple[str, str, str], list[tuple[Row, Row]]] = {}
@@ -122,11 +122,12 @@ def improvements(rows: list[Row]) -> list[dict[str, Any]]:
     for (name, damage, method), members in groups.items():
         line: dict[str, Any] = {"set": name, "damage": damage, "method": method, "pairs": len(members)}
         for key in ("error", "distortion_l2"):
-            values = [[row.get(key) for row in both] for both in members]
-            before, after = np.array(values, dtype=np.float64).T  # NaN where there is none
+            measured = [[row[key] for row in both] for both in members if all(key in row for row in both)]
+            values = np.array(measured, dtype=np.float64).reshape(-1, 2)  # None, of torn maps, becomes NaN
+            before, after = np.where(np.isnan(values), np.inf, values).T
             finite = np.isfinite(before) & np.isfinite(after)
             line[f"{key}_before"], line[f"{key}_after"] = (_mean(x[finite].tolist()) for x in (before, after))
-            line[f"{key}_smaller"] = float((after < before).mean())
+            line[f"{key}_smaller"] = float((after < before).mean()) if measured else None
         line["distortion_pairs"] = int(finite.sum())
         line["distortion_l2_truth"] = _mean([row.get("distortion_l2_truth") for _, row in members])
         table.append(line)
