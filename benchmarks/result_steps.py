@@ -33,7 +33,9 @@ def study(
     A file that is kept under another name is written NEW=OLD.
     """
     kept = {f"{folder}/{file.split('=')[0]}": file.split("=")[-1] for file in files}
-    command = f"python benchmarks/{script}.py --data {{data}} -o {{out}} {of}{options}".rstrip()
+    command = " ".join(
+        filter(None, (f"python benchmarks/{script}.py --data {{data}} -o {{out}}", of, options))
+    )
     return Step(of or script, minutes, command, tables or {script: f"{script}_table.csv"}, kept)
 
 

@@ -34,12 +34,12 @@ else:
 
 
 def cached_method(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S, P], R]:
-    """Decorate a method whose results are kept with the object, one for each list of arguments.
+    """Decorate a method whose results are kept with the object, one for each list of arguments as written.
 
     A cache of the bound method would refer to its own object, a circle in which large arrays stay until the garbage
     collector happens to run.
     """
-    name = f"results of {method.__name__}"
+    name = f"results of {method.__qualname__}"
 
     @wraps(method)
     def remembered(self: S, /, *args: P.args, **kwargs: P.kwargs) -> R:

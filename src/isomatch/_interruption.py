@@ -68,10 +68,12 @@ def in_background(function: Callable[[], R]) -> R:
         finally:
             call.messages.put(None)
 
+    thread = call.thread(work)
     try:
-        call.thread(work).start()
+        thread.start()
         while message := _next(call):
             message()
+        thread.join()  # what it held is free
     except BaseException:
         call.abandoned = True
         raise

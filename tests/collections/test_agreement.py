@@ -16,12 +16,15 @@ from isomatch._workers import worker_processes
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
+from isomatch.collections import reports as reports_module
 from isomatch.collections import run as run_module
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.cycles import CycleJob
+from isomatch.collections.ledger import writing_ledger
+from isomatch.collections.states import state_of
 from isomatch.collections.workers import Workers
 from isomatch.datasets import creature, ground_truth
-from isomatch.errors import InputError
+from isomatch.errors import InputError, UnwritableFileError
 from isomatch.matching import PreparedShape, match_both
 
 pytest.importorskip("skimage")
@@ -118,6 +121,39 @@ def test_the_wrong_map_is_replaced(spoilt, right, creatures):
         assert list(spoilt.run(executor)) == []
 
 
+def test_without_prepared_shapes_nothing_is_compared(tmp_path):
+    for name in "abc":
+        (tmp_path / f"{name}.ply").write_text("no shape")
+    broken = Collection.create(tmp_path / "all", tmp_path, pairs="all")
+    with ThreadPoolExecutor(1) as executor:
+        assert [event.record["state"] for event in broken.run(executor)] == ["failed"] * 3
+    assert agreed(broken) == []
+
+
+def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
+    with writing_ledger(spoilt.layout.ledger()) as ledger:
+        ledger.put_shape("y", {"state": "failed", "error": "gone", "time": 0.0})
+        ledger.forget_failed_shapes()
+    assert agreed(spoilt) == []
+
+
+def test_shards_and_agreement_exclude_each_other(spoilt):
+    shard = spoilt.layout.ledger((0, 2))
+    with writing_ledger(shard), pytest.raises(UnwritableFileError, match="ledger_1_of_2"):
+        agreed(spoilt)
+    assert agreed(spoilt)
+
+
+def test_low_confidence_is_tried_again_where_a_shard_has_the_row_too(spoilt, monkeypatch):
+    shutil.copy(spoilt.layout.ledger(), spoilt.layout.ledger((0, 2)))
+    monkeypatch.setattr(agreement_module, "MOST_PATHS", 0)
+    agreed(spoilt)
+    assert state_of(spoilt.rows().pairs[WRONG]) == "low"
+    assert spoilt.retry("low") == [WRONG]
+    assert spoilt.rows().pairs[WRONG]["state"] == "todo"
+    assert spoilt.retry("low") == []
+
+
 def test_killed_before_the_row_was_written(spoilt):
     ledger, earlier = spoilt.layout.ledger(), spoilt.folder / "earlier"
     shutil.copy(ledger, earlier)
@@ -192,7 +228,7 @@ def test_shapes_that_are_mirrored_together_are_named():
 @pytest.fixture
 def in_threads(monkeypatch):
     """Local workers that need not be started."""
-    for module in (agreement_module, run_module, finish_module):
+    for module in (agreement_module, run_module, finish_module, reports_module):
         monkeypatch.setattr(
             module, "workers_of", lambda *_: nullcontext(Workers(lambda: ThreadPoolExecutor(1), lambda: 1))
         )

@@ -102,7 +102,7 @@ def test_shards_hold_every_pair_once(pattern, count, tmp_path):
     files = [tmp_path / f"{name}.ply" for name in NAMES]
     collection = Collection.create(tmp_path / "c", files, pairs=pattern, template="n05")
     rows = collection.rows()
-    parts = [Run(collection, (i, count)).pairs(rows) for i in range(count)]
+    parts = [Run(collection, (i, count)).pairs_of_shard(rows) for i in range(count)]
     assert sorted(pair for part in parts for pair in part) == sorted(pairs_of(NAMES, pattern, "n05"))
     sizes = [len(part) for part in parts]
     assert max(sizes) - min(sizes) <= 1

@@ -63,7 +63,7 @@ def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
 
 
 def _tint(material: Any) -> tuple[float, ...]:
-    """Colour by which a material of trimesh multiplies its picture; of those of Open3D none is known."""
+    """Colour by which a material of trimesh multiplies its picture; those of Open3D are not read."""
     tint = getattr(material, "baseColorFactor", None)
     diffuse = getattr(material, "diffuse", None)
     if tint is None and diffuse is not None and tuple(diffuse) != NO_DIFFUSE:
@@ -71,7 +71,7 @@ def _tint(material: Any) -> tuple[float, ...]:
     if tint is None:
         return UNTINTED
     colour = np.asarray(tint)
-    channels = colour if colour.dtype.kind == "f" else colour / 255
+    channels = colour if colour.dtype.kind == "f" and colour.max() <= 1 else colour / 255
     return (*channels.tolist(), 1.0)[:4]
 
 

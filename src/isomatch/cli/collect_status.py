@@ -46,7 +46,8 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
     say(
         f"{shapes['prepared']} of {shapes['all']} shapes prepared; template {status['template'] or 'not yet chosen'}"
     )
-    say(f"{pairs['all'] - pairs.get('todo', 0)} of {pairs['all']} pairs done")
+    failed = f", {pairs['failed']} failed" if pairs.get("failed") else ""
+    say(f"{pairs.get('done', 0) + pairs.get('low', 0)} of {pairs['all']} pairs done{failed}")
     say_table(
         (outcome.lower().replace("_", " "), str(count), "") for outcome, count in status["outcomes"].items()
     )

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import ExitStack
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from isomatch._arrays import FloatArray
+from isomatch._files import claimed
 from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
 from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
@@ -74,7 +76,7 @@ def agree(
     Raises
     ------
     UnwritableFileError
-        If a run of the collection goes on, or the folder cannot be written.
+        If a run of the collection or of a shard goes on, or the folder cannot be written.
 
     Notes
     -----
@@ -85,7 +87,13 @@ def agree(
     def late() -> bool:
         return end is not None and time.monotonic() > end
 
-    with workers_of(executor, jobs) as workers, writing_ledger(collection.layout.ledger()) as ledger:
+    own = collection.layout.ledger()
+    with ExitStack() as held:
+        workers = held.enter_context(workers_of(executor, jobs))
+        for path in collection.layout.ledgers():
+            if path != own:
+                held.enter_context(claimed(path))  # shards wait
+        ledger = held.enter_context(writing_ledger(own))
         ledger.rows.merge(collection.rows())
         job = CycleJob(
             collection, {name: row["key"] for name, row in ledger.rows.shapes.items() if "key" in row}
@@ -100,7 +108,7 @@ def agree(
             tasks = [Task((repair,), job.repaired) for repair in repairs]
             for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
                 row = _after(ledger.rows.pairs[repair.pair], result, len(job.prepared))
-                n_replaced += "replaced_by" in row
+                n_replaced += not isinstance(result, Exception) and "replaced_by" in result
                 ledger.put_pair(repair.pair, row)
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
@@ -136,7 +144,8 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
         pair
         for pair, row in rows.pairs.items()
         if row["state"] == "done"
-        and [row["source_hash"], row["target_hash"]] == [rows.shapes[name].get("hash") for name in pair]
+        and [row["source_hash"], row["target_hash"]]
+        == [rows.shapes.get(name, {}).get("hash") for name in pair]
     ]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
@@ -146,10 +155,10 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = result["images"]
         saved = {"time": time.time(), **result["record"]}
-        if "replaced_by" in saved and "replaced_by" not in rows.pairs[pair]:  # by a run that was killed
+        if saved.get("replaced_by") != rows.pairs[pair].get("replaced_by"):  # by a run that was killed
             ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))
     readings = np.full((len(names),) * 3, np.nan)
-    side = -(-len(names) // workers.count())  # the images travel with each task
+    side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
     tasks = [
         Task(tuple(names[i : i + side]), partial(job.readings, images)) for i in range(0, len(names), side)
     ]

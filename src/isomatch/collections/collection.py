@@ -15,12 +15,13 @@ import numpy as np
 
 from isomatch._cached import cached_property
 from isomatch._files import write_text
+from isomatch._settings import generator
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps
 from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
 from isomatch.collections.run import Event, Run
-from isomatch.collections.shapes import Entry, entries_of
+from isomatch.collections.shapes import Entry, entries_of, unusable_names
 from isomatch.collections.states import state_of, was_contradicted
 from isomatch.collections.template import medoid
 from isomatch.errors import FormatError, InputError, SettingError
@@ -115,7 +116,9 @@ class Collection:
             "config": new.config.to_dict(),
             "seed": seed,
         }
-        write_text(layout.plan, json.dumps(plan, indent=2) + "\n")
+        text = json.dumps(plan, indent=2) + "\n"
+        if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
+            write_text(layout.plan, text)
         return new
 
     @classmethod
@@ -132,6 +135,9 @@ class Collection:
             plan = json.loads(path.read_text(encoding="utf-8"))
             shapes = tuple(Entry(name, Path(file)) for name, file in plan["shapes"].items())
             config = Config.from_dict(plan["config"])
+            generator(plan["seed"])
+            if bad := unusable_names(plan["shapes"]):
+                raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
             return cls(Path(folder), shapes, plan["pairs"], plan["template"], config, plan["seed"])
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
@@ -238,18 +244,23 @@ class Collection:
         list of two str
             The pairs.
         """
-        again: list[Pair] = []
+        again = {
+            pair: {
+                "state": "todo",
+                "time": time.time(),
+                "attempt": record["attempt"] + (which == "low"),
+                "contradicted": was_contradicted(record),
+            }
+            for pair, record in self.rows().pairs.items()
+            if state_of(record) == which
+        }
         for path in self.layout.ledgers():
             with writing_ledger(path) as ledger:
                 if which == "failed":
                     ledger.forget_failed_shapes()
-                for pair, record in list(ledger.rows.pairs.items()):
-                    if state_of(record) == which:
-                        attempt = record["attempt"] + (which == "low")
-                        todo = {"state": "todo", "time": time.time(), "attempt": attempt}
-                        ledger.put_pair(pair, {**todo, "contradicted": was_contradicted(record)})
-                        again.append(pair)
-        return again
+                for pair in again.keys() & ledger.rows.pairs.keys():
+                    ledger.put_pair(pair, again[pair])
+        return list(again)
 
     def _require_same(self, old: Collection) -> None:
         """Raise `SettingError` unless another collection has the same settings."""

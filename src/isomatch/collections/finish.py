@@ -90,4 +90,7 @@ def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> 
 
 def _known_lines(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
-    return {line["name"]: line for line in read_csv(path)} if path.exists() else {}
+    lines = read_csv(path) if path.exists() else []
+    return {
+        line["name"]: line for line in lines if set(COLUMNS) <= set(line)
+    }  # others were not written by us

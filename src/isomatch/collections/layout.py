@@ -80,9 +80,10 @@ class Layout:
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
-        # these first: whoever writes what is found has a ledger by now
+        # these first: a run that writes what is found has a ledger by now
         found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
-        remove_unfinished(found, 0.0 if self.ledgers() == [self.ledger(shard)] else OLD)
+        alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
+        remove_unfinished(found, 0.0 if alone else OLD)
 
 
 def key_of(config: Config, seed: int, *hashes: str) -> str:

@@ -106,7 +106,9 @@ def writing_ledger(path: Path, *, one_host: bool = True) -> Iterator[Ledger]:
         If the file is something else.
     """
     with claimed(path), closing(_connected(path, one_host)) as connection:
-        yield Ledger(connection, path)
+        with _named(path, "not a ledger"):
+            ledger = Ledger(connection, path)
+        yield ledger
         with suppress(sqlite3.OperationalError):  # somebody reads it
             connection.execute("PRAGMA busy_timeout = 0")
             connection.execute(
@@ -120,14 +122,33 @@ def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
     except sqlite3.Error as error:
         raise UnwritableFileError(f"{path}: cannot be written ({error}); give a writable folder") from None
     try:
-        connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
-        if one_host:  # a power failure may take the last rows; the files of maps, which have them too, stay
-            connection.execute("PRAGMA synchronous = NORMAL")
-        connection.executescript(_TABLES)
-    except sqlite3.Error as error:
+        with _named(path, "not a ledger"):
+            connection.execute(f"PRAGMA journal_mode = {'WAL' if one_host else 'DELETE'}")
+            if (
+                one_host
+            ):  # a power failure may take the last rows; the files of maps, which have them too, stay
+                connection.execute("PRAGMA synchronous = NORMAL")
+            connection.executescript(_TABLES)
+    except BaseException:
         connection.close()
-        raise FormatError(f"{path}: not a ledger ({error}); move it away, and run again") from None
+        raise
     return connection
+
+
+@contextmanager
+def _named(path: Path, problem: str) -> Iterator[None]:
+    """Turn errors of SQLite into ours: a file that is locked or on a full disk is none that should be moved away."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        damaged = (
+            not isinstance(error, sqlite3.OperationalError) or error.sqlite_errorcode == sqlite3.SQLITE_ERROR
+        )
+        if damaged:
+            raise FormatError(f"{path}: {problem} ({error}); move it away, and run again") from None
+        raise UnwritableFileError(
+            f"{path}: cannot be used ({error}); wait until nobody else uses it, or make room, and run again"
+        ) from None
 
 
 def read_ledgers(paths: Iterable[Path]) -> Rows:
@@ -142,11 +163,11 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
     for path in paths:
         # what a killed process left half written is undone by the next that reads: mode=ro could not
         address = f"{path.resolve().as_uri()}?mode=rw"
-        try:
-            with closing(sqlite3.connect(address, timeout=PATIENCE, uri=True)) as connection:
-                rows.merge(_rows(connection, path))
-        except sqlite3.Error as error:
-            raise FormatError(f"{path}: cannot be read as a ledger ({error})") from None
+        with (
+            _named(path, "cannot be read as a ledger"),
+            closing(sqlite3.connect(address, timeout=PATIENCE, uri=True)) as connection,
+        ):
+            rows.merge(_rows(connection, path))
     return rows
 
 

@@ -71,9 +71,9 @@ class Run:
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger, known: Rows) -> Iterator[Event]:
         """Match the pairs that are not, in tiles, as far as their shapes could be prepared."""
         usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
-        pairs = [pair for pair in self.pairs(known) if usable.issuperset(pair)]
+        pairs = [pair for pair in self.pairs_of_shard(known) if usable.issuperset(pair)]
         plans = [self._planned(pair, known) for pair in pairs]
-        files = {path.name for path in (job.layout.folder / "maps").iterdir()}
+        files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         missing = {
             plan.pair: plan for plan in plans if not self._is_matched(plan, known.pairs.get(plan.pair), files)
         }
@@ -88,7 +88,7 @@ class Run:
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
-    def pairs(self, rows: Rows) -> list[Pair]:
+    def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""
         names, template = self.collection.names, self.collection.chosen_template(rows)
         pairs = pairs_of(names, self.collection.pairs, template)
@@ -106,7 +106,7 @@ class Run:
             return [*shapes[first:], *shapes[:first]]
         if count == 1:
             return list(shapes)
-        needed = {name for pair in self.pairs(rows) for name in pair}
+        needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
         return [entry for entry in shapes if entry.name in needed]
 
     def _is_prepared(self, entry: Entry, rows: Rows) -> bool:

@@ -63,13 +63,18 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
         raise InputError(
             f"{shapes}: several shapes are named {', '.join(twice)}; give a list.csv with columns name and path"
         )
-    bad = [e.name for e in found if BETWEEN in e.name or not e.name or set(e.name) & set('/\\:*?"<>|')]
+    bad = unusable_names(entry.name for entry in found)
     if bad:
         raise InputError(
             f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
             "give a list.csv with columns name and path"
         )
     return tuple(found)
+
+
+def unusable_names(names: Iterable[str]) -> list[str]:
+    """List the names that cannot be parts of names of files."""
+    return [name for name in names if BETWEEN in name or not name or set(name) & set('/\\:*?"<>|')]
 
 
 def _found(where: str) -> list[Entry]:

@@ -119,6 +119,11 @@ def nearest_landmarks(
         given = numbers_of(points, f"{side} landmarks", LandmarkError)
         if given.ndim != 2 or given.shape[1] != 3:
             raise LandmarkError(f"{side} landmarks have shape {given.shape}; expected (m, 3) positions")
+        if not np.isfinite(given).all():
+            first = int(np.argmin(np.isfinite(given).all(axis=1)))
+            raise LandmarkError(
+                f"{side} landmark {first} is not finite; give a position for each, or leave out the pair"
+            )
         sides.append([MarkedPoint("", tuple(row), f"landmark {i}") for i, row in enumerate(given.tolist())])
     if len(sides[0]) != len(sides[1]):
         raise LandmarkError(f"{len(sides[0])} source and {len(sides[1])} target landmarks; give as many")

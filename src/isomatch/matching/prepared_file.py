@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import fields
 from hashlib import blake2b
@@ -28,6 +29,7 @@ FORMAT = ArrayFormat(
     version=1,  # raise it whenever shapes are prepared in another way: earlier files are not read
     arrays={"about": Stored("text"), "digest": Stored("text")},
 )
+_ARRAY = re.compile(r"array_[0-9]{1,9}")
 KINDS: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
@@ -98,10 +100,10 @@ def read_prepared(path: Path, kind: type[Any]) -> Any:
 
     head = FORMAT.read(path)
     with Archive.opened(path, refuse) as stored:
-        if int(stored.read("format_version")) != FORMAT.version:
+        if "format_version" not in stored or int(stored.read("format_version")) != FORMAT.version:
             refuse("shapes were prepared in another way then")
         names = sorted(
-            (name for name in stored.names if name.startswith("array_")), key=lambda name: int(name[6:])
+            (name for name in stored.names if _ARRAY.fullmatch(name)), key=lambda name: int(name[6:])
         )
         arrays = list(stored.read_all(names).values())
     if head["digest"] != _digest(head["about"], arrays):

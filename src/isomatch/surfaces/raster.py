@@ -35,9 +35,8 @@ class Raster:
 
     def interpolated(self, values: FloatArray, faces: IntArray) -> FloatArray:
         """Interpolate (n, q) vertex values in the covered pixels: (n_covered, q), in row order."""
-        weights = self.barycentric[self.covered]
-        corners = values[faces[self.face[self.covered]]]  # (n_covered, 3, q)
-        seen: FloatArray = np.einsum("pc,pcq->pq", weights, corners)
+        seen = np.empty((int(self.covered.sum()), values.shape[1]))
+        _interpolate(self.face, self.barycentric, faces, np.ascontiguousarray(values, dtype=np.float64), seen)
         return seen
 
 
@@ -65,6 +64,24 @@ def rasterise(points: FloatArray, faces: IntArray, width: int, height: int) -> R
     )
     _fill(points, faces, raster.face, raster.barycentric, raster.depth)
     return raster
+
+
+@compiled()
+def _interpolate(
+    face: IntArray, barycentric: FloatArray, faces: IntArray, values: FloatArray, seen: FloatArray
+) -> None:
+    height, width = face.shape
+    pixel = 0
+    for row in range(height):
+        for column in range(width):
+            f = face[row, column]
+            if f < 0:
+                continue
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            u, v, w = barycentric[row, column, 0], barycentric[row, column, 1], barycentric[row, column, 2]
+            for q in range(values.shape[1]):
+                seen[pixel, q] = u * values[a, q] + v * values[b, q] + w * values[c, q]
+            pixel += 1
 
 
 @compiled()

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from isomatch._arrays import FloatArray
+from isomatch._compiled import compiled
 from isomatch.surfaces import Raster
 
 KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
@@ -40,18 +41,32 @@ def light(raster: Raster, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     Crevices are darkened by the difference between the depth and the blurred depth (Luft, Colditz & Deussen, *Image
     enhancement by unsharp masking the depth buffer*, SIGGRAPH 2006).
     """
-    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    unit = np.where(unit[:, 2:] < 0, -unit, unit)
     key, fill = (direction / np.linalg.norm(direction) for direction in (KEY_LIGHT, FILL_LIGHT))
-    lit = AMBIENT + KEY * _wrapped(unit @ key) + FILL * _wrapped(unit @ fill)
     halfway = key + TOWARDS_VIEWER
-    gloss = GLOSS * np.maximum(unit @ (halfway / np.linalg.norm(halfway)), 0.0) ** SHARPNESS
-    return lit * (1.0 - CREVICE_DARKNESS * _crevices(raster)), gloss
+    diffuse, gloss = np.empty((2, len(normals)))
+    _reflect(normals, key, fill, halfway / np.linalg.norm(halfway), diffuse, gloss)
+    return diffuse * (1.0 - CREVICE_DARKNESS * _crevices(raster)), gloss
 
 
-def _wrapped(cosine: FloatArray) -> FloatArray:
-    bright: FloatArray = (0.5 + 0.5 * cosine) ** 1.5
-    return bright
+@compiled()
+def _reflect(
+    normals: FloatArray,
+    key: FloatArray,
+    fill: FloatArray,
+    halfway: FloatArray,
+    diffuse: FloatArray,
+    gloss: FloatArray,
+) -> None:
+    for i in range(len(normals)):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+        if z < 0.0:
+            length = -length
+        x, y, z = x / length, y / length, z / length
+        from_key = 0.5 + 0.5 * (x * key[0] + y * key[1] + z * key[2])
+        from_fill = 0.5 + 0.5 * (x * fill[0] + y * fill[1] + z * fill[2])
+        diffuse[i] = AMBIENT + KEY * from_key**1.5 + FILL * from_fill**1.5
+        gloss[i] = GLOSS * max(x * halfway[0] + y * halfway[1] + z * halfway[2], 0.0) ** SHARPNESS
 
 
 def _crevices(raster: Raster) -> FloatArray:

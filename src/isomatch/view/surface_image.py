@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray
+from isomatch._arrays import FloatArray, IntArray
+from isomatch._compiled import compiled
 from isomatch.surfaces import Mesh, rasterise
 from isomatch.view.camera import camera_of, of_ordinary_size, seen_from
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
@@ -52,13 +53,27 @@ class SurfaceView:
         colour = self.paint(raster.interpolated(self.values, faces))
         colour = np.where(np.isnan(colour), UNMATCHED_GREY, colour)
         diffuse, gloss = light(raster, raster.interpolated(self.mesh.vertex_normals @ self.camera.T, faces))
-        samples = np.zeros((height, width, 4))
-        samples[raster.covered, :3] = colour * diffuse[:, None] + gloss[:, None]
-        samples[raster.covered, 3] = 1.0
-        pixels = samples.reshape(height // OVERSAMPLING, OVERSAMPLING, width // OVERSAMPLING, OVERSAMPLING, 4)
-        mean = pixels.mean(axis=(1, 3))
+        mean = np.zeros((height // OVERSAMPLING, width // OVERSAMPLING, 4))
+        _collect(raster.face, colour * diffuse[:, None] + gloss[:, None], mean)
         opacity = mean[..., 3:]
         return np.concatenate([to_screen(mean[..., :3] / np.maximum(opacity, 1e-6)), opacity], axis=2)
+
+
+@compiled()
+def _collect(face: IntArray, colour: FloatArray, mean: FloatArray) -> None:
+    """Add the samples of each pixel, with opacity."""
+    height, width = face.shape
+    share = 1.0 / OVERSAMPLING**2
+    sample = 0
+    for row in range(height):
+        for column in range(width):
+            if face[row, column] < 0:
+                continue
+            pixel = mean[row // OVERSAMPLING, column // OVERSAMPLING]
+            for channel in range(3):
+                pixel[channel] += share * colour[sample, channel]
+            pixel[3] += share
+            sample += 1
 
 
 def surface_image(
