@@ -38,7 +38,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 test: $(VENV)/dev lint types
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile  # a worker for each processor
 
 test-long: $(VENV)/dev
 	$(BIN)/python -m pytest -m long

@@ -56,8 +56,10 @@ def shapes_of(share):
     return [prepare(mesh) for mesh in pair]
 
 
-@pytest.mark.parametrize("function", [match, match_both])
-@pytest.mark.parametrize("share", [1.0, 0.6])
+@pytest.mark.parametrize(
+    ("function", "share"),
+    [(match, 1.0), (match_both, 1.0), pytest.param(match, 0.6, marks=pytest.mark.long), (match_both, 0.6)],
+)
 def test_a_match_keeps_no_shape(function, share):
     shapes = shapes_of(share)
     function(*shapes)

@@ -10,7 +10,24 @@ EXAMPLES = sorted(Path(__file__).parents[1].glob("examples/*/*.py"))
 WITHOUT_PICTURES = ("prepare_once", "save_and_load")
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+QUICK = (
+    *(
+        "match_two_meshes",
+        "canonical_form",
+        "distances_without_matrix",
+        "own_engine",
+        "save_and_load",
+        "symmetric_shape",
+    ),
+    *("carry_labels", "one_topology", "from_another_map", "live_report", "point_cloud"),
+)
+
+
+@pytest.mark.parametrize(
+    "example",
+    [pytest.param(path, marks=[] if path.stem in QUICK else pytest.mark.long) for path in EXAMPLES],
+    ids=[path.stem for path in EXAMPLES],
+)
 def test_an_example_runs(example, tmp_path, monkeypatch):
     if example.stem.startswith("blender"):
         pytest.skip("runs in Blender")

@@ -179,4 +179,4 @@ except KeyboardInterrupt:
 def test_a_script_that_is_interrupted_ends_at_once():
     """Python joins the threads of pools when it ends; ours do not keep it."""
     run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60)
-    assert float(run.stdout) < 0.5, run.stderr
+    assert float(run.stdout) < 1.0, run.stderr

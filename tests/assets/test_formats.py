@@ -166,8 +166,9 @@ def test_a_texture_of_trimesh_goes_out_and_in(kind):
         (lambda m: setattr(m, "diffuse", type(m)().diffuse), [1, 1, 1, 1]),  # none was given
         (lambda m: setattr(m, "baseColorFactor", [0.2, 0.4, 1.0, 0.6]), [0.2, 0.4, 1, 0.6]),
         (lambda m: setattr(m, "baseColorFactor", None), [1, 1, 1, 1]),
+        (lambda m: setattr(m, "diffuse", np.array([51.0, 102, 255, 255])), [0.2, 0.4, 1, 1]),
     ],
-    ids=["simple", "fractions", "unset", "PBR", "PBR without"],
+    ids=["simple", "fractions", "unset", "PBR", "PBR without", "floats"],
 )
 def test_the_tint_of_a_texture_of_trimesh_stays(change, tint, request, tmp_path):
     mesh = textured().to_trimesh()

@@ -86,7 +86,9 @@ def test_signature_is_that_of_match(method):
     assert list(inspect.signature(method).parameters) == expected
 
 
-@pytest.mark.parametrize("method", ALL)
+@pytest.mark.parametrize(
+    "method", [pytest.param(each, marks=pytest.mark.long if each is gmds else []) for each in ALL]
+)
 def test_relabelled_copy_gives_the_relabelling(copies, method):
     area, uniform, truth = copies
     shapes = area if method in BY_AREA else uniform

@@ -197,7 +197,7 @@ def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, m
     assert agreement_of(spoilt.rows()).contradicted == []
 
 
-def test_a_star_has_no_triangles(right, tmp_path):
+def test_a_star_has_no_triangles(right, in_threads, tmp_path):
     (tmp_path / "all" / "maps").mkdir(parents=True)
     shutil.copytree(right.folder / "prepared", tmp_path / "all" / "prepared")
     shapes = [entry.path for entry in right.shapes]

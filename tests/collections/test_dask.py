@@ -35,7 +35,9 @@ def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
             os.kill(victim.process.process.pid, signal.SIGKILL)
     assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
     assert arrays_of(tmp_path) == arrays_of(finished)
-    time.sleep(0.2)
+    limit = time.monotonic() + 10
+    while threading.active_count() > before + 1 and time.monotonic() < limit:
+        time.sleep(0.05)
     assert threading.active_count() <= before + 1
 
 

@@ -16,6 +16,7 @@ import pytest
 from isomatch import Correspondence, FormatError, UnwritableFileError
 from isomatch._files import claimed
 from isomatch.collections import PairMaps, jobs
+from isomatch.collections import ledger as ledger_module
 from isomatch.collections.layout import OLD, Layout, key_of
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.template import medoid
@@ -157,6 +158,34 @@ def test_a_ledger_that_is_just_begun_has_no_rows(tmp_path):
     path = tmp_path / "ledger.sqlite"
     path.touch()
     assert read_ledgers([path]) == Rows()
+
+
+def test_a_ledger_in_use_is_not_called_damaged(tmp_path, monkeypatch):
+    path = tmp_path / "ledger.sqlite"
+    with writing_ledger(path) as ledger:
+        ledger.put_shape("a", DONE)
+    monkeypatch.setattr(ledger_module, "PATIENCE", 0.0)
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(UnwritableFileError, match=r"locked.*wait"):
+            read_ledgers([path])
+        with pytest.raises(UnwritableFileError, match=r"locked.*wait"), writing_ledger(path):
+            pass
+    assert read_ledgers([path]).shapes == {"a": DONE}
+
+
+def test_a_damaged_page_of_a_ledger_is_named(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with writing_ledger(path) as ledger:
+        for i in range(200):
+            ledger.put_shape(str(i), DONE)
+    content = bytearray(path.read_bytes())
+    content[4096:] = b"x" * (len(content) - 4096)
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match="cannot be read as a ledger"):
+        read_ledgers([path])
+    with pytest.raises(FormatError, match="not a ledger"), writing_ledger(path):
+        pass
 
 
 def test_what_is_no_ledger_is_refused(tmp_path):

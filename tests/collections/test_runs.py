@@ -150,6 +150,29 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     assert run(copied) == []
 
 
+def test_a_plan_that_is_the_same_stays_as_it_is(small, copied):
+    """Another shard may be reading it."""
+    before = copied.layout.plan.stat()
+    shapes = [entry.path for entry in copied.shapes]
+    Collection.create(copied.folder, shapes, pairs="all", config=small.config)
+    assert copied.layout.plan.stat() == before
+
+
+@pytest.mark.parametrize(("name", "value"), [("seed", "zero"), ("seed", -1), ("shapes", {"../x": "a.ply"})])
+def test_a_damaged_plan_is_refused(copied, name, value):
+    plan = json.loads(copied.layout.plan.read_text())
+    copied.layout.plan.write_text(json.dumps({**plan, name: value}))
+    with pytest.raises(isomatch.FormatError, match=r"collection\.json: not the plan of a collection"):
+        Collection.open(copied.folder)
+
+
+def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
+    with writing_ledger(copied.layout.ledger()) as ledger:
+        ledger.put_pair(("s1", "s3"), {"state": "failed", "time": 0.0, "error": "no luck"})
+    assert main(["collect", "status", str(copied.folder)]) == 0
+    assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs done, 1 failed" in capsys.readouterr().out
+
+
 def test_a_folder_with_other_settings_is_refused(small, copied):
     other = isomatch.Config.from_dict({**small.config.to_dict(), "n_refine": 150})
     for options, name in (

@@ -12,7 +12,7 @@ import pytest
 import isomatch
 from isomatch.datasets import creature
 
-SOON = 1.0  # seconds
+SOON = 3.0  # seconds
 TIMES = [2, pytest.param(20, marks=pytest.mark.long)]
 COMMANDS = {
     "match": "match a.ply b.ply -o out/deep",

@@ -45,6 +45,7 @@ def test_small_symmetric_surfaces_get_a_map_that_is_not_called_right(mesh):
     assert found.outcome is Outcome.SYMMETRY_AMBIGUOUS
 
 
+@pytest.mark.long
 def test_shapes_that_have_nothing_in_common_get_a_poor_map():
     assert match(icosphere(3), box(2, 3, 30)).outcome is Outcome.LOW_CONFIDENCE
 

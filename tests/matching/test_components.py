@@ -181,7 +181,8 @@ def halves(made):
     return together(*parts), np.concatenate(originals), np.repeat([0, 1], [len(part) for part in originals])
 
 
-@pytest.mark.parametrize("symmetric", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("symmetric", [False, True])
 def test_hemispheres_are_not_exchanged(symmetric):
     source, target = (creature(2000, triangulation=i, pose=i, symmetric=symmetric) for i in (1, 2))
     (here, original, half), (there, original_there, half_there) = halves(source), halves(target)

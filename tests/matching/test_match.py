@@ -153,6 +153,7 @@ def test_an_asymmetric_shape_is_told_from_its_mirror_image():
     assert found.quality.mirrored > 1.5
 
 
+@pytest.mark.long
 def test_different_things_give_low_confidence(prepared_example):
     found = match(prepared_example[0], torus(60, 30))
     assert found.outcome is Outcome.LOW_CONFIDENCE

@@ -63,6 +63,7 @@ def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     assert mean_error(right, found.map.vertices[both], there[both]) < 0.06
 
 
+@pytest.mark.long
 def test_what_is_left_out_of_the_whole_shifts_nothing(bodies, prepared):
     part = holes(bodies[0], 0.15, seed=4)
     crumb = np.array([[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]) + 5
@@ -88,7 +89,14 @@ def test_landmarks_lead_a_part(bodies, prepared):
 
 
 @pytest.mark.parametrize(
-    ("factor", "scale"), [(1.3, "auto"), (0.8, "auto"), (7.0, "auto"), (0.9, "free"), (1.0, "same")]
+    ("factor", "scale"),
+    [
+        (0.8, "auto"),
+        (0.9, "free"),
+        (1.0, "same"),
+        pytest.param(1.3, "auto", marks=pytest.mark.long),
+        pytest.param(7.0, "auto", marks=pytest.mark.long),
+    ],
 )
 def test_the_unit_is_found(bodies, prepared, factor, scale):
     part = cut(bodies[0], 0.3, seed=4)
@@ -124,6 +132,7 @@ def test_two_parts_are_matched_with_their_holes_closed(bodies):
     assert mean_error(right, found.map.vertices[both], image[both]) < 0.05
 
 
+@pytest.mark.long
 def test_a_part_of_another_animal_is_no_sure_match(prepared):
     other = cut(creature(2500, kind="biped").mesh, 0.3, seed=0)
     assert match(other.mesh, prepared).outcome is Outcome.LOW_CONFIDENCE

@@ -116,7 +116,7 @@ def test_landmarks_are_held_at_every_resolution(bodies, resolution):
     assert held.timings["pins"] > 0
 
 
-@pytest.mark.parametrize("part", ["source", "target"])
+@pytest.mark.parametrize("part", [pytest.param("source", marks=pytest.mark.long), "target"])
 def test_landmarks_of_parts_are_held(bodies, part):
     source, target, truth = bodies
     damaged = holes(source if part == "source" else target, 0.15, seed=4)

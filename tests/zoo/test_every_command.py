@@ -136,8 +136,9 @@ def test_commands(case, written, tmp_path, capsys, monkeypatch):
     commands = {
         "distance": ["distance", file, "--from", "0"],
         "basis": ["basis", file, "-o", out],
-        "match": ["match", file, file, "-o", str(tmp_path / "map")],
     }
+    if case.match or CASES.index(case) % 4 == 0:  # all others are matched above
+        commands["match"] = ["match", file, file, "-o", str(tmp_path / "map")]
     for verb, command in commands.items():
         words = getattr(case, verb)
         code = main(command)
