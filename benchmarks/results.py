@@ -168,9 +168,10 @@ def told(shown: dict[str, Stamp]) -> str:
     if stamped:
         require_one_stamp(stamped)
         last = max(stamped.values(), key=lambda stamp: stamp["date"])
+        revisions = " and ".join(dict.fromkeys(stamp["revision"] for stamp in stamped.values()))
         packages = ", ".join(f"{name} {number}" for name, number in last["versions"].items())
         lines.append(
-            f"Measured in revision {last['revision']} (source {last['source']}), {last['date']}, on "
+            f"Measured in revision {revisions} (source {last['source']}), {last['date']}, on "
             f"{last['machine']}, with {packages}.\n"
         )
     older = [

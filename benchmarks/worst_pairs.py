@@ -48,6 +48,7 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=3, help="how many pairs")
     asked = parser.parse_args()
     for number, row in enumerate(worst(asked.count), 1):
-        source, target = row["pair"].split("-")
-        pair = benchmark_set(row["set"], asked.data).load(source, target)
+        chosen = benchmark_set(row["set"], asked.data)
+        source, target = next(names for names in chosen.pairs if "-".join(names) == row["pair"])
+        pair = chosen.load(source, target)
         draw(pair, (source, target), asked.output / f"worst_{number}.png")
