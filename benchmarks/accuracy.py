@@ -2,9 +2,9 @@
 
     python benchmarks/accuracy.py --data DIR -o OUT [SET ...]
 
-matches every two shapes that a whole set pairs once; where it has both directions, one is drawn. It writes what ``isomatch
-bench`` writes, and two tables: ``accuracy_table.csv`` has a row for each set and method, ``classes_table.csv`` a row for
-each kind of shapes. Rows that are already in OUT are not computed again.
+matches every two shapes that a whole set pairs once; where it has both directions, one is drawn. It writes what
+``isomatch bench`` writes, and two tables: ``accuracy_table.csv`` has a row for each set and method,
+``classes_table.csv`` a row for each kind of shapes. Rows that are already in OUT are not computed again.
 """
 
 from __future__ import annotations
