@@ -36,6 +36,9 @@ class Fit:
         return 1.0 if self.orientation >= 0 else -1.0
 
 
+NOWHERE = np.zeros((10, 10))  # no two send limbs to different places
+
+
 def apart(n, *same):
     """Maps that are all 0.5 apart, but for some pairs that coincide."""
     distances = np.full((n, n), 0.5) - 0.5 * np.eye(n)
@@ -148,7 +151,7 @@ def test_a_fit_of_the_other_side_lends_no_hypothesis():
 
 def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
-    chosen = select(fits, [True, False, True], apart(3), SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True, False, True], apart(3), NOWHERE, SETTINGS, BOUNDS, 4)
     assert chosen.winner is fits[2]
     assert chosen.rivals == (fits[1], fits[0])
     assert chosen.rival == pytest.approx(0.5), "one that may not win fits better"
@@ -159,17 +162,17 @@ def test_the_eligible_fit_of_least_score_wins():
 
 
 def test_one_that_was_compared_with_nothing_has_no_rival():
-    alone = select([Fit(1.0)], [True], apart(1), SETTINGS, BOUNDS, 1)
+    alone = select([Fit(1.0)], [True], apart(1), NOWHERE, SETTINGS, BOUNDS, 1)
     assert np.isnan(alone.rival)
     assert np.isnan(alone.mirrored)
-    assert select([Fit(1.0)], [True], apart(1), SETTINGS, BOUNDS, 2).rival == inf
+    assert select([Fit(1.0)], [True], apart(1), NOWHERE, SETTINGS, BOUNDS, 2).rival == inf
 
 
 def test_a_variant_of_the_winner_is_no_rival():
     fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
-    chosen = select(fits, [True] * 3, apart(3, (0, 1)), SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True] * 3, apart(3, (0, 1)), NOWHERE, SETTINGS, BOUNDS, 4)
     assert (chosen.rival, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
-    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), SETTINGS, BOUNDS, 4)
+    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), NOWHERE, SETTINGS, BOUNDS, 4)
     assert alone.rival == inf
     assert "rival" not in alone.reason
 
@@ -177,7 +180,7 @@ def test_a_variant_of_the_winner_is_no_rival():
 @given(st.lists(st.floats(0.1, 10), min_size=1, max_size=6, unique=True), st.randoms())
 def test_the_winner_does_not_depend_on_the_order(scores, random):
     fits = [Fit(1.0, score=score) for score in scores]
-    chosen = select(fits, [True] * len(fits), apart(len(fits)), SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, SETTINGS, BOUNDS, 4)
     assert chosen.winner.score == min(scores)
     assert len(chosen.rivals) == len(fits) - 1
     assert chosen.rival >= 1
@@ -186,11 +189,12 @@ def test_the_winner_does_not_depend_on_the_order(scores, random):
 def test_differences_below_the_noise_of_triangulations_are_ties():
     copy = Fit(0.01, score=0.0001)
     other = Fit(0.1, score=0.02)
-    assert select([copy, other], [True, True], apart(2), SETTINGS, BOUNDS, 2).rival == 1
+    assert select([copy, other], [True, True], apart(2), NOWHERE, SETTINGS, BOUNDS, 2).rival == 1
     assert len(survivors([copy, other], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 2
     far = Fit(0.6, score=0.2)
     assert (
-        select([copy, far], [True, True], apart(2), SETTINGS, BOUNDS, 2).rival == 0.2 / SETTINGS.score_noise
+        select([copy, far], [True, True], apart(2), NOWHERE, SETTINGS, BOUNDS, 2).rival
+        == 0.2 / SETTINGS.score_noise
     )
     assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1
 
@@ -199,22 +203,34 @@ def test_a_rival_that_contradicts_the_landmarks_counts_only_if_it_is_clearly_bet
     winner = Fit(0.3, score=0.10)
     for score, rival in ((0.101, inf), (0.095, inf), (0.05, 0.5)):
         other = Fit(0.3, score=score, landmark_error=0.4)
-        assert select([winner, other], [True, False], apart(2), SETTINGS, BOUNDS, 2).rival == pytest.approx(
-            rival
-        )
+        assert select(
+            [winner, other], [True, False], apart(2), NOWHERE, SETTINGS, BOUNDS, 2
+        ).rival == pytest.approx(rival)
 
 
 def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
     near = np.array([[0, 0.08], [0.08, 0]])
     for score, rival in ((0.11, inf), (0.095, inf), (0.05, 0.5)):
         fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
-        assert select(fits, [True, False], near, SETTINGS, BOUNDS, 2).rival == pytest.approx(rival)
+        assert select(fits, [True, False], near, NOWHERE, SETTINGS, BOUNDS, 2).rival == pytest.approx(rival)
+
+
+def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
+    near = np.array([[0, 0.07], [0.07, 0]])
+    for share, score, rival in ((0.08, 0.102, 1.02), (0.08, 0.11, inf), (0.02, 0.102, inf)):
+        elsewhere = np.array([[0, share], [share, 0]])
+        fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
+        chosen = select(fits, [True, True], near, elsewhere, SETTINGS, BOUNDS, 2)
+        assert chosen.rival == pytest.approx(rival)
+        assert chosen.against is (fits[1] if rival < inf else None)
 
 
 def test_a_variant_of_a_perfect_map_is_no_rival():
     near = np.array([[0, 0.05], [0.05, 0]])
     assert (
-        select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, SETTINGS, BOUNDS, 2).rival
+        select(
+            [Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, NOWHERE, SETTINGS, BOUNDS, 2
+        ).rival
         == inf
     )
 
@@ -222,7 +238,7 @@ def test_a_variant_of_a_perfect_map_is_no_rival():
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))
 def test_hints_decide_ties_and_nothing_else(fits):
     made = [Fit(1.0, score=score, hint_error=error) for score, error in fits]
-    chosen = select(made, [True] * len(made), apart(len(made)), SETTINGS, BOUNDS, 4)
+    chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, SETTINGS, BOUNDS, 4)
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.winner in tied
@@ -231,19 +247,19 @@ def test_hints_decide_ties_and_nothing_else(fits):
 
 def test_of_maps_that_tie_the_one_nearest_to_the_hints_wins():
     better, hinted = Fit(0.3, score=0.10, hint_error=0.4), Fit(0.3, score=0.11, hint_error=0.02)
-    chosen = select([better, hinted], [True] * 2, apart(2), SETTINGS, BOUNDS, 2)
+    chosen = select([better, hinted], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2)
     assert chosen.winner is hinted
     assert chosen.rival == 1, "it does not lose to one that it ties with"
     assert "agrees best with the hints" in chosen.reason
     worse = Fit(0.3, score=0.12, hint_error=0.02)
-    assert select([better, worse], [True] * 2, apart(2), SETTINGS, BOUNDS, 2).winner is better
+    assert select([better, worse], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is better
 
 
 def test_a_mirror_image_ties_as_far_as_the_outcome_says():
     direct, mirrored = Fit(0.3, score=0.10, hint_error=0.3), Fit(0.3, 0.14, -0.9, hint_error=0.02)
-    assert select([direct, mirrored], [True] * 2, apart(2), SETTINGS, BOUNDS, 2).winner is mirrored
+    assert select([direct, mirrored], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is mirrored
     twisted = Fit(0.3, score=0.16, orientation=-0.9, hint_error=0.02)
-    assert select([direct, twisted], [True] * 2, apart(2), SETTINGS, BOUNDS, 2).winner is direct
+    assert select([direct, twisted], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is direct
 
 
 def test_the_candidate_nearest_to_the_hints_is_refined_whatever_its_side():

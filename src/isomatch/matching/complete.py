@@ -20,6 +20,7 @@ from isomatch.matching.joint_refinement import (
     joint_embedding,
     polished_points,
     refine_jointly,
+    shares_elsewhere,
 )
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
@@ -225,7 +226,8 @@ def _contest(
     may_win = [True] * len(fits) + [False] * len(others)
     fits += others
     n_tried = len(eligible) + len(rivals)
-    return select(fits, may_win, distances_between(pair, fits), settings, pair.config.outcome, n_tried)
+    apart, elsewhere = distances_between(pair, fits), shares_elsewhere(pair, fits)
+    return select(fits, may_win, apart, elsewhere, settings, pair.config.outcome, n_tried)
 
 
 def _embedding(pair: ShapePair, winner: RefinedCandidate) -> Embedding:

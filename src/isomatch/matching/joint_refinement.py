@@ -125,6 +125,16 @@ def distances_between(pair: ShapePair, fits: list[RefinedCandidate]) -> FloatArr
     return apart
 
 
+def shares_elsewhere(pair: ShapePair, fits: list[RefinedCandidate]) -> FloatArray:
+    """Share of vertices that each two refined maps send to places far apart, (q, q)."""
+    far, shares = pair.config.selection.elsewhere_distance, np.zeros((len(fits),) * 2)
+    for i, fit in enumerate(fits):
+        for j, other in enumerate(fits[:i]):
+            apart = pair.target.distance(fit.target_vertex, other.target_vertex)
+            shares[i, j] = shares[j, i] = (apart > far).mean()
+    return shares
+
+
 def _score(pair: ShapePair, fit: RefinedCandidate) -> float:
     energy = energy_of(pair, pair.refinement_vertices, fit.target_vertex)
     return float(fit.misfit * energy**pair.config.selection.energy_exponent)

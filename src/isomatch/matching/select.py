@@ -216,6 +216,7 @@ def select(
     fits: Sequence[R],
     eligible: Sequence[bool],
     apart: FloatArray,
+    elsewhere: FloatArray,
     settings: SelectionSettings,
     bounds: OutcomeSettings,
     n_tried: int,
@@ -229,9 +230,12 @@ def select(
         Which of them may win. Others are rivals only.
     apart : (q, q) array of float
         Mean distance between the images of each two, in √area.
+    elsewhere : (q, q) array of float
+        Share of vertices that each two send to places far apart.
     settings : SelectionSettings
-        ``rival_distance`` tells a rival from a variant of the winner. A variant that was not eligible, or a map that
-        contradicts the landmarks more than the winner, counts where it is ``clearly_better``.
+        ``rival_distance`` tells a rival from a variant of the winner; of those that fit as well, ``elsewhere_share``
+        does, too. A variant that was not eligible, or a map that contradicts the landmarks more than the winner, counts
+        where it is ``clearly_better``.
     bounds : OutcomeSettings
         ``tie`` and ``mirror_tie`` say what a tie is.
     n_tried : int
@@ -262,7 +266,9 @@ def select(
         return max(1.0, ratio) if eligible[rivals[0]] else ratio  # one that lost to hints ties
 
     def speaks_against(i: int) -> bool:
-        differs = apart[i, winner] > settings.rival_distance
+        as_good = scores[i] <= settings.elsewhere_tie * scores[winner]
+        exchanged = as_good and elsewhere[i, winner] >= settings.elsewhere_share
+        differs = exchanged or apart[i, winner] > settings.rival_distance
         agrees = fits[i].landmark_error <= fits[winner].landmark_error + settings.landmark_slack
         better = settings.clearly_better * scores[i] < scores[winner] and apart[i, winner] > settings.same_map
         return (differs and agrees) or better
