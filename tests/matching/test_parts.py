@@ -92,7 +92,7 @@ def test_landmarks_lead_a_part(bodies, prepared):
     ("factor", "scale"),
     [
         (0.8, "auto"),
-        (0.9, "free"),
+        pytest.param(0.9, "free", marks=pytest.mark.long),
         (1.0, "same"),
         pytest.param(1.3, "auto", marks=pytest.mark.long),
         pytest.param(7.0, "auto", marks=pytest.mark.long),

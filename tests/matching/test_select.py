@@ -225,6 +225,12 @@ def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
         assert chosen.against is (fits[1] if rival < inf else None)
 
 
+def test_a_perfect_map_has_no_rival_though_both_are_below_the_noise():
+    near, elsewhere = np.array([[0, 0.07], [0.07, 0]]), np.array([[0, 0.08], [0.08, 0]])
+    fits = [Fit(0.01, score=0.0), Fit(0.15, score=0.5 * SETTINGS.score_noise)]
+    assert select(fits, [True, True], near, elsewhere, SETTINGS, BOUNDS, 2).rival == inf
+
+
 def test_a_variant_of_a_perfect_map_is_no_rival():
     near = np.array([[0, 0.05], [0.05, 0]])
     assert (

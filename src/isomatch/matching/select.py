@@ -266,7 +266,7 @@ def select(
         return max(1.0, ratio) if eligible[rivals[0]] else ratio  # one that lost to hints ties
 
     def speaks_against(i: int) -> bool:
-        as_good = scores[i] <= settings.elsewhere_tie * scores[winner]
+        as_good = fits[i].score <= settings.elsewhere_tie * fits[winner].score  # below the noise, too
         exchanged = as_good and elsewhere[i, winner] >= settings.elsewhere_share
         differs = exchanged or apart[i, winner] > settings.rival_distance
         agrees = fits[i].landmark_error <= fits[winner].landmark_error + settings.landmark_slack
