@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from isomatch import Correspondence, Mesh
+from isomatch._threads import n_threads
+from isomatch._workers import begin_worker, worker_processes
 from isomatch.datasets import (
     BenchmarkPair,
     DamagedPair,
@@ -30,13 +29,9 @@ R = TypeVar("R")
 
 
 def in_parallel(function: Callable[[T], R], jobs: Iterable[T]) -> Iterator[R]:
-    """Give each job to a process of its own thread; results in order."""
-    with ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=_one_thread) as pool:
+    """Give each job to one of as many processes as there are processors, with one thread each; results in order."""
+    with worker_processes(n_threads(), begin_worker, (1,)) as pool:
         yield from pool.map(function, jobs)
-
-
-def _one_thread() -> None:
-    os.environ["ISOMATCH_NUM_THREADS"] = "1"
 
 
 def mean_error(pair: BenchmarkPair, found: Correspondence, either_side: bool = False) -> float:
