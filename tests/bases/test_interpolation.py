@@ -7,7 +7,7 @@ from data import tosca
 from isomatch import distance_basis, geodesic_distances
 from isomatch.bases import ColumnPredictor, fmds_basis
 from isomatch.bases.interpolation import biharmonic_interpolant
-from isomatch.bases.laplacian import laplacian
+from isomatch.bases.laplacian import stiffness_and_masses
 from isomatch.bases.prediction import DensityWeighted, representative_points
 from isomatch.datasets import creature
 from isomatch.geodesics import distance_engine, farthest_point_sampling
@@ -27,7 +27,7 @@ def test_interpolant_reproduces_values_constants_and_the_dense_solution(mesh, sa
     interpolant = biharmonic_interpolant(mesh, sampling.vertices)
     np.testing.assert_allclose(interpolant[sampling.vertices], np.eye(40), atol=5e-3)
     np.testing.assert_allclose(interpolant.sum(axis=1), 1, atol=1e-3)
-    stiffness, masses = laplacian(mesh)
+    stiffness, masses = stiffness_and_masses(mesh)
     selection = np.eye(mesh.n_vertices)[sampling.vertices]
     fidelity = 100.0
     energy = (stiffness / (masses / masses.sum())) @ stiffness

@@ -5,6 +5,7 @@ from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.domain import basis_domain
 from isomatch.bases.interpolation import fmds_basis, smds_basis, spectral_interpolant
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis, refined_laplace_basis
+from isomatch.bases.laplacian import factorised, stiffness_and_masses
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
 from isomatch.bases.prediction import ColumnPredictor, predicted_basis
 
@@ -19,6 +20,7 @@ __all__ = [
     "canonical_form",
     "distance_basis",
     "exact_basis",
+    "factorised",
     "fmds_basis",
     "laplace_basis",
     "nystrom_basis",
@@ -26,4 +28,5 @@ __all__ = [
     "refined_laplace_basis",
     "smds_basis",
     "spectral_interpolant",
+    "stiffness_and_masses",
 ]

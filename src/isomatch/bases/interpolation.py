@@ -9,7 +9,7 @@ from scipy.sparse import csc_array, diags_array
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
-from isomatch.bases.laplacian import factorised, laplacian
+from isomatch.bases.laplacian import factorised, stiffness_and_masses
 from isomatch.geodesics import Sampling
 from isomatch.surfaces import Surface
 
@@ -92,7 +92,7 @@ def biharmonic_interpolant(surface: Surface, samples: IntArray, fidelity: float 
     M = μ (L A⁻¹ L + μ BᵀB)⁻¹ Bᵀ, with B the selection of the samples: M f minimises the biharmonic energy plus μ times
     the squared difference to f at the samples. The area is taken as 1, so that μ has no unit.
     """
-    stiffness, masses = laplacian(surface)
+    stiffness, masses = stiffness_and_masses(surface)
     masses /= masses.sum()
     selected = np.zeros(len(masses))
     selected[samples] = fidelity

@@ -15,7 +15,7 @@ from isomatch._settings import generator
 from isomatch._threads import row_product, serial_blas
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
-from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, laplacian
+from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
 from isomatch.surfaces import Mesh, Surface
@@ -170,7 +170,7 @@ def _unit_operator(surface: Surface) -> tuple[csc_array, FloatArray]:
                 f"vertices {some(unused)} belong to no face, so the Laplacian is undefined there; call repair(mesh)"
             )
     require_one_component(surface)
-    stiffness, weights = laplacian(surface)
+    stiffness, weights = stiffness_and_masses(surface)
     scale, operator = np.sqrt(weights.sum() / weights), csc_array(stiffness)
     operator.data *= scale[operator.indices] * np.repeat(scale, np.diff(operator.indptr))
     return operator, weights

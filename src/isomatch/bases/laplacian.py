@@ -20,7 +20,7 @@ from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes of each row
 
 
-def laplacian(surface: Surface) -> tuple[csc_array, FloatArray]:
+def stiffness_and_masses(surface: Surface) -> tuple[csc_array, FloatArray]:
     """Compute the stiffness matrix L and the lumped mass matrix of a surface.
 
     Parameters

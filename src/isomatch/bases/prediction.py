@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._threads import parallel_map, serial_blas
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
-from isomatch.bases.laplacian import factorised, laplacian
+from isomatch.bases.laplacian import factorised, stiffness_and_masses
 from isomatch.bases.nystrom import leading_eigenpairs
 from isomatch.geodesics import DistanceEngine, Sampling
 from isomatch.surfaces import Mesh, PointCloud, Surface
@@ -60,7 +60,7 @@ class ColumnPredictor:
         unit = float(sampling.columns.mean())
         powers = (sampling.columns / unit) ** 1.5
         samples, p = sampling.vertices, len(sampling.vertices)
-        stiffness, masses = laplacian(surface)
+        stiffness, masses = stiffness_and_masses(surface)
         masses /= masses.sum()
         solve = factorised(stiffness, masses)
         # K_·S: the mean of products of measured columns, then the covariance of smooth functions, column by column

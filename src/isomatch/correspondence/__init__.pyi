@@ -36,6 +36,10 @@ from isomatch.correspondence.nearest_points import (
     nearest_points,
 )
 from isomatch.correspondence.registration import register_nonrigid
+from isomatch.correspondence.rigid_registration import (
+    nearest_with_normals,
+    register_as_rigid_as_possible,
+)
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.correspondence.welding import welded_map
@@ -69,7 +73,9 @@ __all__ = [
     "nearest_points",
     "nearest_rows",
     "nearest_under_rotation",
+    "nearest_with_normals",
     "pin_first",
+    "register_as_rigid_as_possible",
     "register_nonrigid",
     "signed_procrustes",
     "spectral_embedding",

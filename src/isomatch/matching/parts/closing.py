@@ -81,8 +81,7 @@ class ClosedMatch:
         rows = slice(self.pair.source.body.n_vertices)
         vertices, corners, weights = closed.vertices[rows], closed.faces[rows], closed.barycentric[rows]
         gap, owner = self._rim_of_target
-        # an edge beyond the rim is no miss
-        matched = gap[vertices] < self.pair.target.body.edge_lengths.mean()
+        matched = gap[vertices] <= self.pair.config.parts.rim * np.sqrt(self.pair.target.body.area)
         points = PrecisePoints.at_vertices(owner[vertices])
         inside = (corners < n_target).all(axis=1)
         points.corners[inside], points.barycentric[inside] = corners[inside], weights[inside]

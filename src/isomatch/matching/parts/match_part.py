@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import IntArray
+from isomatch._arrays import BoolArray, IntArray
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
-from isomatch.correspondence import Embedding
+from isomatch.correspondence import PrecisePoints, nearest_with_normals, register_as_rigid_as_possible
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
@@ -18,7 +18,9 @@ from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordin
 from isomatch.matching.parts.part_starts import PartStart, PartStarts, completed, composed, self_maps
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
+from isomatch.surfaces import Mesh
 
+ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -101,11 +103,42 @@ class PartMatch:
         refinement = self.refining.at(self.pair, self.pair.config.n_refine)
         return refinement.local_unit(self.fits[0].image) ** 2
 
-    def embedding(self) -> Embedding:
-        """Coordinates of all vertices of part and whole under the best map."""
-        everywhere = np.arange(self.pair.part.body.n_vertices)
+    @cached_property
+    def bent(self) -> Mesh:
+        """The part bent onto the whole by the best map."""
+        (part, whole), index = self.pair.meshes, self.pair.whole.index
+        everywhere = np.arange(part.n_vertices)
         refinement = self.refining.at(self.pair, self.pair.config.n_refine)
-        return refinement.embedding(self.fits[0].image, 10**6, everywhere)
+        of_part, of_whole = refinement.embedding(self.fits[0].image, 10**6, everywhere)
+        start = index.points(of_whole, of_part).interpolated(whole.vertices)
+        scaled, lengths = part.moved(self.pair.unit * part.vertices), self.pair.config.parts.bending
+        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, lengths))
+
+    @cached_property
+    def onto_whole(self) -> PrecisePoints:
+        """Points of the whole for the vertices of the part."""
+        return nearest_with_normals(self.bent, self.pair.meshes[1], self.pair.whole.index)
+
+    @property
+    def unbent(self) -> float:
+        """What speaks against the bent part: mean |log| of the stretch of its edges × mean distance from the whole."""
+        part, whole = self.pair.meshes
+        stretch = np.log(self.bent.edge_lengths / (self.pair.unit * part.edge_lengths))
+        apart = self.onto_whole.interpolated(whole.vertices) - self.bent.vertices
+        return float(np.abs(stretch).mean() * np.linalg.norm(apart, axis=1).mean())
+
+    def onto_part(self) -> tuple[PrecisePoints, BoolArray]:
+        """Points of the part for the vertices of the whole, and which of these the part covers.
+
+        A vertex may lie somewhat off the part, but less so off its boundary, beyond which nothing is known.
+        """
+        bent, whole, settings = self.bent, self.pair.meshes[1], self.pair.config.parts
+        points = nearest_with_normals(whole, bent, self.pair.part.index)
+        gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
+        of_rim = np.zeros(bent.n_vertices, dtype=bool)
+        of_rim[bent.boundary_edges] = True
+        on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
+        return points, gap <= np.where(on_rim, settings.rim, settings.off)
 
 
 def match_part(

@@ -8,7 +8,6 @@ import numpy as np
 
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints
-from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
 from isomatch.matching.outcome import Outcome
@@ -70,20 +69,15 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
                 f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
                 "other shape",
             )
-    of_part, of_whole = found.embedding()
+    onto_whole, (onto_part, covered) = found.onto_whole, found.onto_part()
+    errors, area = _expected_errors(found, onto_whole), found.pair.meshes[1].vertex_areas[covered].sum()
     if part == "source":
-        points = target.index.points(of_whole, of_part)
-        covered, area = _covered(found, points.corners[:, 0])
-        matched = np.ones(len(of_part), dtype=bool)
-        errors = _expected_errors(found, points)
+        points, matched, coverage = onto_whole, np.ones(len(errors), dtype=bool), float(area)
     else:
-        points = target.index.points(of_part, of_whole)
-        covered, area = _covered(found, source.index.vertices(of_whole, of_part))
-        matched = covered
-        onto_whole = source.index.points(of_whole, of_part)
-        errors = _expected_errors(found, onto_whole)[points.corners[:, 0]] / found.pair.unit
+        points, matched, coverage = onto_part, covered, 1.0
+        errors = errors[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
-    quality = _quality(pair, found, points, matched, area if part == "source" else 1.0, hints)
+    quality = _quality(pair, found, points, matched, coverage, hints)
     in_full = source.correspondence(target, points, matched)
     return MatchResult(
         map=in_full,
@@ -132,21 +126,6 @@ def _expected_errors(found: PartMatch, points: PrecisePoints) -> FloatArray:
     """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
     pair, unit = SmoothPair(found.pair.part, found.pair.whole, found.pair.config), found.pair.unit
     return unit * expected_errors(pair, points, unit=unit)
-
-
-def _covered(found: PartMatch, image: IntArray) -> tuple[BoolArray, float]:
-    """Tell which vertices of the whole the part covers: those nearest to images (n_part,), as many as its area asks for.
-
-    Returns also the share of the area that lies as near to images as vertices are to each other.
-    """
-    pair = found.pair
-    part, whole = pair.meshes
-    gap, _ = distance_along_edges_to_nearest(whole, np.unique(image))
-    spacing = max(whole.edge_lengths.mean(), pair.unit * part.edge_lengths.mean())
-    order = np.argsort(gap, kind="stable")
-    filled = np.cumsum(whole.vertex_areas[order]) <= pair.config.parts.cover * found.share * whole.area
-    reach = max(spacing, gap[order[filled]].max(initial=0.0))
-    return gap <= reach, float(whole.vertex_areas[gap <= spacing].sum() / whole.area)
 
 
 def _quality(
@@ -200,6 +179,7 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
         not np.isfinite(found.scores[0])
         or best.misfit > settings.poor_misfit
         or best.stress > settings.poor_stress
+        or found.unbent > settings.poor_unbent
         or best.orientation < settings.poor_orientation
         or found.pair.trusted < settings.least_trusted
         or quality.rival < 1

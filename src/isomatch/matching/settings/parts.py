@@ -62,9 +62,13 @@ class PartSettings(Settings):
     closed_score : float
         The map with the holes closed is returned if less than this, over the score of the best map of a part, speaks
         against it.
-    cover : float
-        Area of the whole that is matched to a part, over that of the part: those vertices that are nearest to images.
-    poor_misfit, poor_stress : float
+    bending : tuple of float
+        Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
+        `register_as_rigid_as_possible`.
+    rim, off : float
+        Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
+        matched to it.
+    poor_misfit, poor_stress, poor_unbent : float
         Values above which a map is poor.
     poor_orientation, least_trusted : float
         Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
@@ -105,12 +109,15 @@ class PartSettings(Settings):
     most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     close: bool = setting(True, "docs/robustness.md: holes closed")
-    closed_score: float = setting(1.35, "chosen on cuts and holes; docs/robustness.md", least=0)
-    cover: float = setting(
-        1.1, "a vertex left unmatched by mistake costs more than one matched by mistake", least=0
+    closed_score: float = setting(1.1, "docs/robustness.md: parts", least=0)
+    bending: tuple[float, ...] = setting(
+        (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
     )
+    rim: float = setting(0.04, "about the error of maps near boundaries", least=0)
+    off: float = setting(0.1, "twice the largest distances within right maps", least=0)
     poor_misfit: float = setting(0.37, "chosen on cuts and holes; docs/robustness.md", least=0)
     poor_stress: float = setting(0.03, "chosen on cuts and holes; docs/robustness.md", least=0)
+    poor_unbent: float = setting(7e-4, "docs/robustness.md: parts", least=0)
     poor_orientation: float = setting(0.7, "chosen on cuts and holes; docs/robustness.md", least=-1, most=1)
     least_trusted: float = setting(0.07, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)
     tie: float = setting(1.1, "chosen on cuts and holes; docs/robustness.md", least=1)

@@ -1,0 +1,94 @@
+"""As-rigid-as-possible registration: what lies right stays, what bends is followed, and gathered images are spread."""
+
+import numpy as np
+import pytest
+
+from isomatch import Mesh, prepare
+from isomatch.correspondence import (
+    SurfaceIndex,
+    VertexCells,
+    nearest_with_normals,
+    register_as_rigid_as_possible,
+)
+from isomatch.datasets import creature, cut
+
+LENGTHS = (0.3, 0.2, 0.1, 0.05)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return prepare(creature(1500).mesh)
+
+
+@pytest.fixture(scope="module")
+def piece(whole):
+    """A piece of the whole, and the vertices of the whole that it consists of."""
+    made = cut(whole.mesh_body, 0.4, seed=1)
+    return made.mesh, made.original
+
+
+def registered(source, whole, positions, lengths=LENGTHS):
+    return register_as_rigid_as_possible(source, whole.mesh_body, whole.index, positions, lengths)
+
+
+def turned(points, seed=0):
+    rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return points @ (rotation * np.sign(np.linalg.det(rotation)))
+
+
+def assert_near(found, truth):
+    """Vertices of the boundary may slide a little, since their normals lack the faces beyond."""
+    apart = np.linalg.norm(found - truth, axis=1)  # the edges are 0.03 long
+    assert apart.mean() < 3e-4
+    assert apart.max() < 5e-3
+
+
+def test_a_piece_that_lies_right_stays(whole, piece):
+    mesh, original = piece
+    on_whole = whole.mesh_body.vertices[original]
+    assert_near(registered(mesh, whole, on_whole), on_whole)
+
+
+def test_no_steps_change_nothing(whole, piece):
+    start = piece[0].vertices + 0.1
+    np.testing.assert_array_equal(registered(piece[0], whole, start, ()), start)
+
+
+def test_a_turned_piece_is_put_back(whole, piece):
+    """Its own position in space does not matter, only where the map puts it."""
+    mesh, original = piece
+    on_whole = whole.mesh_body.vertices[original]
+    found = registered(mesh.moved(turned(mesh.vertices)), whole, on_whole)
+    assert_near(found, on_whole)
+
+
+def test_gathered_images_are_spread(whole, piece):
+    """A map that shrinks a piece towards its middle, as near boundaries: most of the error goes."""
+    mesh, original = piece
+    truth = whole.mesh_body.vertices[original]
+    middle = np.average(truth, axis=0, weights=mesh.vertex_areas)
+    shrunk = middle + 0.9 * (truth - middle)
+    points = nearest_with_normals(mesh.moved(shrunk), whole.mesh_body, whole.index)
+    before = np.linalg.norm(points.interpolated(whole.mesh_body.vertices) - truth, axis=1)
+    after = np.linalg.norm(registered(mesh, whole, shrunk) - truth, axis=1)
+    assert after.mean() < 0.5 * before.mean()
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads(whole, piece, monkeypatch):
+    mesh, original = piece
+    start = 0.95 * whole.mesh_body.vertices[original]
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "1")
+    one = registered(mesh, whole, start)
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "3")
+    np.testing.assert_array_equal(registered(mesh, whole, start), one)
+
+
+def test_normals_tell_sheets_apart():
+    """A point between two parallel sheets that face away from each other belongs to the one with its normal."""
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    sheets = Mesh(np.vstack([square, square - [0, 0, 0.1]]), np.vstack([faces, faces[:, ::-1] + 4]))
+    index = SurfaceIndex(sheets.faces, VertexCells.of(np.array([0, 4]), np.repeat([0, 1], 4)))
+    upward = Mesh(0.5 * square + [0.25, 0.25, -0.06], faces)
+    assert (nearest_with_normals(upward, sheets, index).corners < 4).all()
+    assert (nearest_with_normals(upward, sheets, index, unit=0.0).corners >= 4).all()
