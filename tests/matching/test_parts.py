@@ -1,14 +1,18 @@
 """Parts matched to wholes, and wholes to parts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from isomatch import Config, Outcome, match, prepare
 from isomatch.datasets import creature, cut, ground_truth, holes, relabelled
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.parts.match_part import match_part
 from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.settings import PartSettings
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +42,54 @@ def test_a_part_is_mapped_to_the_whole(bodies, prepared, damage, share, covered)
     assert mean_error(prepared, found.map.vertices, bodies[2][part.original]) < 0.05
     assert found.quality.coverage < covered
     assert any("matched as a part" in note for note in found.notes)
+
+
+@pytest.fixture(scope="module")
+def found(bodies, prepared):
+    """A part with 70 % of the area, what is left of it, and its match."""
+    part = cut(bodies[0], 0.3, seed=4)
+    return part, match_part(prepare(part.mesh), prepared, Config())
+
+
+def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
+    """Its lengths are kept where it may be, and it lies where it should be more exactly than its images did."""
+    part, best = found
+    truth = prepared.body_vertex[bodies[2][part.original]]
+    mesh, _ = best.pair.meshes
+    stretch = best.bent.edge_lengths / (best.pair.unit * mesh.edge_lengths)
+    assert np.median(np.abs(np.log(stretch))) < 0.05
+    rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
+    images = best.onto_whole.corners[rows, 0]
+    assert prepared.mean_distance(images, truth[rows]) < prepared.mean_distance(
+        best.fits[0].image, truth[rows]
+    )
+
+
+def test_what_a_bent_part_covers(found, bodies):
+    part, best = found
+    whole = best.pair.whole.body
+    gap, _ = distance_along_edges_to_nearest(whole, np.unique(bodies[2][part.original]))
+    truth = gap <= whole.edge_lengths.mean()
+    _, covered = best.onto_part()
+    assert (covered & truth).sum() > 0.93 * truth.sum(), "recall"
+    assert (covered & truth).sum() > 0.9 * covered.sum(), "precision"
+
+
+def test_wrong_maps_bend_badly(found):
+    _, best = found
+    others = [
+        replace(best, fits=(fit,), scores=(score,))
+        for fit, score in zip(best.fits, best.scores)
+        if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12
+    ]
+    assert others
+    assert min(other.unbent for other in others) > 1.5 * best.unbent
+
+
+def test_a_part_that_bends_badly_is_not_sure(bodies, prepared):
+    part = cut(bodies[0], 0.3, seed=4)
+    strict = match(part.mesh, prepared, config=Config(parts=replace(PartSettings(), poor_unbent=0.0)))
+    assert strict.outcome is Outcome.LOW_CONFIDENCE
 
 
 def test_a_given_map_of_a_part_stays_one(bodies, prepared):
@@ -73,7 +125,8 @@ def test_what_is_left_out_of_the_whole_shifts_nothing(bodies, prepared):
     shape = prepare(part.mesh)
     rows = shape.user_vertex[shape.column_vertices[:5]]
     landmarks = np.column_stack([rows, bodies[2][part.original[rows]] + 5])
-    found = match(part.mesh, whole, landmarks=landmarks)
+    closed = Config(parts=replace(PartSettings(), closed_score=np.inf))
+    found = match(part.mesh, whole, landmarks=landmarks, config=closed)
     assert any("holes closed" in note for note in found.notes)
     assert mean_error(prepared, found.map.vertices - 5, bodies[2][part.original]) < 0.03
 
