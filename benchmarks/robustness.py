@@ -32,6 +32,7 @@ TOUCHING = (  # limbs of the target touch
     ("tosca_iso_r", "victoria1", "victoria25"),
 )
 COLUMNS = ("damage", "level", "set", "pair", "method", "error", "outcome", "seconds", "problem")
+SURE = ("CONVERGED", "PARTIAL")  # outcomes that call a map right
 COLOURS = {"isomatch": "black", "pyfm": "#3f90da"}
 Job = tuple[Path, str, str | None, float | None, tuple[str, str, str]]  # output, data, damage, level, pair
 
@@ -80,7 +81,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
                 members = [row for row in chosen(rows, name, level, method) if row.get("error") is not None]
                 means.append(np.mean([row["error"] for row in members]) if members else np.nan)
                 for row in members:
-                    right = row["outcome"] in ("CONVERGED", "")
+                    right = row["outcome"] in (*SURE, "")
                     colour = COLOURS[method]
                     axes.plot(
                         place + side, row["error"], "o", ms=4, mec=colour, mfc=colour if right else "none"
@@ -105,7 +106,7 @@ def table(rows: list[dict[str, Any]]) -> list[dict[str, str]]:
             for method in METHODS:
                 members = chosen(rows, name, level, method)
                 errors = np.array([row["error"] for row in members if row.get("error") is not None])
-                called = [row["error"] > 10 for row in members if row.get("outcome") == "CONVERGED"]
+                called = [row["error"] > 10 for row in members if row.get("outcome") in SURE]
                 line[f"{method}: mean, worst"] = f"{errors.mean():.1f}, {errors.max():.1f}"
                 line[f"{method}: wrong"] = f"{(errors > 10).sum()} of {len(errors)}"
                 if method == "isomatch":
