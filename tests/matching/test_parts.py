@@ -83,12 +83,12 @@ def test_wrong_maps_bend_badly(found):
         if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12
     ]
     assert others
-    assert min(other.unbent for other in others) > 1.5 * best.unbent
+    assert min(other.bend_misfit for other in others) > 1.5 * best.bend_misfit
 
 
 def test_a_part_that_bends_badly_is_not_sure(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
-    strict = match(part.mesh, prepared, config=Config(parts=replace(PartSettings(), poor_unbent=0.0)))
+    strict = match(part.mesh, prepared, config=Config(parts=replace(PartSettings(), poor_bend=0.0)))
     assert strict.outcome is Outcome.LOW_CONFIDENCE
 
 

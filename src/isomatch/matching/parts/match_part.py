@@ -21,6 +21,7 @@ from isomatch.matching.select import nearest_to_hints
 from isomatch.surfaces import Mesh
 
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
+SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -120,10 +121,11 @@ class PartMatch:
         return nearest_with_normals(self.bent, self.pair.meshes[1], self.pair.whole.index)
 
     @property
-    def unbent(self) -> float:
+    def bend_misfit(self) -> float:
         """What speaks against the bent part: mean |log| of the stretch of its edges × mean distance from the whole."""
         part, whole = self.pair.meshes
-        stretch = np.log(self.bent.edge_lengths / (self.pair.unit * part.edge_lengths))
+        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.bent, part))
+        stretch = np.log(after / (self.pair.unit * before))
         apart = self.onto_whole.interpolated(whole.vertices) - self.bent.vertices
         return float(np.abs(stretch).mean() * np.linalg.norm(apart, axis=1).mean())
 

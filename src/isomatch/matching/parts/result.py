@@ -179,7 +179,7 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
         not np.isfinite(found.scores[0])
         or best.misfit > settings.poor_misfit
         or best.stress > settings.poor_stress
-        or found.unbent > settings.poor_unbent
+        or found.bend_misfit > settings.poor_bend
         or best.orientation < settings.poor_orientation
         or found.pair.trusted < settings.least_trusted
         or quality.rival < 1

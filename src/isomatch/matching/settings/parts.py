@@ -68,7 +68,7 @@ class PartSettings(Settings):
     rim, off : float
         Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
         matched to it.
-    poor_misfit, poor_stress, poor_unbent : float
+    poor_misfit, poor_stress, poor_bend : float
         Values above which a map is poor.
     poor_orientation, least_trusted : float
         Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
@@ -113,11 +113,11 @@ class PartSettings(Settings):
     bending: tuple[float, ...] = setting(
         (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
     )
-    rim: float = setting(0.04, "about the error of maps near boundaries", least=0)
-    off: float = setting(0.1, "twice the largest distances within right maps", least=0)
+    rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
+    off: float = setting(0.1, "docs/robustness.md: parts", least=0)
     poor_misfit: float = setting(0.37, "chosen on cuts and holes; docs/robustness.md", least=0)
     poor_stress: float = setting(0.03, "chosen on cuts and holes; docs/robustness.md", least=0)
-    poor_unbent: float = setting(7e-4, "docs/robustness.md: parts", least=0)
+    poor_bend: float = setting(7e-4, "docs/robustness.md: parts", least=0)
     poor_orientation: float = setting(0.7, "chosen on cuts and holes; docs/robustness.md", least=-1, most=1)
     least_trusted: float = setting(0.07, "chosen on cuts and holes; docs/robustness.md", least=0, most=1)
     tie: float = setting(1.1, "chosen on cuts and holes; docs/robustness.md", least=1)
