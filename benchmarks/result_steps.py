@@ -46,7 +46,7 @@ FIGURES = (
 STEPS = (
     study("accuracy", 80, "pairs.csv", "summary.csv", "curves.png"),
     study("accuracy", 3, of="organs", organs="classes_table.csv"),
-    study("accuracy", 15, of="cross", cross="classes_table.csv"),
+    study("accuracy", 5, of="cross", cross="classes_table.csv"),
     study(
         *("methods", 150),
         *(
@@ -65,9 +65,9 @@ STEPS = (
     study("smoothness", 3, "smoothness.csv"),
     study("engines", 1),
     study("distance_bases", 5, "distance_bases.csv", "distance_bases.png", "distance_ratios.csv"),
-    study("robustness", 20, "robustness.csv", "robustness.svg"),
-    study("real_shapes", 30, parts="real_shapes_table.csv"),
-    study("welds", 20),
+    study("robustness", 15, "robustness.csv", "robustness.svg"),
+    study("real_shapes", 21, parts="real_shapes_table.csv"),
+    study("welds", 10),
     study(
         *("performance", 15, "performance.csv", "performance.svg"),
         options="--pyfm 30000",  # on larger meshes it takes minutes a match
