@@ -44,11 +44,11 @@ FIGURES = (
     *("curves-5pt", "distortion-table", "voronoi", "curves-initialised"),
 )
 STEPS = (
-    study("accuracy", 80, "pairs.csv", "summary.csv", "curves.png"),
+    study("accuracy", 50, "pairs.csv", "summary.csv", "curves.png"),
     study("accuracy", 3, of="organs", organs="classes_table.csv"),
     study("accuracy", 5, of="cross", cross="classes_table.csv"),
     study(
-        *("methods", 150),
+        *("methods", 35),
         *(
             "improvements.csv",
             "methods.csv=pairs.csv",
@@ -58,26 +58,26 @@ STEPS = (
         methods="methods_table.csv",
         starts="starts_table.csv",
     ),
-    study("confidence", 12, "confidence.csv"),
-    study("vertex_confidence", 6),
-    study("ablation", 30, "ablation.csv", "ablation_pairs.csv", ablation="ablation.csv"),
-    study("sensitivity", 15, "sensitivity.csv"),
-    study("smoothness", 3, "smoothness.csv"),
+    study("confidence", 16, "confidence.csv"),
+    study("vertex_confidence", 4),
+    study("ablation", 16, "ablation.csv", "ablation_pairs.csv", ablation="ablation.csv"),
+    study("sensitivity", 9, "sensitivity.csv"),
+    study("smoothness", 2, "smoothness.csv"),
     study("engines", 1),
     study("distance_bases", 5, "distance_bases.csv", "distance_bases.png", "distance_ratios.csv"),
     study("robustness", 15, "robustness.csv", "robustness.svg"),
     study("real_shapes", 21, parts="real_shapes_table.csv"),
     study("welds", 10),
     study(
-        *("performance", 15, "performance.csv", "performance.svg"),
+        *("performance", 17, "performance.csv", "performance.svg"),
         options="--pyfm 30000",  # on larger meshes it takes minutes a match
         folder="performance",
         speed="pairs_table.csv",
         stages="stages_table.csv",
     ),
-    study("paper_deviations", 8, "deviations.csv", folder="paper", deviations="deviations_table.csv"),
+    study("paper_deviations", 2, "deviations.csv", folder="paper", deviations="deviations_table.csv"),
     study("consistency", 40, consistency="consistency_table.csv", cycles="cycles_table.csv"),
-    Step("scale", 6, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
+    Step("scale", 7, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
     Step(
         "paper",
         120,
