@@ -11,7 +11,7 @@ import isomatch
 from isomatch import SettingError
 from isomatch.cli import main
 from isomatch.collections import Collection, collection, jobs, write_table
-from isomatch.collections.ledger import writing_ledger
+from isomatch.collections.ledger import Rows, writing_ledger
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
 from small_collections import N, arrays_of, run
@@ -103,6 +103,31 @@ def test_the_template_of_a_star_stays_when_shapes_are_added(small, tmp_path, mon
     more = Collection.create(tmp_path, files, config=small.config)
     assert [event.name for event in run(more)] == ["s3", (first, "s3")]
     assert more.chosen_template(more.rows()) == first
+
+
+def test_the_template_of_many_shapes_is_found_without_comparing_all_with_all(tmp_path):
+    compared = []
+
+    class Name(str):
+        """A name that tells what it is compared with."""
+
+        __hash__ = str.__hash__
+
+        def __eq__(self, other):
+            compared.append(other)
+            return str.__eq__(self, other)
+
+    names = [f"s{i:03}" for i in range(500)]
+    for name in names:
+        (tmp_path / f"{name}.off").touch()
+    star = Collection.create(tmp_path / "out", [tmp_path / f"{name}.off" for name in names])
+    rows = Rows(
+        shapes=dict.fromkeys(names, {"state": "done"}),
+        pairs={(Name("s250"), name): {"state": "done"} for name in names if name != "s250"},
+    )
+    compared.clear()
+    assert star.chosen_template(rows) == "s250"
+    assert len(compared) <= 4 * len(names)
 
 
 def test_a_failure_is_a_row_with_its_reason_and_can_be_tried_again(small, tmp_path, monkeypatch):

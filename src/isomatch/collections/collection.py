@@ -186,7 +186,8 @@ class Collection:
             return self.template
         known = [name for name in self.names if name in rows.shapes]
         usable = [name for name in known if rows.shapes[name]["state"] == "done"]
-        centres = Counter(source for source, _ in rows.pairs if source in usable)
+        possible = set(usable)
+        centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:
             return centres.most_common(1)[0][0]
         if not usable or len(known) < len(self.names):
