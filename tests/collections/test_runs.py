@@ -122,7 +122,7 @@ def test_the_template_of_many_shapes_is_found_without_comparing_all_with_all(tmp
         (tmp_path / f"{name}.off").touch()
     star = Collection.create(tmp_path / "out", [tmp_path / f"{name}.off" for name in names])
     rows = Rows(
-        shapes=dict.fromkeys(names, {"state": "done"}),
+        shapes={name: {"state": "done"} for name in names},
         pairs={(Name("s250"), name): {"state": "done"} for name in names if name != "s250"},
     )
     compared.clear()

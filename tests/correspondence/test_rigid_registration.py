@@ -2,15 +2,20 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.spatial.transform import Rotation
 
 from isomatch import Mesh, prepare
+from isomatch.bases import stiffness_and_masses
 from isomatch.correspondence import (
     SurfaceIndex,
     VertexCells,
     nearest_with_normals,
     register_as_rigid_as_possible,
+    rigid_registration,
 )
 from isomatch.datasets import creature, cut
+from isomatch.errors import SettingError
 
 LENGTHS = (0.3, 0.2, 0.1, 0.05)
 
@@ -52,6 +57,40 @@ def test_a_piece_that_lies_right_stays(whole, piece):
 def test_no_steps_change_nothing(whole, piece):
     start = piece[0].vertices + 0.1
     np.testing.assert_array_equal(registered(piece[0], whole, start, ()), start)
+
+
+@pytest.mark.parametrize("length", [0.0, -0.1, np.nan])
+def test_lengths_are_above_0(whole, piece, length):
+    with pytest.raises(SettingError, match="above 0"):
+        registered(piece[0], whole, piece[0].vertices, (0.3, length))
+
+
+def test_a_step_solves_for_the_least_energy_that_the_notes_give(whole, piece, monkeypatch):
+    """Rotations by scipy, the sum as it is written: any change costs as much as the opposite one, and something."""
+    mesh, length = piece[0], 0.2
+    start = mesh.vertices * [1.1, 0.9, 1.0]
+    stiffness, areas = stiffness_and_masses(mesh)
+    links = coo_array(stiffness)
+    apart = links.row != links.col
+    i, j, weights = links.row[apart], links.col[apart], np.maximum(-links.data[apart], 0)
+    before = mesh.vertices[i] - mesh.vertices[j]
+    turns = np.empty((mesh.n_vertices, 3, 3))
+    for vertex in range(mesh.n_vertices):
+        here = i == vertex
+        after = start[i[here]] - start[j[here]]
+        turns[vertex] = Rotation.align_vectors(after, before[here], weights[here])[0].as_matrix()
+
+    def energy(moved):
+        bent = np.einsum("eij,ej->ei", turns[i], before)
+        stretched = weights @ ((moved[i] - moved[j] - bent) ** 2).sum(axis=1)
+        return areas @ ((moved - start) ** 2).sum(axis=1) + 0.5 * length**2 * stretched
+
+    monkeypatch.setattr(rigid_registration, "ROTATED", 1)
+    found = registered(mesh, whole, start, [length])
+    change = 0.01 * np.random.default_rng(0).normal(size=found.shape)
+    more, less = energy(found + change) - energy(found), energy(found - change) - energy(found)
+    assert more > 0
+    assert more == pytest.approx(less, rel=1e-6)
 
 
 def test_a_turned_piece_is_put_back(whole, piece):

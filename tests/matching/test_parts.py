@@ -131,6 +131,21 @@ def test_what_is_left_out_of_the_whole_shifts_nothing(bodies, prepared):
     assert mean_error(prepared, found.map.vertices - 5, bodies[2][part.original]) < 0.03
 
 
+def test_a_shape_is_a_part_of_itself(bodies):
+    """Its map onto itself costs nothing, so that scores have no ratio unless there is a least one."""
+    found = match(bodies[0], bodies[0], config=Config(part="source"))
+    assert found.outcome is Outcome.PARTIAL
+    assert found.quality.matched == 1
+    assert np.linalg.norm(found.map @ bodies[0].vertices - bodies[0].vertices, axis=1).max() < 1e-6
+
+
+def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
+    part = prepare(cut(bodies[0], 0.3, seed=4).mesh)
+    config = Config(refining=replace(Config().refining, position_unit=0.2, normal_weight=0.3))
+    at_once = match_part(part, prepare(bodies[1], config), config)
+    np.testing.assert_array_equal(match_part(part, prepared, config).fits[0].image, at_once.fits[0].image)
+
+
 def test_landmarks_lead_a_part(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
     vertices = prepare(part.mesh).column_vertices[:5]

@@ -10,9 +10,10 @@ from scipy.sparse import coo_array, csr_array, triu
 from isomatch._arrays import FloatArray
 from isomatch.bases import factorised, stiffness_and_masses
 from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh, PrecisePoints
 
-NORMAL_UNIT = 0.1
+NORMAL_UNIT = 0.1  # for surfaces of area 1
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
 
 
@@ -40,23 +41,33 @@ def register_as_rigid_as_possible(
         A step for each: the length over which the source resists being stretched. Decreasing ones first move large
         pieces, then small ones.
     normal_unit : float
-        Distance that counts as much as the difference of two unit normals of length 1.
+        Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
+        default is for a target of area 1.
 
     Returns
     -------
     (n_source, 3) array of float
         The source's vertices, on the target or near it.
 
+    Raises
+    ------
+    SettingError
+        If a length is not above 0.
+
     Notes
     -----
-    With areas a, cotangent weights w and rotations R_i, each step minimises
+    With points x_i, areas a, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each step
+    lessens
 
-        Σ_i a_i |y_i − p_i|² + ℓ² Σ_ij w_ij |(y_i − y_j) − ½ (R_i + R_j) (x_i − x_j)|²
+        Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
 
-    over y and R in turns, and then moves p_i to the target's point nearest to y_i. The second sum is that of Sorkine &
-    Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source rows, and
-    searches n_source nearest points in six dimensions: 80 ms for 5000 vertices.
+    in R and in y by turns. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
+    Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source
+    rows, and searches n_source nearest points in six dimensions: 80 ms for 5000 vertices.
     """
+    lengths = tuple(lengths)
+    if not all(length > 0 for length in lengths):
+        raise SettingError(f"lengths are {lengths}; expected numbers above 0")
     stiffness, areas = stiffness_and_masses(source)
     links = coo_array(triu(-stiffness, 1))
     i, j, weights = links.row, links.col, links.data
@@ -66,7 +77,10 @@ def register_as_rigid_as_possible(
     around = csr_array((np.tile(weights, 2), (ends, number)), shape)
     outward = csr_array((np.concatenate([weights, -weights]), (ends, number)), shape)
     wanted = moved = positions
-    for length in lengths:
+    for step, length in enumerate(lengths):
+        if step > 0:
+            nearest = nearest_with_normals(source.moved(moved), target, index, normal_unit)
+            wanted = nearest.interpolated(target.vertices)
         pull = areas / length**2
         solve = factorised(stiffness, pull)
         for _ in range(ROTATED):
@@ -75,16 +89,16 @@ def register_as_rigid_as_possible(
             turn = _rotations((around @ products).reshape(-1, 3, 3))
             bent = np.einsum("eij,ej->ei", 0.5 * (turn[i] + turn[j]), before)
             moved = solve(pull[:, None] * wanted + outward @ bent)
-        wanted = nearest_with_normals(source.moved(moved), target, index, normal_unit).interpolated(
-            target.vertices
-        )
     return moved
 
 
 def nearest_with_normals(
     queries: Mesh, surface: Mesh, index: SurfaceIndex, unit: float = NORMAL_UNIT
 ) -> PrecisePoints:
-    """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit."""
+    """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit.
+
+    The unit is a distance in the units of the surfaces; the default is for an area of about 1.
+    """
     here, there = (np.hstack([mesh.vertices, unit * mesh.vertex_normals]) for mesh in (queries, surface))
     return index.points(there, here)
 

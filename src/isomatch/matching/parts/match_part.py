@@ -22,6 +22,7 @@ from isomatch.surfaces import Mesh
 
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite
+LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -61,7 +62,7 @@ class PartFit:
         """What speaks against the map."""
         exponent = self.pair.config.parts.stress_exponent
         shape = np.sqrt(self.local_stress * self.curvature_mismatch)
-        return float(self.misfit * self.stress**exponent * shape)
+        return float(max(self.misfit * self.stress**exponent * shape, LEAST_SCORE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +265,7 @@ class _Refining:
 
     def __init__(self, whole: PreparedShape, config: Config) -> None:
         self._config = config
-        self.coordinates = WholeCoordinates(whole)
+        self.coordinates = WholeCoordinates(whole, config.refining)
         self._known: dict[tuple[float, int], PartRefinement] = {}
 
     def at(self, pair: PartPair, n_rows: int) -> PartRefinement:

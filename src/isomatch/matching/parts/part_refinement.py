@@ -13,6 +13,7 @@ from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
 from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.matching.settings import RefinementSettings
 from isomatch.surfaces import vertex_normals
 
 EXTRA_FUNCTIONS = 3
@@ -32,10 +33,12 @@ class WholeCoordinates:
     ----------
     whole : PreparedShape
         A mesh.
+    settings : RefinementSettings
+        Of the match; the whole may have been prepared with others.
     """
 
-    def __init__(self, whole: PreparedShape) -> None:
-        self._whole = whole
+    def __init__(self, whole: PreparedShape, settings: RefinementSettings) -> None:
+        self._whole, self._settings = whole, settings
         self.signatures = WholeSignatures(whole)
 
     @cached_method
@@ -48,7 +51,7 @@ class WholeCoordinates:
     @cached_method
     def at(self, k: int, with_positions: bool) -> FloatArray:
         """Give the coordinates (n, m) with k functions."""
-        settings = self._whole.config.refining
+        settings = self._settings
         columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.signatures.values]
         if with_positions:
             smooth = self.smooth(k)
@@ -121,14 +124,13 @@ class PartRefinement:
 
     def local_stress(self, image: IntArray) -> float:
         """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
+        most = self._pair.config.parts.most_ratio
         stretch = np.abs(np.log(self._ratios(image) / self._pair.unit))
-        return float(np.minimum(stretch, self._pair.config.parts.most_ratio).mean())
+        return float(np.minimum(stretch, most).mean()) if len(stretch) else most
 
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
         near, _, along = self._near
-        if not len(along):
-            return np.ones(1)
         image = image[: len(near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
         return np.maximum(there, 1e-3) / along
