@@ -22,7 +22,7 @@ from isomatch.matching import Alternative, MatchResult
 from isomatch.view import position_colours, report, write_report
 from isomatch.view.colours import to_screen
 from isomatch.view.layers import stretch
-from isomatch.view.measures import MEASURES, quality_measures
+from isomatch.view.measures import MEASURES, quality_bounds, quality_measures
 from isomatch.view.scene import scene_of
 
 HOSTILE = '</title><script>alert("x")</script>&amp;$scene ${title} \\.ply'
@@ -260,6 +260,20 @@ def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
         config = dataclasses.replace(result.config, orientation=wanted)
         measured = quality_measures(dataclasses.replace(result, quality=mirrored, config=config))
         assert [bad for measure, _, bad in measured if measure.name == "orientation"] == [against]
+
+
+def test_a_part_is_held_to_bounds_of_its_own(result):
+    complete, bounds = quality_bounds(result), result.config.parts
+    part = dataclasses.replace(result.quality, stress=0.01, bend_misfit=2 * bounds.poor_bend)
+    of_part = dataclasses.replace(result, quality=part)
+    held = quality_bounds(of_part)
+    assert complete["misfit"] == {"most": result.config.outcome.poor_misfit}
+    assert held["misfit"] == {"most": bounds.poor_misfit}
+    assert held["orientation"] == {"least": bounds.poor_orientation}
+    assert held["rival"] == {"least": bounds.tie}
+    assert not {"stretch", "mirrored"} & held.keys()
+    against = {measure.name for measure, _, bad in quality_measures(of_part) if bad}
+    assert MEASURES["bend_misfit"].name in against
 
 
 def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, result, tmp_path):

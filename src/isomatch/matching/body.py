@@ -132,9 +132,9 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
 
 
 def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
-    largest = max(seams, key=len)
+    largest, count = max(seams, key=len), sum(map(len, seams))
     return (
-        f"separated sheets that were glued together at {sum(map(len, seams))} vertices, in {len(seams)} "
+        f"separated sheets that were glued together at {count} {'vertex' if count == 1 else 'vertices'}, in {len(seams)} "
         f"{'seam' if len(seams) == 1 else 'seams'}; the largest has {len(largest)}, one of them vertex "
         f"{vertex_index[largest[len(largest) // 2]]}; if they belong together, set preparation.sheet_distance = inf"
     )

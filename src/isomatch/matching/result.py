@@ -95,6 +95,9 @@ class Quality:
         For a part, how much distances between images leave the intervals in which those on the whole must lie, relative
         to them: 0.01 for a right map, above 0.03 poor; nan for complete shapes. For a part, residual and distortion are
         nan, and misfit and orientation are those of the part's refinement.
+    bend_misfit : float
+        For a part bent onto the whole, the mean |log| of the stretch of its edges times the mean distance of its
+        vertices from the whole, in √area of the whole: above 7e-4 poor; nan for complete shapes.
     """
 
     misfit: float
@@ -111,6 +114,7 @@ class Quality:
     initial_map_error: float
     torn_off: float = math.nan
     stress: float = math.nan
+    bend_misfit: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,6 +151,14 @@ MEASURES = {
         "along the part. 0.01 for a correct map.",
         most_of="parts.poor_stress",
     ),
+    "bend_misfit": Measure(
+        "misfit of the bent part",
+        "{:.1e}",
+        "stretch × distance from the whole",
+        "How much the edges of the part are stretched when it is bent onto the whole, times how far it still is from it. "
+        "Large for many wrong maps.",
+        most_of="parts.poor_bend",
+    ),
     "landmark_error": Measure(
         "landmark error",
         "{:.2%}",
@@ -167,6 +175,13 @@ MEASURES = {
         most_of="outcome.contradiction",
     ),
 }
+_OF_PART = {  # other bounds of the measures of a part, or none
+    "misfit": {"most_of": "parts.poor_misfit"},
+    "orientation": {"least_of": "parts.poor_orientation"},
+    "rival": {"least_of": "parts.tie"},
+    "mirrored": {"least_of": ""},
+    "stretch": {"most_of": ""},
+}
 
 
 def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool]]:
@@ -174,8 +189,9 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
     A measure without a value, such as the landmark error of a match without landmarks, is left out.
     """
+    measures = _measures_of(result)
     for field, number in asdict(result.quality).items():
-        measure = MEASURES.get(field, Measure(field, "{:.3g}", "", "")).bounded_by(_config_of(result))
+        measure = measures.get(field, Measure(field, "{:.3g}", "", ""))
         against = not measure.holds(number)
         if field == "orientation":  # a mirror image may be wanted; the outcome considers that
             kept = -number if result.config.orientation == "reverse" else number
@@ -186,13 +202,18 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
 
 def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
     """Give the bounds of the measures of a result, by the name of the field: {"misfit": {"most": 0.6}, …}."""
-    measures = {field: measure.bounded_by(_config_of(result)) for field, measure in MEASURES.items()}
     return {
         field: {side: bound for side in ("most", "least") if (bound := getattr(measure, side)) is not None}
-        for field, measure in measures.items()
+        for field, measure in _measures_of(result).items()
         if measure.bound
     }
 
 
-def _config_of(result: MatchResult) -> Config:
-    return result.config if isinstance(result.config, Config) else Config()
+def _measures_of(result: MatchResult) -> dict[str, Measure]:
+    """Give the measures with the bounds that the match of the result had."""
+    config = result.config if isinstance(result.config, Config) else Config()
+    of_part = {} if isnan(result.quality.stress) else _OF_PART
+    return {
+        field: replace(measure, **of_part.get(field, {})).bounded_by(config)
+        for field, measure in MEASURES.items()
+    }

@@ -17,6 +17,7 @@ from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
 from isomatch.matching.quality import (
     contradicted_landmarks,
+    covered_share,
     distances_to_hints,
     edge_stretch,
     image_positions,
@@ -72,12 +73,12 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
     onto_whole, (onto_part, covered) = found.onto_whole, found.onto_part()
     errors, area = _expected_errors(found, onto_whole), found.pair.meshes[1].vertex_areas[covered].sum()
     if part == "source":
-        points, matched, coverage = onto_whole, np.ones(len(errors), dtype=bool), float(area)
+        points, matched = onto_whole, np.ones(len(errors), dtype=bool)
     else:
-        points, matched, coverage = onto_part, covered, 1.0
+        points, matched = onto_part, covered
         errors = errors[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
-    quality = _quality(pair, found, points, matched, coverage, hints)
+    quality = _quality(pair, found, points, matched, hints)
     in_full = source.correspondence(target, points, matched)
     return MatchResult(
         map=in_full,
@@ -91,6 +92,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
             *hints.notes,
             f"the {part} was matched as a part: it has {found.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}",
+            *_doubts(found),
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=source.distances.engine,
@@ -133,7 +135,6 @@ def _quality(
     found: PartMatch,
     points: PrecisePoints,
     matched: BoolArray,
-    coverage: float,
     hints: Hints,
 ) -> Quality:
     source, target, best = pair.source, pair.target, found.fits[0]
@@ -162,12 +163,24 @@ def _quality(
         orientation=best.orientation,
         distortion_mean=np.nan,
         distortion_p95=np.nan,
-        coverage=coverage,
+        coverage=covered_share(target.body, image[matched], pair.config.outcome.coverage_radius),
         matched=float(on_user.mean()),
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=best.stress,
+        bend_misfit=found.bend_misfit,
     )
+
+
+def _doubts(found: PartMatch) -> list[str]:
+    """Say what no measure of the quality says: that distances on the whole are hardly known."""
+    pair, least = found.pair, found.pair.config.parts.least_trusted
+    if pair.trusted >= least:
+        return []
+    return [
+        f"only {pair.trusted:.1%} of the distances along the part are known to be those on the whole (at least "
+        f"{least:.0%} for a sure match): too much is missing; give landmarks"
+    ]
 
 
 def _outcome(found: PartMatch, quality: Quality) -> Outcome:
@@ -179,7 +192,7 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
         not np.isfinite(found.scores[0])
         or best.misfit > settings.poor_misfit
         or best.stress > settings.poor_stress
-        or found.bend_misfit > settings.poor_bend
+        or quality.bend_misfit > settings.poor_bend
         or best.orientation < settings.poor_orientation
         or found.pair.trusted < settings.least_trusted
         or quality.rival < 1
