@@ -57,10 +57,10 @@ def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
     part, best = found
     truth = prepared.body_vertex[bodies[2][part.original]]
     mesh, _ = best.pair.meshes
-    stretch = best.bent.edge_lengths / (best.pair.unit * mesh.edge_lengths)
+    stretch = best.bent.mesh.edge_lengths / (best.pair.unit * mesh.edge_lengths)
     assert np.median(np.abs(np.log(stretch))) < 0.05
     rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
-    images = best.onto_whole.corners[rows, 0]
+    images = best.bent.onto_whole.corners[rows, 0]
     assert prepared.mean_distance(images, truth[rows]) < prepared.mean_distance(
         best.fits[0].image, truth[rows]
     )
@@ -71,20 +71,16 @@ def test_what_a_bent_part_covers(found, bodies):
     whole = best.pair.whole.body
     gap, _ = distance_along_edges_to_nearest(whole, np.unique(bodies[2][part.original]))
     truth = gap <= whole.edge_lengths.mean()
-    _, covered = best.onto_part()
+    _, covered = best.bent.onto_part()
     assert (covered & truth).sum() > 0.93 * truth.sum(), "recall"
     assert (covered & truth).sum() > 0.9 * covered.sum(), "precision"
 
 
 def test_wrong_maps_bend_badly(found):
     _, best = found
-    others = [
-        replace(best, fits=(fit,), scores=(score,))
-        for fit, score in zip(best.fits, best.scores)
-        if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12
-    ]
-    assert others
-    assert min(other.bend_misfit for other in others) > 1.5 * best.bend_misfit
+    wrong = [fit for fit in best.fits if best.pair.whole.mean_distance(fit.image, best.fits[0].image) > 0.12]
+    assert wrong
+    assert min(best.bent_by(fit).misfit for fit in wrong) > 1.5 * best.bent.misfit
 
 
 def test_a_part_that_bends_badly_is_not_sure(bodies, prepared):

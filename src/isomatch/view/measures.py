@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from math import isfinite, isnan
 from operator import attrgetter
+from typing import Any
 
 from isomatch.matching import Config, MatchResult, Outcome
 
@@ -175,7 +176,7 @@ MEASURES = {
         most_of="outcome.contradiction",
     ),
 }
-_OF_PART = {  # other bounds of the measures of a part, or none
+_OF_PART: dict[str, dict[str, Any]] = {  # other bounds of the measures of a part, or none
     "misfit": {"most_of": "parts.poor_misfit"},
     "orientation": {"least_of": "parts.poor_orientation"},
     "rival": {"least_of": "parts.tie"},

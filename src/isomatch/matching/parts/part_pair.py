@@ -149,6 +149,11 @@ class PartPair:
         distances = self.whole.distances.between(images, images)
         return self.restricted(self.unit * float(np.median(distances[known] / upper[known])))
 
+    def in_unit_of(self, image: IntArray) -> PartPair:
+        """Return the pair in the unit that a map (n_part,) measures, within those to search in."""
+        units = self.units
+        return self.with_unit(float(np.clip(self.unit_of(image[self.anchors]), units[0], units[-1])))
+
     def restricted(self, unit: float) -> float:
         """Return the nearest unit that is allowed: one on a grid around that of the pair, and not much above 1."""
         if self.keeps_unit:

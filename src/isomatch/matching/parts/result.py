@@ -70,7 +70,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
                 f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
                 "other shape",
             )
-    onto_whole, (onto_part, covered) = found.onto_whole, found.onto_part()
+    onto_whole, (onto_part, covered) = found.bent.onto_whole, found.bent.onto_part()
     errors, area = _expected_errors(found, onto_whole), found.pair.meshes[1].vertex_areas[covered].sum()
     if part == "source":
         points, matched = onto_whole, np.ones(len(errors), dtype=bool)
@@ -168,7 +168,7 @@ def _quality(
         landmark_error=landmark_error,
         initial_map_error=initial_map_error,
         stress=best.stress,
-        bend_misfit=found.bend_misfit,
+        bend_misfit=found.bent.misfit,
     )
 
 

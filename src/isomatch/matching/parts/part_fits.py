@@ -1,0 +1,150 @@
+"""Maps of a part refined from their starts, with the evidence for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch._arrays import IntArray
+from isomatch.matching.config import Config
+from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
+from isomatch.matching.parts.part_starts import PartStart, completed, composed
+from isomatch.matching.prepared_shape import PreparedShape
+
+LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
+N_ROUGH, N_FINE = (
+    40,
+    60,
+)  # functions of the whole by which its copy on the part is drawn, to see where its normals point
+N_DRAWN = 200  # functions by which the anchors of a fine map are drawn
+
+
+@dataclass(frozen=True, eq=False)
+class PartFit:
+    """A refined map of a part.
+
+    Parameters
+    ----------
+    pair : PartPair
+        The shapes, in the unit of the map.
+    image : (r,) array of int
+        Vertices of the whole for the vertices of the refinement.
+    misfit : float
+        Mean distance of these vertices from their images in the last coordinates.
+    stress : float
+        Mean cost of the images of the anchors, see `PartPair.stress`.
+    orientation : float
+        Mean cosine of the normals.
+    local_stress, curvature_mismatch : float
+        See `PartRefinement`.
+    hint_error : float
+        Mean distance from the images that hints ask for, in √area of the whole; 0 before the end, and without hints.
+    """
+
+    pair: PartPair
+    image: IntArray
+    misfit: float
+    stress: float
+    orientation: float
+    local_stress: float
+    curvature_mismatch: float
+    hint_error: float = 0.0
+
+    @property
+    def score(self) -> float:
+        """What speaks against the map."""
+        exponent = self.pair.config.parts.stress_exponent
+        shape = np.sqrt(self.local_stress * self.curvature_mismatch)
+        return float(max(self.misfit * self.stress**exponent * shape, LEAST_SCORE))
+
+    @property
+    def promise(self) -> float:
+        """What speaks against a map that is refined roughly: one twisted in places may still become the right one."""
+        return float(self.score / np.sqrt(max(self.orientation, 0.1)))
+
+
+class PartFits:
+    """The two refinements of a start, rough and fine, with what they share for all starts in the same unit.
+
+    Parameters
+    ----------
+    whole : PreparedShape
+        A mesh.
+    config : Config
+        The settings of the match.
+    """
+
+    def __init__(self, whole: PreparedShape, config: Config) -> None:
+        self._config = config
+        self.coordinates = WholeCoordinates(whole, config.refining)
+        self._known: dict[tuple[float, int], PartRefinement] = {}
+
+    def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
+        """Refine some vertices in the unit of a pair."""
+        key = pair.unit, n_rows
+        if key not in self._known:
+            signatures = self.coordinates.signatures.of_part(pair)
+            self._known[key] = PartRefinement(pair, self.coordinates, signatures, n_rows)
+        return self._known[key]
+
+    def _rough_refinement(self, pair: PartPair) -> PartRefinement:
+        return self._refinement(pair, self._config.parts.n_rough)
+
+    def fine_refinement(self, pair: PartPair) -> PartRefinement:
+        """Refine the vertices of a fine map in the unit of a pair."""
+        return self._refinement(pair, self._config.n_refine)
+
+    def rough(self, start: PartStart) -> PartFit | None:
+        """Refine some vertices a little; None for a mirror image."""
+        refinement = self._rough_refinement(start.pair)
+        vertices = refinement.vertices[: self._config.n_search]
+        return self._roughly(start.pair, refinement.extended(vertices, start.dense(vertices), N_ROUGH))
+
+    def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
+        """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
+        return self._roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
+
+    def _roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
+        refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
+        if refinement.orientation(image, N_ROUGH) < 0:
+            return None
+        image, misfit = refinement.refined(image, sizes)
+        anchors = refinement.at(image, sizes[-1], pair.anchors)
+        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH)
+
+    def fine(self, pair: PartPair, image: IntArray) -> PartFit:
+        """Refine a map of the vertices of a rough one to the end."""
+        settings, rough = self._config.refining, self._rough_refinement(pair)
+        pair = pair.with_unit(rough.local_unit(image))
+        refinement = self.fine_refinement(pair)
+        image = refinement.extended(rough.vertices, image, self._config.parts.sizes[-1])
+        image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
+        image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
+        return self._finely(pair, image, misfit)
+
+    def measured(self, pair: PartPair, image: IntArray) -> PartFit:
+        """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
+        _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
+        return self._finely(pair, image, misfit)
+
+    def _finely(self, pair: PartPair, image: IntArray, misfit: float) -> PartFit:
+        refinement, most = self.fine_refinement(pair), len(pair.whole.laplace.values)
+        anchors = completed(pair, refinement.at(image, min(N_DRAWN, most), pair.anchors), 2)
+        return _fit(refinement, pair, image, misfit, anchors, N_FINE)
+
+
+def _fit(
+    refinement: PartRefinement, pair: PartPair, image: IntArray, misfit: float, anchors: IntArray, k: int
+) -> PartFit:
+    """Gather the evidence for a map, and for the images that it gives the anchors."""
+    return PartFit(
+        pair,
+        image,
+        misfit,
+        pair.stress(anchors),
+        refinement.orientation(image, k),
+        refinement.local_stress(image),
+        refinement.curvature_mismatch(image),
+    )
