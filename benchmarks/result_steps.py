@@ -80,9 +80,9 @@ STEPS = (
     Step("scale", 7, "python benchmarks/collection_scale.py -o {out}", {"scale": "scale_table.csv"}, {}),
     Step(
         "paper",
-        120,
-        "isomatch paper all --data {data} -o {out} --force --points 500",
-        {},
+        100,
+        "python benchmarks/paper_figures.py --data {data} -o {out}",
+        {"paper": "paper_table.csv"},
         {f"paper/{name}.{end}": f"{name}.{end}" for name in FIGURES for end in ("png", "svg", "csv", "json")}
         | {"paper/index.md": "index.md"},
     ),
