@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Step:
-    """A command, in which {data} and {out} are folders, and what of {out} is kept.
+    """A command of Python, in which {data} and {out} are folders, and what of {out} is kept.
 
     ``tables`` go to ``docs/results`` and ``files`` to ``docs``: from their names there to those in {out}.
     """
