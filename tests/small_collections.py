@@ -28,7 +28,8 @@ def small(tmp_path_factory):
         isomatch.write_mesh(shapes / f"s{i}.ply", decimate(example_pair()[i % 2].mesh, n).mesh)
     settings = folder / "quick.toml"
     settings.write_text(QUICK)
-    return SimpleNamespace(shapes=shapes, settings=settings, config=isomatch.Config.from_file(settings))
+    config = isomatch.Config.from_file(settings)
+    return SimpleNamespace(folder=folder, shapes=shapes, settings=settings, config=config)
 
 
 @pytest.fixture(scope="session")

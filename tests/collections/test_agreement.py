@@ -24,7 +24,7 @@ from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.states import state_of
 from isomatch.collections.workers import Workers
 from isomatch.datasets import creature, ground_truth
-from isomatch.errors import InputError, UnwritableFileError
+from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
 from isomatch.matching import PreparedShape, match_both
 
 pytest.importorskip("skimage")
@@ -212,6 +212,37 @@ def test_a_star_has_no_triangles(right, in_threads, tmp_path):
     assert agreement_of(before).compared == 0
     with pytest.raises(InputError, match="no three shapes"):
         command_line("agree", star.folder, "--jobs", 1)
+
+
+def test_too_many_triangles_are_refused_and_the_command_goes_on(
+    right, in_threads, tmp_path, monkeypatch, capsys
+):
+    shutil.copytree(right.folder, tmp_path / "all")
+    copy = Collection.open(tmp_path / "all")
+    monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "0.000001")
+    with pytest.raises(MemoryBudgetError, match="maps of 4 shapes"):
+        agreed(copy)
+    monkeypatch.setenv("ISOMATCH_MEMORY_BUDGET", "1")
+    monkeypatch.setattr(agreement_module, "BYTES", 2**40)
+    assert agreement_of(copy.rows()).compared == 0
+    files = [entry.path for entry in right.shapes]
+    listed = tmp_path / "list.csv"
+    listed.write_text("\n".join(["path", *map(str, files)]))
+    command_line(
+        listed, "-o", copy.folder, "--pairs", "all", "--jobs", 1, "--reports", "none", "--seed", copy.seed
+    )
+    assert "maps were not compared" in capsys.readouterr().err
+    assert copy.layout.page.exists()
+
+
+def test_only_shapes_in_triangles_are_compared():
+    names = "abcdef"
+    rows = Rows(
+        {name: {"key": name} for name in names},
+        {tuple(pair): {"state": "done"} for pair in ("ab", "bc", "ca", "cd", "de")}
+        | {("e", "c"): {"state": "failed"}},
+    )
+    assert agreement_module._in_triangles(rows) == ["a", "b", "c"]
 
 
 def test_shapes_that_are_mirrored_together_are_named():

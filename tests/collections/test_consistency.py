@@ -101,6 +101,14 @@ def test_missing_maps_leave_the_rest():
     assert np.isnan(found[5]).all()
 
 
+def test_groups_that_no_maps_join_are_not_mirrored():
+    orientations = np.full((11, 11), np.nan)
+    orientations[:5, :5] = orientations[5:, 5:] = 0.9
+    assert turned_shapes(orientations).tolist() == []
+    orientations[7, 5:] = orientations[5:, 7] = orientations[1, :5] = orientations[:5, 1] = -0.9
+    assert turned_shapes(orientations).tolist() == [1, 7]
+
+
 def test_orientation_tells_a_mirrored_shape():
     orientations = np.full((7, 7), 0.9)
     orientations[2] = orientations[:, 2] = -0.9

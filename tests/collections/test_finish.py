@@ -2,19 +2,26 @@
 
 import json
 import re
+import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
+import isomatch
 from isomatch import Correspondence, FormatError, InputError, SettingError, UnwritableFileError, read_mesh
 from isomatch.cli import main
 from isomatch.collections import Collection, export, finish, surfaces_written, write_reports
 from isomatch.collections import reports as reports_module
 from isomatch.collections.ledger import writing_ledger
-from small_collections import run
+from isomatch.datasets import example_pair
+from isomatch.resolution import decimate
+from small_collections import N, run
+
+finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function
 
 PAIR = ("s0", "s1")
 
@@ -98,6 +105,36 @@ def test_a_surface_is_written_again_when_its_map_is_replaced(copied):
     changed(collection, PAIR, replaced_by=["s0", "s2", "s1"])
     assert surfaces_written(collection) == ["s0", "s2", "s3"]
     assert finished_lines(collection) == ["s1"]
+
+
+def test_a_template_that_changed_is_read_again(small, tmp_path):
+    shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())[:2]]
+    collection = Collection.create(tmp_path / "out", shapes, template="s0", config=small.config)
+    for n in (N[0], 150):
+        isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, n).mesh)
+        run(collection)
+        assert set(finished_lines(collection)) == {"s0", "s1"}
+        written = [collection.layout.corresponded(name) for name in ("s0", "s1")]
+        assert [isomatch.read_mesh(path).n_vertices for path in written] == [n, n]
+
+
+def test_surfaces_that_were_written_are_known_though_the_rest_was_killed(copied, monkeypatch):
+    monkeypatch.setattr(finish_module, "SAVED", 0.0)
+    monkeypatch.setattr(finish_module, "AT_ONCE", 1)
+    collection = replace(copied, template="s0")
+    with ThreadPoolExecutor(1) as executor:
+        begun = finish(collection, executor, 1)
+        first = [next(begun)["name"], next(begun)["name"]]
+        begun.close()
+    assert set(surfaces_written(collection)) >= set(first[:1])
+    assert not set(finished_lines(collection)) & set(first[:1])
+
+
+def test_no_surface_is_begun_when_time_is_up(copied):
+    collection = replace(copied, template="s0")
+    with ThreadPoolExecutor(1) as executor:
+        assert list(finish(collection, executor, 1, time_limit=0.0)) == []
+    assert len(finished_lines(collection)) == len(N)
 
 
 def test_export(star, tmp_path):

@@ -79,6 +79,17 @@ def test_of_rows_in_several_ledgers_what_is_done_counts_and_then_the_later():
     assert rows.shapes == {"a": DONE, "b": DONE, "c": late, "d": FAILED}
 
 
+def test_of_rows_of_a_file_that_changed_the_later_counts():
+    before, after = (
+        {**DONE, "size": 1, "changed": 1},
+        {**FAILED, "time": DONE["time"] + 1, "size": 2, "changed": 2},
+    )
+    for first, second in ((before, after), (after, before)):
+        rows = Rows({"a": first})
+        rows.merge(Rows({"a": second}))
+        assert rows.shapes == {"a": after}
+
+
 @pytest.mark.parametrize("one_host", [True, False])
 def test_a_ledger_is_read_while_it_is_written_and_one_file_when_it_is_not(one_host, tmp_path):
     path = tmp_path / "ledger.sqlite"

@@ -52,6 +52,7 @@ def test_a_list_names_shapes_relative_to_its_folder(folder):
         ([["path"], ["a.off"], ["x/a.ply"]], "several shapes are named a"),
         ([["name", "path"], ["a__b", "a.off"]], "a__b cannot be names of shapes"),
         ([["name", "path"], ["../a", "a.off"]], "cannot be names of shapes"),
+        ([["name", "path"], ["a_", "a.off"], ["_b", "b.ply"]], "a_ cannot be names of shapes"),
     ],
 )
 def test_bad_lists(lines, complaint, folder):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 
@@ -11,8 +12,10 @@ import isomatch
 from isomatch import SettingError
 from isomatch.cli import main
 from isomatch.collections import Collection, collection, jobs, write_table
+from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, writing_ledger
 from isomatch.datasets import example_pair
+from isomatch.errors import InputError
 from isomatch.resolution import decimate
 from small_collections import N, arrays_of, run
 
@@ -173,6 +176,75 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     assert copied.rows().pairs[pair]["there"]["quality"]["misfit"] <= row["there"]["quality"]["misfit"]
     assert set(arrays_of(copied.folder)) == set(before)
     assert run(copied) == []
+
+
+def test_the_map_of_a_shape_as_it_was_is_not_kept(small, copied, tmp_path):
+    """Pairs that were tried again keep the surer map, but not one of a surface that has changed since."""
+    shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())]
+    collection = Collection.create(copied.folder, shapes, pairs="all", config=small.config)
+    with writing_ledger(copied.layout.ledger()) as ledger:
+        for pair, row in list(ledger.rows.pairs.items()):
+            ledger.put_pair(pair, {**row, "attempt": 1, "key": "of the second attempt"})
+    isomatch.write_mesh(shapes[0], decimate(example_pair()[0].mesh, 150).mesh)
+    run(collection)
+    there = collection.maps("s0", "s1").there
+    assert there.shape == (150, N[1])
+    assert collection.rows().pairs["s0", "s1"]["source_hash"] == collection.rows().shapes["s0"]["hash"]
+
+
+def test_shapes_in_another_order_are_the_same_pairs(small, copied, work):
+    backwards = sorted(small.shapes.iterdir(), reverse=True)
+    assert run(Collection.create(copied.folder, backwards, pairs="all", config=small.config)) == []
+    assert work == []
+
+
+def test_of_a_shape_that_was_removed_nothing_is_told(small, copied):
+    fewer = sorted(small.shapes.iterdir())[:3]
+    collection = Collection.create(copied.folder, fewer, pairs="all", config=small.config)
+    assert run(collection) == []
+    rows = collection.rows()
+    assert set(rows.shapes) == {"s0", "s1", "s2"}
+    assert set(rows.pairs) == {("s0", "s1"), ("s0", "s2"), ("s1", "s2")}
+
+
+def test_a_collection_stays_where_it_is_when_the_working_directory_changes(small, tmp_path, monkeypatch):
+    monkeypatch.chdir(small.folder)
+    made = Collection.create("relative", "shapes/*.ply", pairs="chain", config=small.config)
+    monkeypatch.chdir(tmp_path)
+    assert {event.record["state"] for event in run(made)} == {"done"}
+    assert made.folder == small.folder / "relative"
+    monkeypatch.chdir(small.folder)
+    opened = Collection.open("relative")
+    monkeypatch.chdir(tmp_path)
+    assert len(opened.rows().pairs) == len(N) - 1
+
+
+def test_a_tile_is_not_so_large_that_a_killed_run_loses_hours(small, tmp_path, monkeypatch):
+    sizes = []
+    monkeypatch.setattr(run_module, "MOST_PAIRS", 2)
+    monkeypatch.setattr(run_module, "TILES_PER_WORKER", 1)
+    counted = jobs.Job.match_pairs
+
+    def match_pairs(self, plans):
+        sizes.append(len(plans))
+        return counted(self, plans)
+
+    monkeypatch.setattr(jobs.Job, "match_pairs", match_pairs)
+    run(Collection.create(tmp_path, small.shapes, pairs="all", config=small.config))
+    assert sum(sizes) == 6
+    assert max(sizes) == 2
+
+
+@pytest.mark.parametrize("shard", [(8, 8), (-1, 2), (0, 0)])
+def test_a_shard_that_there_is_not(shard, copied):
+    with pytest.raises(InputError, match="from 0"):
+        copied.run(shard=shard)
+
+
+@pytest.mark.parametrize("count", [0, -1])
+def test_a_number_of_jobs_below_one(count, copied):
+    with pytest.raises(InputError, match="from 1"):
+        list(copied.run(jobs=count))
 
 
 def test_a_plan_that_is_the_same_stays_as_it_is(small, copied):

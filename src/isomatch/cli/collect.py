@@ -15,8 +15,8 @@ from isomatch import collections
 from isomatch.cli.collect_status import status_of, tell_status, told
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
-from isomatch.cli.terminal import TALK, Talk, Tell, say
-from isomatch.errors import InputError
+from isomatch.cli.terminal import TALK, Talk, Tell, complain, say
+from isomatch.errors import InputError, MemoryBudgetError
 
 Reports = int | Literal["doubtful", "all", "none"]
 
@@ -92,8 +92,11 @@ def run(
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
-            for event in collections.agree(collection, executor, jobs, _until(end)):
-                tell(*told(event))
+            try:
+                for event in collections.agree(collection, executor, jobs, _until(end)):
+                    tell(*told(event))
+            except MemoryBudgetError as error:  # the maps are there all the same
+                complain(f"maps were not compared: {error}")
         if part[1] == 1:
             _write(collection, reports, executor, jobs, end, tell)
     tell_status(collection, talk)
@@ -243,5 +246,5 @@ def _write(
         for pair, row in collections.write_reports(collection, reports, executor, jobs, _until(end)):
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
-    for line in collections.finish(collection, executor, jobs):
+    for line in collections.finish(collection, executor, jobs, _until(end)):
         tell(f"written in the topology of the template: {line['name']}", 1.0)

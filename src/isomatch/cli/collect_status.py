@@ -76,8 +76,8 @@ def told(event: collections.Event) -> tuple[str, float]:
 def _ending(record: dict[str, Any]) -> str:
     if record["state"] == "failed":
         return f"failed: {record['error']}"
-    if "replaced_by" in record:
-        return f"replaced by the composition over {record['replaced_by'][1]}"
     if "refused" in record.get("agreement", {}):
         return f"contradicted, but not replaced: {record['agreement']['refused']}"
+    if "replaced_by" in record:
+        return f"replaced by the composition over {record['replaced_by'][1]}"
     return str(record["there"]["outcome"]).lower().replace("_", " ") if "there" in record else "done"

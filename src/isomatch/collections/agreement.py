@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,10 +14,11 @@ import numpy as np
 
 from isomatch._arrays import FloatArray
 from isomatch._files import claimed
+from isomatch._memory import require_memory
 from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
 from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
-from isomatch.collections.ledger import Ledger, Rows, writing_ledger
+from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair, tiles_of
 from isomatch.collections.run import Event
@@ -28,6 +30,9 @@ from isomatch.matching import Config, Outcome
 MOST_ROUNDS = 3
 TILE = 8  # shapes on either side of a tile of pairs
 UNSURE = 0.25  # weight of a map that its own match does not trust
+BYTES = (
+    48  # of memory for a triangle, measured with 150 shapes: the readings, and five times that to weigh them
+)
 MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
 
 
@@ -63,8 +68,8 @@ def agree(
 
     A map is replaced by that composition of two others that agrees with most, refined by a match that starts from it;
     if it then agrees better, and no other map of the pair fits clearly better than it. A map that stays contradicted
-    has low confidence. The rows of pairs get ``inconsistency``, now and ``before``, and ``replaced_by``. What was done
-    before, also by a run that was killed, is not done again.
+    has low confidence. The rows of pairs get ``inconsistency``, now and ``before``, and ``replaced_by``. Maps are
+    compared each time; a replacement that was tried with as many shapes is not tried again.
 
     Parameters
     ----------
@@ -77,10 +82,12 @@ def agree(
     ------
     UnwritableFileError
         If a run of the collection or of a shard goes on, or the folder cannot be written.
+    MemoryBudgetError
+        If there are too many shapes to compare.
 
     Notes
     -----
-    For n shapes, 3 n² maps are read in each of up to three rounds, with O(n³) time and memory for triangles.
+    For n shapes in triangles, 3 n² maps are read up to four times, with O(n³) time and memory: 48 n³ bytes.
     """
     end = None if time_limit is None else time.monotonic() + time_limit
 
@@ -90,13 +97,21 @@ def agree(
     own = collection.layout.ledger()
     with ExitStack() as held:
         workers = held.enter_context(workers_of(executor, jobs))
-        for path in collection.layout.ledgers():
-            if path != own:
-                held.enter_context(claimed(path))  # shards wait
+        others = [path for path in collection.layout.ledgers() if path != own]
+        for path in others:
+            held.enter_context(claimed(path))  # shards wait
         ledger = held.enter_context(writing_ledger(own))
-        ledger.rows.merge(collection.rows())
+        ledger.rows.merge(read_ledgers(others))
+        ledger.rows = ledger.rows.of(collection.names)
+        names = _in_triangles(ledger.rows)
+        require_memory(
+            BYTES * len(names) ** 3,
+            f"the comparison of the maps of {len(names)} shapes",
+            "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)",
+        )
         job = CycleJob(
-            collection, {name: row["key"] for name, row in ledger.rows.shapes.items() if "key" in row}
+            replace(collection, shapes=tuple(entry for entry in collection.shapes if entry.name in names)),
+            {name: ledger.rows.shapes[name]["key"] for name in names},
         )
         for _ in range(MOST_ROUNDS):
             found = _measured(job, ledger, workers, late)
@@ -136,6 +151,18 @@ def agreement_of(rows: Rows) -> Agreement:
     )
 
 
+def _in_triangles(rows: Rows) -> list[str]:
+    """Names of the prepared shapes that are in triangles of matched pairs."""
+    prepared = {name for name, row in rows.shapes.items() if "key" in row}
+    done = [pair for pair, row in rows.pairs.items() if row["state"] == "done" and prepared.issuperset(pair)]
+    near: dict[str, set[str]] = {name: set() for name in prepared}
+    for a, b in done:
+        near[a].add(b)
+        near[b].add(a)
+    found = {name for a, b in done if not near[a].isdisjoint(near[b]) for name in (a, b)}
+    return [name for name in rows.shapes if name in found]
+
+
 def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:
     """Inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
@@ -144,18 +171,21 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
         pair
         for pair, row in rows.pairs.items()
         if row["state"] == "done"
+        and number.keys() >= set(pair)
         and [row["source_hash"], row["target_hash"]]
         == [rows.shapes.get(name, {}).get("hash") for name in pair]
     ]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
     for pair, result in workers.completed([Task(tuple(tile), job.images) for tile in tiles], late):
-        if isinstance(result, Exception) or "images" not in result:  # the next run matches it again
-            continue
+        if isinstance(result, Exception) or "images" not in result:
+            continue  # the next run matches it again
+        if result["record"]["key"] != rows.pairs[pair]["key"]:
+            continue  # by a run that was killed before it wrote the row, as the next one does
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = result["images"]
         saved = {"time": time.time(), **result["record"]}
-        if saved.get("replaced_by") != rows.pairs[pair].get("replaced_by"):  # by a run that was killed
+        if saved.get("replaced_by", []) != rows.pairs[pair].get("replaced_by", []):  # likewise
             ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))
     readings = np.full((len(names),) * 3, np.nan)
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
@@ -238,7 +268,8 @@ def _after(row: Record, result: Any, n_shapes: int) -> Record:
     if isinstance(result, Exception):
         result = {"refused": f"the worker died ({result})"}
     if "replaced_by" in result:
-        agreement.pop("outcomes", None)
+        for told_before in ("outcomes", "refused"):
+            agreement.pop(told_before, None)
         return {**row, **result, "agreement": agreement}
     reason = result.get("refused") or result["error"]
     return {**row, "agreement": {**agreement, "refused": reason}, "time": time.time()}

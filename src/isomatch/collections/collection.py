@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -92,10 +92,12 @@ class Collection:
         SettingError
             If the folder holds a collection with other settings.
         """
-        entries, layout = entries_of(shapes), Layout(Path(folder))
+        # workers may be in another folder
+        entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
+        layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]
         if template is not None and template not in names:
-            by_file = {entry.path.resolve(): entry.name for entry in entries}
+            by_file = {entry.path: entry.name for entry in entries}
             found = by_file.get(Path(template).resolve())
             if found is None:
                 raise InputError(
@@ -107,10 +109,15 @@ class Collection:
             pairs_of(names, pairs, template)
         new = cls(layout.folder, entries, pairs, template, config or Config(), seed)
         if layout.plan.exists():
-            new._require_same(cls.open(folder))
+            old = cls.open(folder)
+            new._require_same(old)
+            if pairs == "all":  # of two shapes, the same one stays the source
+                place = {name: i for i, name in enumerate(old.names)}
+                entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
+                new = replace(new, shapes=entries)
         layout.folder.mkdir(parents=True, exist_ok=True)
         plan = {
-            "shapes": {entry.name: str(entry.path.resolve()) for entry in entries},
+            "shapes": {entry.name: str(entry.path) for entry in entries},
             "pairs": pairs,
             "template": template,
             "config": new.config.to_dict(),
@@ -130,7 +137,8 @@ class Collection:
         FormatError
             If the folder holds none, or its plan is damaged.
         """
-        path = Layout(Path(folder)).plan
+        folder = Path(folder).absolute()
+        path = Layout(folder).plan
         try:
             plan = json.loads(path.read_text(encoding="utf-8"))
             shapes = tuple(Entry(name, Path(file)) for name, file in plan["shapes"].items())
@@ -138,7 +146,7 @@ class Collection:
             generator(plan["seed"])
             if bad := unusable_names(plan["shapes"]):
                 raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
-            return cls(Path(folder), shapes, plan["pairs"], plan["template"], config, plan["seed"])
+            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"])
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -160,8 +168,8 @@ class Collection:
         return {entry.name: entry.path for entry in self.shapes}
 
     def rows(self) -> Rows:
-        """Return what is known so far, from the ledgers of all shards, also while they are written."""
-        return read_ledgers(self.layout.ledgers())
+        """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
+        return read_ledgers(self.layout.ledgers()).of(self.names)
 
     def maps(self, source: str, target: str) -> PairMaps:
         """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
@@ -227,10 +235,14 @@ class Collection:
         Raises
         ------
         InputError
-            If the executor is not known, or the cluster does not answer.
+            If the executor is not known, the cluster does not answer, or there is no such shard.
         UnwritableFileError
             If another run does the same shard, or the folder cannot be written.
         """
+        if not 0 <= shard[0] < shard[1]:
+            raise InputError(
+                f"shard {shard} is not its index, from 0, and the number of shards, such as (0, 8)"
+            )
         return Run(self, shard).events(executor, jobs, time_limit)
 
     def retry(self, which: Literal["failed", "low"]) -> list[Pair]:

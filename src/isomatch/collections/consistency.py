@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from isomatch._arrays import FloatArray, IntArray
 
@@ -67,13 +68,19 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
     Returns
     -------
     array of int
-        The smaller side if maps between two groups of shapes reverse the orientation and those within them do not.
+        The smaller side if maps between two groups of shapes reverse the orientation and those within them do not; for
+        shapes that no maps join, of each group that they do.
     """
     known = np.nan_to_num(orientations)
     np.fill_diagonal(known, 1.0)
-    side = np.linalg.eigh(known)[1][:, -1]
-    first, second = np.flatnonzero(side < 0), np.flatnonzero(side >= 0)
-    return min(first, second, key=len)
+    count, group = connected_components(known != 0, directed=False)
+    sides = [_smaller_side(known, np.flatnonzero(group == i)) for i in range(count)]
+    return np.sort(np.concatenate(sides))
+
+
+def _smaller_side(known: FloatArray, members: IntArray) -> IntArray:
+    side = np.linalg.eigh(known[np.ix_(members, members)])[1][:, -1]
+    return min(members[side < 0], members[side >= 0], key=len)
 
 
 def _triangles(readings: FloatArray) -> FloatArray:

@@ -129,7 +129,9 @@ class CycleJob:
         def disagreement(there: IntArray, back: IntArray) -> float:
             forth = _mean_distances(target, ends, there[None, samples])
             home = _mean_distances(source, paths_back[:, samples_back], back[None, samples_back])
-            return float(np.nanmean([np.average(each, weights=trust) for each in (forth, home)]))
+            apart, weights = np.concatenate([forth, home]), np.tile(trust, 2)
+            known = np.isfinite(apart)
+            return float(np.average(apart[known], weights=weights[known])) if known.any() else np.inf
 
         before = disagreement(old.there.vertices, old.back.vertices)
         after = disagreement(found.there.map.vertices, found.back.map.vertices)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from typing import Any
 
-from isomatch._files import read_csv, write_csv
+from isomatch._files import claimed, read_csv, write_csv
 from isomatch.collections.collection import Collection
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
@@ -17,12 +19,14 @@ from isomatch.collections.wrapped import PlannedSurface, WrapJob
 
 COLUMNS = ("name", "key", "inverted_before", "inverted", "extended", "error")
 AT_ONCE = 4  # surfaces of a task
+SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
 
 
 def finish(
     collection: Collection,
     executor: str | Executor = "local",
     jobs: int | None = None,
+    time_limit: float | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
@@ -33,8 +37,13 @@ def finish(
     ----------
     collection : Collection
         The collection.
-    executor, jobs
+    executor, jobs, time_limit
         As for `Collection.run`.
+
+    Raises
+    ------
+    UnwritableFileError
+        If another process does the same, or the folder cannot be written.
 
     Yields
     ------
@@ -42,6 +51,7 @@ def finish(
         For each surface that is written: its name, the key of the map, the numbers of inverted faces before and after
         they were mended, and of vertices without image; or the error that prevented it.
     """
+    end = math.inf if time_limit is None else time.monotonic() + time_limit
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = _known_lines(collection)
@@ -52,11 +62,15 @@ def finish(
         plans = _planned(collection, rows, template)
         todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
-        with workers_of(executor, jobs) as workers:
-            for plan, line in workers.completed(tasks):
+        saved = time.monotonic()
+        with claimed(layout.shapes_table), workers_of(executor, jobs) as workers:
+            for plan, line in workers.completed(tasks, lambda: time.monotonic() > end):
                 lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
+                if time.monotonic() > saved + SAVED:
+                    write_csv(layout.shapes_table, lines.values(), COLUMNS)
+                    saved = time.monotonic()
                 yield lines[plan.name]
-        write_csv(layout.shapes_table, lines.values(), COLUMNS)
+            write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
 
@@ -76,7 +90,7 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
     plans = [PlannedSurface(template, collection.paths[template], None, own)]
     for pair, record in rows.pairs.items():
         name = pair[0] if pair[1] == template else pair[1]
-        if template in pair and record["state"] == "done" and name in collection.paths:
+        if template in pair and record["state"] == "done":
             key = " > ".join((record["key"], *record.get("replaced_by", ())))
             plans.append(PlannedSurface(name, collection.paths[name], pair, key))
     return plans

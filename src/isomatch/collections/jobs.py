@@ -128,7 +128,8 @@ class Job:
             "memory": peak_memory(),
         }
         maps = PairMaps(found.there.map, found.back.map, record)
-        keep = plan.attempt and not plan.contradicted
+        same = earlier and (earlier.record["source_hash"], earlier.record["target_hash"]) == plan.hashes
+        keep = plan.attempt and same and not plan.contradicted
         if keep and earlier and _unsureness(earlier.record) <= _unsureness(record):
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)

@@ -32,9 +32,20 @@ class Rows:
     pairs: dict[Pair, Record] = field(default_factory=dict)
 
     def merge(self, other: Rows) -> None:
-        """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one."""
+        """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one.
+
+        Of two for a shape whose file changed between them, the later one counts.
+        """
         _merge(self.shapes, other.shapes)
         _merge(self.pairs, other.pairs)
+
+    def of(self, names: Iterable[str]) -> Rows:
+        """Return the rows of some shapes, and of the pairs of these."""
+        kept = set(names)
+        return Rows(
+            {name: row for name, row in self.shapes.items() if name in kept},
+            {pair: row for pair, row in self.pairs.items() if kept.issuperset(pair)},
+        )
 
 
 K = TypeVar("K")
@@ -42,12 +53,14 @@ K = TypeVar("K")
 
 def _merge(mine: dict[K, Record], theirs: dict[K, Record]) -> None:
     for name, record in theirs.items():
-        if name not in mine or _rank(record) > _rank(mine[name]):
+        if name not in mine or _counts_more(record, mine[name]):
             mine[name] = record
 
 
-def _rank(record: Record) -> tuple[bool, float]:
-    return record["state"] == "done", record["time"]
+def _counts_more(one: Record, other: Record) -> bool:
+    if any(one.get(of_file) != other.get(of_file) for of_file in ("size", "changed")):
+        return bool(one["time"] > other["time"])  # the file of the shape changed
+    return (one["state"] == "done", one["time"]) > (other["state"] == "done", other["time"])
 
 
 class Ledger:
@@ -175,8 +188,12 @@ def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
     if connection.execute("SELECT name FROM sqlite_master").fetchone() is None:
         return Rows()  # another process has just begun it
     try:
-        shapes = {name: json.loads(record) for name, record in connection.execute("SELECT * FROM shapes")}
-        pairs = {(a, b): json.loads(record) for a, b, record in connection.execute("SELECT * FROM pairs")}
+        # all at once: while rows are read, nobody can write them
+        of_shapes, of_pairs = (
+            connection.execute(f"SELECT * FROM {name}").fetchall() for name in ("shapes", "pairs")
+        )
+        shapes = {name: json.loads(record) for name, record in of_shapes}
+        pairs = {(a, b): json.loads(record) for a, b, record in of_pairs}
     except ValueError as error:
         raise FormatError(
             f"{path}: a row is damaged ({error}); move the ledger away, and run again"

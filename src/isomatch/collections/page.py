@@ -37,7 +37,7 @@ def write_page(
     """
     layout = collection.layout
     pairs = table_of(rows)
-    outcomes = Counter(pair.get("outcome") or "FAILED" for pair in pairs)
+    outcomes = Counter(pair.get("outcome") or pair["state"] for pair in pairs)
     counts = ", ".join(f"{count} {name.lower().replace('_', ' ')}" for name, count in outcomes.most_common())
     prepared = sum(row["state"] == "done" for row in rows.shapes.values())
     page = Template((files("isomatch.collections") / "page.html").read_text(encoding="utf-8")).substitute(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from isomatch._files import writing
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import key_of
-from isomatch.collections.ledger import Ledger, Rows, writing_ledger
+from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import SIDE, Pair, pairs_of, tiles_of
 from isomatch.collections.shapes import Entry
@@ -21,6 +21,7 @@ from isomatch.collections.workers import Task, Workers, workers_of
 if TYPE_CHECKING:
     from isomatch.collections.collection import Collection
 
+MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 
 
@@ -54,7 +55,9 @@ class Run:
             writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
         ):
             layout.remove_unfinished(self.shard)
-            known = self.collection.rows()
+            known = ledger.rows
+            own = layout.ledger(self.shard)
+            known.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             yield from self._prepared_shapes(job, workers, ledger, known)
             if not job.is_late():
                 yield from self._matched_pairs(job, workers, ledger, known)
@@ -78,7 +81,7 @@ class Run:
             plan.pair: plan for plan in plans if not self._is_matched(plan, known.pairs.get(plan.pair), files)
         }
         largest = max((known.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
-        most = max(1, len(missing) // (TILES_PER_WORKER * workers.count()))
+        most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
         for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):

@@ -73,8 +73,14 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
 
 
 def unusable_names(names: Iterable[str]) -> list[str]:
-    """List the names that cannot be parts of names of files."""
-    return [name for name in names if BETWEEN in name or not name or set(name) & set('/\\:*?"<>|')]
+    """List the names that cannot be parts of names of files, or would make the same one: a_ and b, a and _b."""
+    names = list(names)
+    mixed = any(name.startswith("_") for name in names)
+    return [
+        name
+        for name in names
+        if not name or BETWEEN in name or (mixed and name.endswith("_")) or set(name) & set('/\\:*?"<>|')
+    ]
 
 
 def _found(where: str) -> list[Entry]:

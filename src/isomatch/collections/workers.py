@@ -168,10 +168,12 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
     Raises
     ------
     InputError
-        If the executor is not known, or the cluster does not answer.
+        If the executor is not known, the cluster does not answer, or the number of jobs is below 1.
     MissingDependencyError
         If Dask is not installed.
     """
+    if jobs is not None and jobs < 1:
+        raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()
     if not isinstance(executor, str):
         given = nullcontext(executor)

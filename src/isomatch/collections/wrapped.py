@@ -70,7 +70,9 @@ class WrapJob:
     def _line(self, plan: PlannedSurface) -> Record:
         line = {"name": plan.name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
         try:
-            template, mesh = _read(str(self.template_path)), _read(str(plan.path))
+            template, mesh = (
+                _read(path, path.stat().st_mtime_ns) for path in (self.template_path, plan.path)
+            )
             if plan.pair is not None:
                 maps = PairMaps.load(self.layout.maps(plan.pair))
                 found = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
@@ -94,5 +96,6 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
 
 
 @lru_cache(2)
-def _read(path: str) -> Mesh:
+def _read(path: Path, changed: int) -> Mesh:
+    """Read a mesh, or take it from memory if its file has not changed since."""
     return mesh_from(path)
