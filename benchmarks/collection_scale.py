@@ -16,7 +16,7 @@ import heapq
 import resource
 import tempfile
 import time
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +93,7 @@ def matched(job, plans):
 
 def simulated(n: int, pairs: str, count: int, seconds: np.ndarray, folder: Path) -> dict[str, float]:
     """Run a collection of n shapes on so many workers."""
+    jobs.Job.prepare_shapes, jobs.Job.match_pairs = prepared, matched
     shapes = folder / "shapes"
     shapes.mkdir()
     for i in range(n):
@@ -133,12 +134,12 @@ def main() -> None:
     if options.table:
         with options.table.open(newline="") as file:
             seconds = np.array([float(row["seconds"]) for row in csv.DictReader(file) if row["seconds"]])
-    jobs.Job.prepare_shapes, jobs.Job.match_pairs = prepared, matched
     rows = []
     for run in options.runs:
         n, count, pairs = (*run.split(":"), "star")[:3]
-        with tempfile.TemporaryDirectory() as folder:
-            rows.append(simulated(int(n), pairs, int(count), seconds, Path(folder)))
+        # a process of its own, whose peak of memory is that of the run
+        with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(1) as fresh:
+            rows.append(fresh.submit(simulated, int(n), pairs, int(count), seconds, Path(folder)).result())
         print(*rows[-1].values(), flush=True)
     options.output.mkdir(parents=True, exist_ok=True)
     write_table(options.output / "scale_table.csv", rows)

@@ -74,7 +74,7 @@ def match(
     Notes
     -----
     Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017, with automatic starts and a joint refinement beyond it.
-    About 1.5 s for two shapes of 5 000 vertices on two cores, half of it preparation, and 4 s for 28 000. Large meshes
+    About 2 s for two shapes of 5 000 vertices on two cores, and 4 s for 28 000. Large meshes
     are matched on fewer vertices, see ``Config.resolution``.
 
     Examples

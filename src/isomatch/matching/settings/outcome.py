@@ -49,7 +49,7 @@ class OutcomeSettings(Settings):
     normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
     tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
-    torn: float = setting(4.0, "docs/benchmarks.md, confidence", least=1)
+    torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_misfit: float = setting(
         0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
@@ -59,9 +59,9 @@ class OutcomeSettings(Settings):
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
-        0.005, "half a hand; right maps have none: docs/benchmarks.md, confidence", least=0
+        0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0
     )
-    poor_orientation: float = setting(0.65, "docs/benchmarks.md, confidence", least=-1, most=1)
+    poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
     error_scale: float = setting(
         0.32, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0

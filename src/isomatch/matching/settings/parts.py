@@ -83,7 +83,7 @@ class PartSettings(Settings):
     n_placed: int = setting(16, "chosen on cuts and holes, not one by one", least=4)
     width: int = setting(1000, "chosen on cuts and holes, not one by one", least=1)
     apart: float = setting(0.12, "without it, all would be variants of one", least=0)
-    led_apart: float = setting(0.04, "docs/robustness.md: a twisted body between right limbs", least=0)
+    led_apart: float = setting(0.04, "chosen on a twisted body between right limbs", least=0)
     signature_cost: float = setting(0.25, "chosen on cuts and holes, not one by one", least=0)
     radii: tuple[float, ...] = setting(
         (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9), "by factors of about √2", least=0
@@ -100,7 +100,7 @@ class PartSettings(Settings):
         1.4, "FAUST remeshed: bodies of one person differ by up to 1.2", least=1
     )
     unit_step: float = setting(1.1, "tolerance of the intervals", least=1.01)
-    unit_cost: float = setting(0.05, "docs/robustness.md: views", least=0)
+    unit_cost: float = setting(0.05, "chosen on views, not measured", least=0)
     least_share: float = setting(0.1, "views show 16 % and more", least=0.01, most=1)
     most_cost: float = setting(0.6, "chosen on cuts and holes, not one by one", least=0)
     soft: float = setting(0.18, "chosen on cuts and holes, not one by one", least=0)
@@ -109,7 +109,7 @@ class PartSettings(Settings):
     most_ratio: float = setting(0.7, "a factor of two", least=0)
     long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
     close: bool = setting(True, "docs/robustness.md: holes closed")
-    closed_score: float = setting(1.1, "docs/robustness.md: parts", least=0)
+    closed_score: float = setting(1.1, "chosen, not measured", least=0)
     bending: tuple[float, ...] = setting(
         (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
     )

@@ -69,7 +69,7 @@ class SelectionSettings(Settings):
     extension_functions: int = setting(50, "docs/benchmarks.md, sensitivity; the last of sizes", least=4)
     misfit_limit: float = setting(
         1.15,
-        "docs/benchmarks.md, sensitivity; well above the tie at 1.05 that the outcome looks for",
+        "docs/benchmarks.md, sensitivity; as outcome.tie",
         least=1,
     )
     same_map: float = setting(

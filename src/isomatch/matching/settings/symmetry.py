@@ -44,12 +44,12 @@ class SymmetrySettings(Settings):
     beam: int = setting(60, "docs/benchmarks.md, symmetry", least=1)
     most: int = setting(24, "docs/benchmarks.md, symmetry", least=0)
     steps: int = setting(12, "docs/benchmarks.md, symmetry", least=1)
-    generators: int = setting(6, "docs/benchmarks.md, symmetry", least=0)
+    generators: int = setting(6, "chosen, not measured", least=0)
     least_moved: float = setting(
         0.15, "selection.rival_distance: less is a variant, not another map", least=0
     )
     same_map: float = setting(0.1, "the spacing of n_samples", least=0)
     largest_residual: float = setting(3.2, "docs/benchmarks.md, symmetry", least=0)
     least_orientation: float = setting(0.7, "docs/benchmarks.md, symmetry", least=0, most=1)
-    near: float = setting(1.5, "docs/benchmarks.md, symmetry", least=1)
-    exact: float = setting(0.75, "docs/benchmarks.md, symmetry", least=0, most=1)
+    near: float = setting(1.5, "chosen, not measured", least=1)
+    exact: float = setting(0.75, "chosen, not measured", least=0, most=1)
