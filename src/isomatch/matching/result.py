@@ -96,7 +96,7 @@ class Quality:
         to them: 0.01 for a right map, above 0.03 poor; nan for complete shapes. For a part, residual and distortion are
         nan, and misfit and orientation are those of the part's refinement.
     bend_misfit : float
-        For a part bent onto the whole, the mean |log| of the stretch of its edges times the mean distance of its
+        For a part bent onto the whole, the mean ``|log|`` of the stretch of its edges times the mean distance of its
         vertices from the whole, in √area of the whole: above 7e-4 poor; nan for complete shapes.
     """
 
