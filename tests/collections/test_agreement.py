@@ -167,6 +167,18 @@ def test_killed_before_the_row_was_written(spoilt):
     assert row["there"] == replaced["there"]
 
 
+def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
+    """The map file has another key than the row, which says that its map was replaced: no reason for an error."""
+    agreed(spoilt)
+    with writing_ledger(spoilt.layout.ledger()) as ledger:
+        ledger.put_pair(
+            WRONG, {**ledger.rows.pairs[WRONG], "key": "of an older version", "replaced_by": ["w", "x", "y"]}
+        )
+    assert agreed(spoilt) == []
+    with ThreadPoolExecutor(1) as executor:
+        assert [event.name for event in spoilt.run(executor)] == [WRONG]
+
+
 def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
     own = spoilt.rows().pairs[WRONG]["there"]["outcome"]
     assert own != "LOW_CONFIDENCE"

@@ -186,6 +186,12 @@ def test_a_surface_that_could_not_be_written_is_tried_again(copied, monkeypatch)
     assert "s1" in surfaces_written(collection)
 
 
+def test_the_page_does_not_call_failed_what_is_to_be_matched_again(copied):
+    changed(copied, PAIR, state="todo", there=None)
+    finished_lines(copied)
+    assert "6 pairs: 5 converged, 1 todo." in copied.layout.page.read_text(encoding="utf-8")
+
+
 def test_a_number_of_reports_is_not_negative(copied):
     with pytest.raises(SettingError, match="-3 reports"):
         reported(copied, -3)
