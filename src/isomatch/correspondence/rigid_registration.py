@@ -57,7 +57,7 @@ def register_as_rigid_as_possible(
     Notes
     -----
     With points x_i, areas a, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each step
-    lessens
+    lessens::
 
         Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
 
