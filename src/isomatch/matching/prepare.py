@@ -71,7 +71,7 @@ def prepare(
 
     Notes
     -----
-    About 0.35 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 0.5 s for 28 000, which
+    About 0.8 s for 5 000 vertices on one thread, half of it for the Laplace–Beltrami basis, and 1.5 s for 50 000, which
     are matched on 5 000 of them (``config.resolution``). `match` prepares two shapes at once.
     """
     return in_background(lambda: _prepare(surface, config or Config(), seed, distances, progress))
