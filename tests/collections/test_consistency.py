@@ -14,7 +14,8 @@ HALF_TURN = np.linalg.norm(POINTS[:, None] * [-1, -1, 1] - POINTS[None], axis=2)
 
 def true_maps(n):
     """The same points in n orders, and the maps between them."""
-    orders = [RNG.permutation(N_POINTS) for _ in range(n)]
+    rng = np.random.default_rng(n)
+    orders = [rng.permutation(N_POINTS) for _ in range(n)]
     maps = {(a, b): np.argsort(orders[b])[orders[a]] for a in range(n) for b in range(n) if a != b}
     return orders, maps
 
@@ -84,7 +85,7 @@ def test_a_map_wrong_in_one_direction_is_found():
 def test_all_maps_of_one_shape_wrong_are_consistent():
     """Composition law: turning a shape turns every map to it, and cancels on the way through it."""
     orders, maps = true_maps(6)
-    flip = RNG.permutation(N_POINTS)
+    flip = np.random.default_rng(1).permutation(N_POINTS)
     for other in range(1, 6):
         maps[other, 0] = flip[maps[other, 0]]
         maps[0, other] = maps[0, other][np.argsort(flip)]

@@ -40,11 +40,12 @@ def deadly_once(items):
 
 def test_a_job_that_kills_its_workers_fails_and_all_others_are_done():
     tiles = [Task(tuple(range(i, i + 4)), deadly) for i in range(0, 20, 4)]
+    others = set(active_children())
     with workers_of("local", 2) as workers:
         done = dict(workers.completed(tiles))
     assert isinstance(done.pop(13), Exception)
     assert done == {i: 2 * i for i in range(20) if i != 13}
-    assert not active_children()
+    assert others.issuperset(active_children())
 
 
 def test_a_worker_that_dies_is_replaced(tmp_path):
@@ -63,11 +64,13 @@ def test_an_interruption_leaves_no_worker():
             next(workers.completed([Task((i,), doubled) for i in range(9)]))
             raise KeyboardInterrupt
 
+    others = set(active_children())
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    for worker in active_children():
-        worker.join(5)
-    assert not active_children()
+    end = time.monotonic() + 5
+    while not others.issuperset(active_children()) and time.monotonic() < end:
+        time.sleep(0.01)  # the pool ends its workers in a thread of its own
+    assert others.issuperset(active_children())
 
 
 def test_an_interruption_spares_the_processes_of_others():
@@ -79,10 +82,11 @@ def test_an_interruption_spares_the_processes_of_others():
 
     other = get_context("spawn").Process(target=time.sleep, args=(60,))
     try:
+        others = set(active_children())
         with pytest.raises(KeyboardInterrupt):
             interrupted()
         other.join(0.5)
-        assert active_children() == [other]
+        assert set(active_children()) - others == {other}
     finally:
         other.kill()
         other.join()

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,16 +22,14 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair, tiles_of
 from isomatch.collections.run import Event
 from isomatch.collections.states import is_contradicted
-from isomatch.collections.workers import Task, Workers, workers_of
+from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching import Config, Outcome
 
 MOST_ROUNDS = 3
 TILE = 8  # shapes on either side of a tile of pairs
 UNSURE = 0.25  # weight of a map that its own match does not trust
-BYTES = (
-    48  # of memory for a triangle, measured with 150 shapes: the readings, and five times that to weigh them
-)
+BYTES = 48  # of memory for a triangle, measured with 150 shapes: its reading, and five times that to weigh it
 MOST_PATHS = 8  # compositions that are compared; more hardly change which is in their middle
 
 
@@ -89,11 +86,7 @@ def agree(
     -----
     For n shapes in triangles, 3 n² maps are read up to four times, with O(n³) time and memory: 48 n³ bytes.
     """
-    end = None if time_limit is None else time.monotonic() + time_limit
-
-    def late() -> bool:
-        return end is not None and time.monotonic() > end
-
+    late = late_after(time_limit)
     own = collection.layout.ledger()
     with ExitStack() as held:
         workers = held.enter_context(workers_of(executor, jobs))
@@ -109,10 +102,7 @@ def agree(
             f"the comparison of the maps of {len(names)} shapes",
             "match all pairs of fewer shapes, or leave the maps as they are (--no-agree)",
         )
-        job = CycleJob(
-            replace(collection, shapes=tuple(entry for entry in collection.shapes if entry.name in names)),
-            {name: ledger.rows.shapes[name]["key"] for name in names},
-        )
+        job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name]["key"] for name in names})
         for _ in range(MOST_ROUNDS):
             found = _measured(job, ledger, workers, late)
             if late():

@@ -167,6 +167,10 @@ class Collection:
         """File of each shape, by name."""
         return {entry.name: entry.path for entry in self.shapes}
 
+    def of(self, names: Iterable[str]) -> Collection:
+        """Return the same with some of its shapes, to travel with a task that needs no others."""
+        return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
+
     def rows(self) -> Rows:
         """Return what is known of the shapes so far, from the ledgers of all shards, also while they are written."""
         return read_ledgers(self.layout.ledgers()).of(self.names)

@@ -48,7 +48,8 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
         with np.errstate(invalid="ignore"):
             found = (weights * errors).sum(axis=1) / total
         trust = given * trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
-    return found
+    symmetric: FloatArray = (found + found.T) / 2  # up to rounding it was
+    return symmetric
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor
@@ -14,7 +13,7 @@ from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.page import write_page
 from isomatch.collections.tables import write_table
-from isomatch.collections.workers import Task, workers_of
+from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
 
 COLUMNS = ("name", "key", "inverted_before", "inverted", "extended", "error")
@@ -51,7 +50,7 @@ def finish(
         For each surface that is written: its name, the key of the map, the numbers of inverted faces before and after
         they were mended, and of vertices without image; or the error that prevented it.
     """
-    end = math.inf if time_limit is None else time.monotonic() + time_limit
+    late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = _known_lines(collection)
@@ -64,7 +63,7 @@ def finish(
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         saved = time.monotonic()
         with claimed(layout.shapes_table), workers_of(executor, jobs) as workers:
-            for plan, line in workers.completed(tasks, lambda: time.monotonic() > end):
+            for plan, line in workers.completed(tasks, late):
                 lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
                 if time.monotonic() > saved + SAVED:
                     write_csv(layout.shapes_table, lines.values(), COLUMNS)

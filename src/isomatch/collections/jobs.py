@@ -128,9 +128,13 @@ class Job:
             "memory": peak_memory(),
         }
         maps = PairMaps(found.there.map, found.back.map, record)
-        same = earlier and (earlier.record["source_hash"], earlier.record["target_hash"]) == plan.hashes
-        keep = plan.attempt and same and not plan.contradicted
-        if keep and earlier and _unsureness(earlier.record) <= _unsureness(record):
+        if (
+            earlier
+            and plan.attempt
+            and not plan.contradicted
+            and (earlier.record["source_hash"], earlier.record["target_hash"]) == plan.hashes
+            and _unsureness(earlier.record) <= _unsureness(record)
+        ):
             maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from functools import partial
 from shlex import join
 from typing import Any, Literal
@@ -20,10 +18,9 @@ from isomatch.collections.jobs import row_of
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
-from isomatch.collections.shapes import Entry
 from isomatch.collections.states import is_contradicted
 from isomatch.collections.tables import MOST_SHOWN, table_of
-from isomatch.collections.workers import Task, workers_of
+from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
 from isomatch.view import write_report
@@ -63,7 +60,7 @@ def write_reports(
     """
     if not isinstance(which, str) and which < 0:
         raise SettingError(f"{which} reports cannot be written; give a number, or doubtful, all or none")
-    end = math.inf if time_limit is None else time.monotonic() + time_limit
+    late = late_after(time_limit)
     rows = collection.rows()
     chosen = [(pair, rows.pairs[pair]) for pair in _chosen(table_of(rows), which)]
     todo = [each for each in chosen if not has_report(collection.layout, *each)]
@@ -72,14 +69,9 @@ def write_reports(
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-
-    def needed(pair: Pair) -> Collection:
-        """Reduce the collection, which travels with each task, to a pair."""
-        return replace(collection, shapes=tuple(Entry(name, collection.paths[name]) for name in pair))
-
-    tasks = [Task((each,), partial(_reported, needed(each[0]))) for each in todo]
+    tasks = [Task((each,), partial(_reported, collection.of(each[0]))) for each in todo]
     with workers_of(executor, jobs) as workers:
-        for (pair, _), row in workers.completed(tasks, lambda: time.monotonic() > end):
+        for (pair, _), row in workers.completed(tasks, late):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
 
 

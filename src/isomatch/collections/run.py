@@ -55,24 +55,24 @@ class Run:
             writing_ledger(layout.ledger(self.shard), one_host=self.shard[1] == 1) as ledger,
         ):
             layout.remove_unfinished(self.shard)
-            known = ledger.rows
             own = layout.ledger(self.shard)
-            known.merge(read_ledgers(path for path in layout.ledgers() if path != own))
-            yield from self._prepared_shapes(job, workers, ledger, known)
+            ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
+            yield from self._prepared_shapes(job, workers, ledger)
             if not job.is_late():
-                yield from self._matched_pairs(job, workers, ledger, known)
+                yield from self._matched_pairs(job, workers, ledger)
 
-    def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger, known: Rows) -> Iterator[Event]:
-        """Prepare the shapes that are not; their rows are added to those known."""
-        todo = [entry for entry in self._entries(known) if not self._is_prepared(entry, known)]
+    def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
+        """Prepare the shapes that are not."""
+        todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-            known.shapes[entry.name] = _row_of(record)
-            ledger.put_shape(entry.name, known.shapes[entry.name])
-            yield Event("shape", entry.name, known.shapes[entry.name], count, len(todo))
+            row = _row_of(record)
+            ledger.put_shape(entry.name, row)
+            yield Event("shape", entry.name, row, count, len(todo))
 
-    def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger, known: Rows) -> Iterator[Event]:
+    def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not, in tiles, as far as their shapes could be prepared."""
+        known = ledger.rows
         usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
         pairs = [pair for pair in self.pairs_of_shard(known) if usable.issuperset(pair)]
         plans = [self._planned(pair, known) for pair in pairs]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import time
@@ -45,6 +46,12 @@ class Task:
     def alone(self) -> list[Task]:
         """Make a task for each item."""
         return [replace(self, items=(item,), lost=self.lost + 1) for item in self.items]
+
+
+def late_after(time_limit: float | None) -> Callable[[], bool]:
+    """Make a function that tells whether so many seconds from now are over; never without a limit."""
+    end = math.inf if time_limit is None else time.monotonic() + time_limit
+    return lambda: time.monotonic() > end
 
 
 class Workers:

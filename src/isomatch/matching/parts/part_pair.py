@@ -102,6 +102,11 @@ class PartPair:
         lower, upper = self.anchor_intervals
         return float((lower >= TRUSTED * upper)[~np.eye(len(lower), dtype=bool)].mean())
 
+    @property
+    def is_hardly_known(self) -> bool:
+        """Whether so little of the whole is known that neither a unit nor a map is sure."""
+        return self.trusted < self.config.parts.least_trusted
+
     @cached_property
     def to_boundary(self) -> FloatArray:
         """(n_part,) distance of each vertex of the part to its boundary."""
@@ -123,8 +128,8 @@ class PartPair:
     @cached_property
     def keeps_unit(self) -> bool:
         """Whether the unit is fixed: by what is asked for, or because too few distances are known to measure it."""
-        settings, scale = self.config.parts, self.config.scale
-        unmeasured = scale == "auto" and self.trusted < settings.least_trusted
+        scale = self.config.scale
+        unmeasured = scale == "auto" and self.is_hardly_known
         return scale in ("same", "area") or (unmeasured and self.knows_unit)
 
     @property

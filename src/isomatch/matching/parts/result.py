@@ -174,12 +174,12 @@ def _quality(
 
 def _doubts(found: PartMatch) -> list[str]:
     """Say what no measure of the quality says: that distances on the whole are hardly known."""
-    pair, least = found.pair, found.pair.config.parts.least_trusted
-    if pair.trusted >= least:
+    pair = found.pair
+    if not pair.is_hardly_known:
         return []
     return [
         f"only {pair.trusted:.1%} of the distances along the part are known to be those on the whole (at least "
-        f"{least:.0%} for a sure match): too much is missing; give landmarks"
+        f"{pair.config.parts.least_trusted:.0%} for a sure match): too much is missing; give landmarks"
     ]
 
 
@@ -194,7 +194,7 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
         or best.stress > settings.poor_stress
         or quality.bend_misfit > settings.poor_bend
         or best.orientation < settings.poor_orientation
-        or found.pair.trusted < settings.least_trusted
+        or found.pair.is_hardly_known
         or quality.rival < 1
     ):
         return Outcome.LOW_CONFIDENCE

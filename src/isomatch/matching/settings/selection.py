@@ -67,11 +67,7 @@ class SelectionSettings(Settings):
     same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
     extension_functions: int = setting(50, "docs/benchmarks.md, sensitivity; the last of sizes", least=4)
-    misfit_limit: float = setting(
-        1.15,
-        "docs/benchmarks.md, sensitivity; as outcome.tie",
-        least=1,
-    )
+    misfit_limit: float = setting(1.15, "docs/benchmarks.md, sensitivity; as outcome.tie", least=1)
     same_map: float = setting(
         0.02, "docs/benchmarks.md, sensitivity; half of the displacement by one turned limb", least=0
     )
