@@ -8,12 +8,14 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, triu
 
 from isomatch._arrays import FloatArray
+from isomatch._compiled import compiled
 from isomatch.bases import factorised, stiffness_and_masses
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh, PrecisePoints
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
+TURNS, STILL, SMALLEST = 20, 1e-4, 1e-30  # most turns of a rotation, the angle (rad) of the last, and a number above 0
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
 
 
@@ -76,7 +78,7 @@ def register_as_rigid_as_possible(
     shape = len(areas), len(i)
     around = csr_array((np.tile(weights, 2), (ends, number)), shape)
     outward = csr_array((np.concatenate([weights, -weights]), (ends, number)), shape)
-    wanted = moved = positions
+    wanted, moved, turn = positions, positions, None
     for step, length in enumerate(lengths):
         if step > 0:
             nearest = nearest_with_normals(source.moved(moved), target, index, normal_unit)
@@ -86,7 +88,8 @@ def register_as_rigid_as_possible(
         for _ in range(ROTATED):
             after = moved[i] - moved[j]
             products = (before[:, :, None] * after[:, None, :]).reshape(-1, 9)
-            turn = _rotations((around @ products).reshape(-1, 3, 3))
+            covariances = (around @ products).reshape(-1, 3, 3)
+            turn = _rotations(covariances) if turn is None else _turned(turn, covariances)
             bent = np.einsum("eij,ej->ei", 0.5 * (turn[i] + turn[j]), before)
             moved = solve(pull[:, None] * wanted + outward @ bent)
     return moved
@@ -109,3 +112,41 @@ def _rotations(covariances: FloatArray) -> FloatArray:
     u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
     turn: FloatArray = (u @ vt).transpose(0, 2, 1)
     return turn
+
+
+@compiled()
+def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
+    """The same from rotations that nearly do, a hundred times faster.
+
+    Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.
+    """
+    found, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for i in range(len(turn)):
+        _multiply(found[i], covariances[i], m)
+        for _ in range(TURNS):
+            x, y, z = m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]
+            size = np.sqrt(x * x + y * y + z * z)
+            angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + SMALLEST)
+            if angle < STILL:
+                break
+            x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)
+            step[0, 0], step[1, 1], step[2, 2] = rest * x * x, rest * y * y, rest * z * z
+            for k in range(3):
+                step[k, k] += 1 - rest
+            step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
+            step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
+            step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
+            r[:] = found[i]
+            _multiply(step, r, found[i])
+            _multiply(found[i], covariances[i], m)
+    return found
+
+
+@compiled()
+def _multiply(a: FloatArray, b: FloatArray, product: FloatArray) -> None:
+    for row in range(3):
+        for column in range(3):
+            total = 0.0
+            for k in range(3):
+                total += a[row, k] * b[k, column]
+            product[row, column] = total

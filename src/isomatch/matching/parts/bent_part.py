@@ -30,11 +30,14 @@ class BentPart:
         Of the map.
     image : (r,) array of int
         Vertices of the whole for those of the refinement.
+    lengths : tuple of float
+        See `register_as_rigid_as_possible`, in √area of the whole.
     """
 
     pair: PartPair
     refinement: PartRefinement
     image: IntArray
+    lengths: tuple[float, ...]
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -43,13 +46,20 @@ class BentPart:
         everywhere = np.arange(part.n_vertices)
         of_part, of_whole = self.refinement.embedding(self.image, ALL_FUNCTIONS, everywhere)
         start = index.points(of_whole, of_part).interpolated(whole.vertices)
-        scaled, lengths = part.moved(self.pair.unit * part.vertices), self.pair.config.parts.bending
-        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, lengths))
+        scaled = part.moved(self.pair.unit * part.vertices)
+        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, self.lengths))
 
     @cached_property
     def onto_whole(self) -> PrecisePoints:
         """Points of the whole for the vertices of the part."""
         return nearest_with_normals(self.mesh, self.pair.meshes[1], self.pair.whole.index)
+
+    @property
+    def images(self) -> IntArray:
+        """Vertex of the whole (n_part,) nearest to each vertex of the part, of the triangle that it lies on."""
+        nearest = self.onto_whole.barycentric.argmax(axis=1)
+        images: IntArray = self.onto_whole.corners[np.arange(len(nearest)), nearest]
+        return images
 
     @cached_property
     def misfit(self) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 
 import numpy as np
 
 from isomatch._arrays import IntArray
-from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -30,7 +30,6 @@ class PartMatch:
 
     Parameters
     ----------
-    refinements : PartFits
     fits : tuple of PartFit
         Refined maps: the one selected, then the others, best first.
     scores : tuple of float
@@ -39,7 +38,6 @@ class PartMatch:
         What speaks against the map with the holes closed, over that against the best.
     """
 
-    refinements: PartFits
     fits: tuple[PartFit, ...]
     scores: tuple[float, ...]
     closed: float = np.inf
@@ -61,16 +59,12 @@ class PartMatch:
     @property
     def share(self) -> float:
         """Area of the part over that of the whole, by the best map."""
-        return self.refinements.fine_refinement(self.pair).local_unit(self.fits[0].image) ** 2
+        return self.fits[0].refinement.local_unit(self.fits[0].image) ** 2
 
-    @cached_property
+    @property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the best map."""
-        return self.bent_by(self.fits[0])
-
-    def bent_by(self, fit: PartFit) -> BentPart:
-        """Return the part bent onto the whole by one of the maps."""
-        return BentPart(fit.pair, self.refinements.fine_refinement(fit.pair), fit.image)
+        return self.fits[0].bent
 
 
 def match_part(
@@ -104,50 +98,69 @@ def match_part(
     NotConvergedError
         If no map that keeps the orientation was found.
     """
-    settings, refinements = config.parts, PartFits(whole, config)
-    pair = PartPair.of(part, whole, config, landmarks)
+    settings, pair = config.parts, PartPair.of(part, whole, config, landmarks)
     led = _filled(part, known) if len(known) else None
-    rough = [] if led is not None and config.hypotheses == "given" else _rough_fits(pair, refinements)
-    contenders = [(fit.pair, fit.image) for fit in rough[: settings.n_contenders]]
-    given = [image for image in (closed, led) if image is not None]
-    contenders += [
-        (pair.in_unit_of(image), image[part.sample_vertices[: settings.n_rough]]) for image in given
+    refinements = PartFits(whole, config, led)
+    given = [
+        (pair.in_unit_of(image), image[part.sample_vertices[: settings.n_rough]])
+        for image in (closed, led)
+        if image is not None
     ]
+    only_given = led is not None and config.hypotheses == "given"
+    rough = [] if only_given else _rough_fits(pair, refinements, given)
+    contenders = [(fit.pair, fit.image) for fit in _distinct(rough, settings.n_contenders, settings.apart)] + given
     if not contenders:
         raise NotConvergedError(
             "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
             "the shapes are roughly aligned in space"
         )
     fits = parallel_map(lambda each: refinements.fine(*each), contenders)
-    rows = part.sample_vertices[: config.n_refine]
-    if led is not None:
-        fits = [replace(fit, hint_error=whole.mean_distance(fit.image, led[rows])) for fit in fits]
-    clearest = max(fit.orientation for fit in fits)
-
-    def score(fit: PartFit) -> float:
-        return fit.score * (1 if fit.orientation >= 0.5 * clearest else TWISTED)
-
-    ranked = sorted(((score(fit), fit) for fit in fits), key=itemgetter(0))
-    tied = [fit for value, fit in ranked if value <= settings.tie * ranked[0][0]]
+    parallel_map(lambda fit: fit.bent.misfit, fits)
+    fits.sort(key=_against(fits))
+    best = parallel_map(refinements.settled, fits[: settings.n_settled])
+    parallel_map(lambda fit: fit.bent.misfit, best)
+    fits[: settings.n_settled] = best
+    against = _against(fits)
+    fits.sort(key=against)
+    tied = [fit for fit in fits if against(fit) <= settings.tie * against(fits[0])]
     winner = nearest_to_hints(tied, config.selection)[0]
-    ranked.sort(key=lambda each: each[1] is not winner)
+    fits.sort(key=lambda fit: fit is not winner)
     against_closed = np.inf
     if closed is not None:
-        as_found = refinements.measured(pair.in_unit_of(closed), closed[rows])
-        against_closed = score(as_found) / ranked[0][0]
-    return PartMatch(
-        refinements, tuple(fit for _, fit in ranked), tuple(value for value, _ in ranked), against_closed
-    )
+        as_found = refinements.measured(pair.in_unit_of(closed), closed[part.sample_vertices[: config.n_refine]])
+        against_closed = against(as_found) / against(winner)
+    return PartMatch(tuple(fits), tuple(map(against, fits)), against_closed)
 
 
-def _rough_fits(pair: PartPair, refinements: PartFits) -> list[PartFit]:
-    """Search starts, refine them roughly, and vary the best by maps of the whole onto itself; the best first."""
+def _against(fits: list[PartFit]) -> Callable[[PartFit], float]:
+    """What speaks against a map, among others: its score, and that it twists the part."""
+    clearest = max(fit.orientation for fit in fits)
+    return lambda fit: fit.bent_score * (1 if fit.orientation >= 0.5 * clearest else TWISTED)
+
+
+def _distinct(fits: list[PartFit], count: int, apart: float) -> list[PartFit]:
+    """Take the first fits whose images differ from those of the ones before."""
+    found: list[PartFit] = []
+    for fit in fits:
+        if len(found) == count:
+            break
+        if all(fit.pair.whole.mean_distance(fit.image, other.image) > apart for other in found):
+            found.append(fit)
+    return found
+
+
+def _rough_fits(
+    pair: PartPair, refinements: PartFits, given: list[tuple[PartPair, IntArray]]
+) -> list[PartFit]:
+    """Search starts, refine them and given maps roughly, and vary the best by maps of the whole onto itself; best first."""
     promise = attrgetter("promise")
     # landmarks tell the sides
     onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
     starts = PartStarts(pair, refinements.coordinates.signatures, onto_itself)()
     fits = [fit for fit in parallel_map(refinements.rough, starts) if fit]
-    best = sorted(fits, key=promise)[: pair.config.parts.n_varied]
+    fits += [fit for fit in parallel_map(lambda each: refinements.roughly(*each), given) if fit]
+    settings = pair.config.parts
+    best = _distinct(sorted(fits, key=promise), settings.n_varied, settings.apart)
     varied = parallel_map(lambda each: refinements.varied(*each), list(product(best, onto_itself)))
     return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._cached import cached_property
 from isomatch.matching.config import Config
+from isomatch.matching.parts.bent_part import BentPart
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, completed, composed
@@ -29,6 +31,7 @@ class PartFit:
     ----------
     pair : PartPair
         The shapes, in the unit of the map.
+    refinement : PartRefinement
     image : (r,) array of int
         Vertices of the whole for the vertices of the refinement.
     misfit : float
@@ -39,25 +42,39 @@ class PartFit:
         Mean cosine of the normals.
     local_stress, curvature_mismatch : float
         See `PartRefinement`.
+    bending : tuple of float
+        Lengths over which the part resists when it is bent, see `PartSettings`.
     hint_error : float
         Mean distance from the images that hints ask for, in √area of the whole; 0 before the end, and without hints.
     """
 
     pair: PartPair
+    refinement: PartRefinement
     image: IntArray
     misfit: float
     stress: float
     orientation: float
     local_stress: float
     curvature_mismatch: float
+    bending: tuple[float, ...] = ()
     hint_error: float = 0.0
+
+    @cached_property
+    def bent(self) -> BentPart:
+        """The part bent onto the whole by the map."""
+        return BentPart(self.pair, self.refinement, self.image, self.bending)
 
     @property
     def score(self) -> float:
-        """What speaks against the map."""
+        """What speaks against the map before the part is bent by it."""
         exponent = self.pair.config.parts.stress_exponent
         shape = np.sqrt(self.local_stress * self.curvature_mismatch)
-        return float(max(self.misfit * self.stress**exponent * shape, LEAST_SCORE))
+        return float(self.misfit * self.stress**exponent * shape)
+
+    @property
+    def bent_score(self) -> float:
+        """What speaks against the map once the part is bent by it."""
+        return max(self.score * self.bent.misfit, LEAST_SCORE)
 
     @property
     def promise(self) -> float:
@@ -74,10 +91,12 @@ class PartFits:
         A mesh.
     config : Config
         The settings of the match.
+    hinted : (n_part,) array of int, optional
+        Vertices of the whole that a given map has as images.
     """
 
-    def __init__(self, whole: PreparedShape, config: Config) -> None:
-        self._config = config
+    def __init__(self, whole: PreparedShape, config: Config, hinted: IntArray | None = None) -> None:
+        self._config, self._hinted = config, hinted
         self.coordinates = WholeCoordinates(whole, config.refining)
         self._known: dict[tuple[float, int], PartRefinement] = {}
 
@@ -100,13 +119,13 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._rough_refinement(start.pair)
         vertices = refinement.vertices[: self._config.n_search]
-        return self._roughly(start.pair, refinement.extended(vertices, start.dense(vertices), N_ROUGH))
+        return self.roughly(start.pair, refinement.extended(vertices, start.dense(vertices), N_ROUGH))
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
-        return self._roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
+        return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
 
-    def _roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
+    def roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
         refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
         if refinement.orientation(image, N_ROUGH) < 0:
             return None
@@ -122,29 +141,52 @@ class PartFits:
         image = refinement.extended(rough.vertices, image, self._config.parts.sizes[-1])
         image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
         image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
-        return self._finely(pair, image, misfit)
+        return self._finely(pair, image, misfit, self._config.parts.bending[::2])
+
+    def settled(self, fit: PartFit) -> PartFit:
+        """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
+        for _ in range(self._config.parts.n_bent):
+            image = fit.bent.images[fit.refinement.vertices]
+            image, misfit = fit.refinement.refined(image, self._config.refining.final_sizes)
+            fit = self._finely(fit.pair, image, misfit, self._config.parts.bending)
+        return fit
 
     def measured(self, pair: PartPair, image: IntArray) -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
         _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
-        return self._finely(pair, image, misfit)
+        return self._finely(pair, image, misfit, self._config.parts.bending)
 
-    def _finely(self, pair: PartPair, image: IntArray, misfit: float) -> PartFit:
+    def _finely(
+        self, pair: PartPair, image: IntArray, misfit: float, bending: tuple[float, ...]
+    ) -> PartFit:
         refinement, most = self.fine_refinement(pair), len(pair.whole.laplace.values)
         anchors = completed(pair, refinement.at(image, min(N_DRAWN, most), pair.anchors), 2)
-        return _fit(refinement, pair, image, misfit, anchors, N_FINE)
+        error = 0.0
+        if self._hinted is not None:
+            error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
+        return _fit(refinement, pair, image, misfit, anchors, N_FINE, bending, error)
 
 
 def _fit(
-    refinement: PartRefinement, pair: PartPair, image: IntArray, misfit: float, anchors: IntArray, k: int
+    refinement: PartRefinement,
+    pair: PartPair,
+    image: IntArray,
+    misfit: float,
+    anchors: IntArray,
+    k: int,
+    bending: tuple[float, ...] = (),
+    hint_error: float = 0.0,
 ) -> PartFit:
     """Gather the evidence for a map, and for the images that it gives the anchors."""
     return PartFit(
         pair,
+        refinement,
         image,
         misfit,
         pair.stress(anchors),
         refinement.orientation(image, k),
         refinement.local_stress(image),
         refinement.curvature_mismatch(image),
+        bending,
+        hint_error,
     )

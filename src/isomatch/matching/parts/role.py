@@ -26,7 +26,7 @@ def part_of(pair: ShapePair, hints: Hints) -> Parts | None:
         return config.part
     settings = config.parts
     open_source, open_target = (
-        shape.boundary_length > settings.long_boundary for shape in (pair.source, pair.target)
+        shape.longest_boundary > settings.long_boundary for shape in (pair.source, pair.target)
     )
     if open_source and open_target:
         return "both"

@@ -56,7 +56,7 @@ class PartSettings(Settings):
         Distances along the part, in its √area, whose ratios to those of the images are compared, and the largest
         logarithm that counts.
     long_boundary : float
-        Length of the boundary, in √area, from which a shape may be a part.
+        Length of the longest piece of the boundary, in √area, above which a shape may be a part.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
     closed_score : float
@@ -65,6 +65,8 @@ class PartSettings(Settings):
     bending : tuple of float
         Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
         `register_as_rigid_as_possible`.
+    n_settled, n_bent : int
+        Best maps that are settled: the part is bent, its map refined from where it lies then, and so on, so many times.
     rim, off : float
         Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
         matched to it.
@@ -107,7 +109,7 @@ class PartSettings(Settings):
     stress_exponent: float = setting(0.25, "chosen on cuts and holes, not one by one", least=0)
     near: tuple[float, ...] = setting((0.08, 0.3), "chosen on cuts and holes, not one by one", least=0)
     most_ratio: float = setting(0.7, "a factor of two", least=0)
-    long_boundary: float = setting(0.5, "complete bodies up to 0.2, cuts from 1.3", least=0)
+    long_boundary: float = setting(0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0)
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
     bending: tuple[float, ...] = setting(
@@ -115,6 +117,8 @@ class PartSettings(Settings):
     )
     rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
+    n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
+    n_bent: int = setting(2, "docs/robustness.md: parts", least=0)
     poor_misfit: float = setting(0.37, "chosen on cuts and holes, not one by one", least=0)
     poor_stress: float = setting(0.03, "chosen on cuts and holes, not one by one", least=0)
     poor_bend: float = setting(7e-4, "docs/robustness.md: parts", least=0)
