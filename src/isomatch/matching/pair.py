@@ -127,7 +127,9 @@ class ShapePair(SmoothPair):
     @property
     def both_open(self) -> bool:
         """Whether both shapes have a long boundary, as patches and tubes have."""
-        return min(self.source.longest_boundary, self.target.longest_boundary) > self.config.parts.long_boundary
+        return (
+            min(self.source.longest_boundary, self.target.longest_boundary) > self.config.parts.long_boundary
+        )
 
     @property
     def sideless(self) -> bool:

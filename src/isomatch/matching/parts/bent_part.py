@@ -73,7 +73,8 @@ class BentPart:
     def onto_part(self) -> tuple[PrecisePoints, BoolArray]:
         """Points of the part for the vertices of the whole, and which of these the part covers.
 
-        A vertex may lie somewhat off the part, but less so off its boundary, beyond which nothing is known.
+        A vertex may lie somewhat off the part, but less so off its boundary, beyond which nothing is known. Where too few
+        distances are known, the map is less exact, and it may lie as far off the boundary.
         """
         bent, whole, settings = self.mesh, self.pair.meshes[1], self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
@@ -81,4 +82,5 @@ class BentPart:
         of_rim = np.zeros(bent.n_vertices, dtype=bool)
         of_rim[bent.boundary_edges] = True
         on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
-        return points, gap <= np.where(on_rim, settings.rim, settings.off)
+        rim = settings.off if self.pair.is_hardly_known else settings.rim
+        return points, gap <= np.where(on_rim, rim, settings.off)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from operator import attrgetter
 
@@ -108,18 +108,18 @@ def match_part(
     ]
     only_given = led is not None and config.hypotheses == "given"
     rough = [] if only_given else _rough_fits(pair, refinements, given)
-    contenders = [(fit.pair, fit.image) for fit in _distinct(rough, settings.n_contenders, settings.apart)] + given
+    distinct = _distinct(rough, settings.n_contenders, settings.apart)
+    contenders = [*((fit.pair, fit.image) for fit in distinct), *given]
     if not contenders:
         raise NotConvergedError(
             "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
             "the shapes are roughly aligned in space"
         )
     fits = parallel_map(lambda each: refinements.fine(*each), contenders)
-    parallel_map(lambda fit: fit.bent.misfit, fits)
+    parallel_map(attrgetter("bent_score"), fits)  # on several threads, and kept
     fits.sort(key=_against(fits))
-    best = parallel_map(refinements.settled, fits[: settings.n_settled])
-    parallel_map(lambda fit: fit.bent.misfit, best)
-    fits[: settings.n_settled] = best
+    fits[: settings.n_settled] = parallel_map(refinements.settled, fits[: settings.n_settled])
+    parallel_map(attrgetter("bent_score"), fits)
     against = _against(fits)
     fits.sort(key=against)
     tied = [fit for fit in fits if against(fit) <= settings.tie * against(fits[0])]
@@ -127,13 +127,15 @@ def match_part(
     fits.sort(key=lambda fit: fit is not winner)
     against_closed = np.inf
     if closed is not None:
-        as_found = refinements.measured(pair.in_unit_of(closed), closed[part.sample_vertices[: config.n_refine]])
+        as_found = refinements.measured(
+            pair.in_unit_of(closed), closed[part.sample_vertices[: config.n_refine]]
+        )
         against_closed = against(as_found) / against(winner)
     return PartMatch(tuple(fits), tuple(map(against, fits)), against_closed)
 
 
 def _against(fits: list[PartFit]) -> Callable[[PartFit], float]:
-    """What speaks against a map, among others: its score, and that it twists the part."""
+    """Return what speaks against a map, among others: its score, and that it twists the part."""
     clearest = max(fit.orientation for fit in fits)
     return lambda fit: fit.bent_score * (1 if fit.orientation >= 0.5 * clearest else TWISTED)
 
@@ -152,7 +154,7 @@ def _distinct(fits: list[PartFit], count: int, apart: float) -> list[PartFit]:
 def _rough_fits(
     pair: PartPair, refinements: PartFits, given: list[tuple[PartPair, IntArray]]
 ) -> list[PartFit]:
-    """Search starts, refine them and given maps roughly, and vary the best by maps of the whole onto itself; best first."""
+    """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
     promise = attrgetter("promise")
     # landmarks tell the sides
     onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)

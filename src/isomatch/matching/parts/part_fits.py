@@ -126,6 +126,7 @@ class PartFits:
         return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
 
     def roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
+        """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
         if refinement.orientation(image, N_ROUGH) < 0:
             return None
@@ -156,9 +157,7 @@ class PartFits:
         _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
         return self._finely(pair, image, misfit, self._config.parts.bending)
 
-    def _finely(
-        self, pair: PartPair, image: IntArray, misfit: float, bending: tuple[float, ...]
-    ) -> PartFit:
+    def _finely(self, pair: PartPair, image: IntArray, misfit: float, bending: tuple[float, ...]) -> PartFit:
         refinement, most = self.fine_refinement(pair), len(pair.whole.laplace.values)
         anchors = completed(pair, refinement.at(image, min(N_DRAWN, most), pair.anchors), 2)
         error = 0.0

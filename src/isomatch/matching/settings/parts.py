@@ -69,14 +69,15 @@ class PartSettings(Settings):
         Best maps that are settled: the part is bent, its map refined from where it lies then, and so on, so many times.
     rim, off : float
         Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
-        matched to it.
+        matched to it; with less than ``least_trusted``, the second one from both.
     poor_misfit, poor_stress, poor_bend : float
         Values above which a map is poor.
     poor_orientation, least_trusted : float
         Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
         known.
-    tie : float
-        Score of a rival, against the map returned, below which nothing decides between them.
+    clear, tie : float
+        Score of a rival, against the map returned, from which this map is no longer poor for what is not known, and below
+        which nothing decides between them.
     """
 
     n_anchors: int = setting(50, "chosen on cuts and holes, not one by one", least=8)
@@ -109,7 +110,9 @@ class PartSettings(Settings):
     stress_exponent: float = setting(0.25, "chosen on cuts and holes, not one by one", least=0)
     near: tuple[float, ...] = setting((0.08, 0.3), "chosen on cuts and holes, not one by one", least=0)
     most_ratio: float = setting(0.7, "a factor of two", least=0)
-    long_boundary: float = setting(0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0)
+    long_boundary: float = setting(
+        0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0
+    )
     close: bool = setting(True, "docs/robustness.md: holes closed")
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
     bending: tuple[float, ...] = setting(
@@ -124,4 +127,5 @@ class PartSettings(Settings):
     poor_bend: float = setting(7e-4, "docs/robustness.md: parts", least=0)
     poor_orientation: float = setting(0.7, "chosen on cuts and holes, not one by one", least=-1, most=1)
     least_trusted: float = setting(0.07, "chosen on cuts and holes, not one by one", least=0, most=1)
-    tie: float = setting(1.1, "chosen on cuts and holes, not one by one", least=1)
+    clear: float = setting(2.5, "of 14 single views, right ones up to 6.9, wrong ones up to 1.55", least=1)
+    tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
