@@ -131,3 +131,19 @@ def test_normals_tell_sheets_apart():
     upward = Mesh(0.5 * square + [0.25, 0.25, -0.06], faces)
     assert (nearest_with_normals(upward, sheets, index).corners < 4).all()
     assert (nearest_with_normals(upward, sheets, index, unit=0.0).corners >= 4).all()
+
+
+def test_rotations_are_turned_until_the_trace_is_largest():
+    """From a start that is off by some degrees, also where a covariance is of rank 2, as on a plane."""
+    before, after = np.random.default_rng(0).normal(size=(2, 200, 3, 3))
+    after = before @ Rotation.random(200, rng=1).as_matrix().transpose(0, 2, 1) + 0.1 * after
+    before[::2, 2] = 0
+    covariances = before.transpose(0, 2, 1) @ after
+    wanted = rigid_registration._rotations(covariances)
+    start = (
+        Rotation.from_rotvec(np.random.default_rng(2).normal(scale=0.1, size=(200, 3))).as_matrix() @ wanted
+    )
+    found = rigid_registration._turned(start, covariances)
+    traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
+    np.testing.assert_allclose(traces, largest, rtol=1e-3)
+    np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)

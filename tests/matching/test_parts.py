@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Config, Outcome, match, prepare
-from isomatch.datasets import creature, cut, ground_truth, holes, relabelled
+from isomatch import Config, Mesh, Outcome, match, prepare
+from isomatch.datasets import creature, cut, ground_truth, holes, limb_removed, relabelled
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
@@ -54,17 +54,24 @@ def found(bodies, prepared):
 
 
 def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
-    """Its lengths are kept where it may be, and it lies where it should be more exactly than its images did."""
+    """Its lengths are kept where they may be, and it lies where it should."""
     part, best = found
     truth = prepared.body_vertex[bodies[2][part.original]]
     mesh, _ = best.pair.meshes
     stretch = best.bent.mesh.edge_lengths / (best.pair.unit * mesh.edge_lengths)
     assert np.median(np.abs(np.log(stretch))) < 0.05
     rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
-    images = best.bent.onto_whole.corners[rows, 0]
-    assert prepared.mean_distance(images, truth[rows]) < prepared.mean_distance(
-        best.fits[0].image, truth[rows]
-    )
+    assert prepared.mean_distance(best.bent.images[rows], truth[rows]) < 0.025
+
+
+def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
+    part, best = found
+    unsettled = match_part(prepare(part.mesh), prepared, Config(parts=PartSettings(n_settled=0)))
+    truth = prepared.body_vertex[bodies[2][part.original]]
+    rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
+    before, after = (prepared.mean_distance(each.fits[0].image, truth[rows]) for each in (unsettled, best))
+    assert after < 0.9 * before
+    assert best.scores[0] < unsettled.scores[0]
 
 
 def test_what_a_bent_part_covers(found, bodies):
@@ -86,11 +93,25 @@ def test_wrong_maps_bend_badly(found):
 
 def test_a_part_that_bends_badly_or_of_which_little_is_known_is_not_sure(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
-    strict = PartSettings(poor_bend=0.0, least_trusted=1.0)
-    found = match(part.mesh, prepared, config=Config(parts=strict))
-    assert found.outcome is Outcome.LOW_CONFIDENCE
-    assert found.quality.bend_misfit > 0
-    assert any("too much is missing" in note for note in found.notes)
+    bent = match(part.mesh, prepared, config=Config(parts=PartSettings(poor_bend=0.0)))
+    assert bent.outcome is Outcome.LOW_CONFIDENCE
+    assert bent.quality.bend_misfit > 0
+    for clear, outcome in ((np.inf, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)):
+        unknown = PartSettings(least_trusted=1.0, clear=clear)
+        found = match(part.mesh, prepared, config=Config(parts=unknown))
+        assert found.outcome is outcome
+        assert any("too much is missing" in note for note in found.notes) == (clear > 1)
+
+
+def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
+    """The longest piece of the boundary decides, not its length in all."""
+    footless = limb_removed(bodies[0], 0.03, seed=1).mesh
+    faces = bodies[0].faces
+    pierced = Mesh(bodies[0].vertices, np.delete(faces, np.arange(0, len(faces), 200), axis=0))
+    for part, role in ((footless, "source"), (pierced, None)):
+        pair = prepare_pair(part, bodies[1])
+        assert part_of(pair, Hints.of(pair, None, None, None)) == role
+    assert prepare(pierced).boundary_length > prepare(footless).boundary_length
 
 
 def test_a_given_map_of_a_part_stays_one(bodies, prepared):
