@@ -32,7 +32,7 @@ while True:
     basis.save(folder / "basis.npz")
     print(count, flush=True)
 """
-TIMES = [2, pytest.param(30, marks=pytest.mark.long)]
+TIMES = [1, pytest.param(30, marks=pytest.mark.long)]
 
 
 def started(argv):
