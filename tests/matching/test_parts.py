@@ -97,7 +97,7 @@ def test_a_part_that_bends_badly_or_of_which_little_is_known_is_not_sure(bodies,
     assert bent.outcome is Outcome.LOW_CONFIDENCE
     assert bent.quality.bend_misfit > 0
     for clear, outcome in ((np.inf, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)):
-        unknown = PartSettings(least_trusted=1.0, clear=clear)
+        unknown = PartSettings(little_trusted=1.0, clear=clear)
         found = match(part.mesh, prepared, config=Config(parts=unknown))
         assert found.outcome is outcome
         assert any("too much is missing" in note for note in found.notes) == (clear > 1)

@@ -175,11 +175,11 @@ def _quality(
 def _doubts(found: PartMatch) -> list[str]:
     """Say what no measure of the quality says: that distances on the whole are hardly known."""
     pair = found.pair
-    if not pair.is_hardly_known or found.rival >= pair.config.parts.clear:
+    if not pair.is_little_known or found.rival >= pair.config.parts.clear:
         return []
     return [
         f"only {pair.trusted:.1%} of the distances along the part are known to be those on the whole (at least "
-        f"{pair.config.parts.least_trusted:.0%} for a sure match): too much is missing; give landmarks"
+        f"{pair.config.parts.little_trusted:.0%} for a sure match): too much is missing; give landmarks"
     ]
 
 
@@ -194,7 +194,7 @@ def _outcome(found: PartMatch, quality: Quality) -> Outcome:
         or best.stress > settings.poor_stress
         or quality.bend_misfit > settings.poor_bend
         or best.orientation < settings.poor_orientation
-        or (found.pair.is_hardly_known and quality.rival < settings.clear)
+        or (found.pair.is_little_known and quality.rival < settings.clear)
         or quality.rival < 1
     ):
         return Outcome.LOW_CONFIDENCE

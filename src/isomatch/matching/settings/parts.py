@@ -75,9 +75,11 @@ class PartSettings(Settings):
     poor_orientation, least_trusted : float
         Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
         known.
-    clear, tie : float
-        Score of a rival, against the map returned, from which this map is no longer poor for what is not known, and below
-        which nothing decides between them.
+    little_trusted, clear : float
+        With a smaller share of known distances, a map is poor unless the score of its rival is at least so many times its
+        own.
+    tie : float
+        Score of a rival, against the map returned, below which nothing decides between them.
     """
 
     n_anchors: int = setting(50, "chosen on cuts and holes, not one by one", least=8)
@@ -127,5 +129,6 @@ class PartSettings(Settings):
     poor_bend: float = setting(7e-4, "docs/robustness.md: parts", least=0)
     poor_orientation: float = setting(0.7, "chosen on cuts and holes, not one by one", least=-1, most=1)
     least_trusted: float = setting(0.07, "chosen on cuts and holes, not one by one", least=0, most=1)
-    clear: float = setting(2.5, "of 14 single views, right ones up to 6.9, wrong ones up to 1.55", least=1)
+    little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
+    clear: float = setting(3.0, "docs/robustness.md: parts", least=1)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
