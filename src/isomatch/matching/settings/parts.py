@@ -72,12 +72,13 @@ class PartSettings(Settings):
         matched to it; with less than ``least_trusted``, the second one from both.
     poor_misfit, poor_stress, poor_bend : float
         Values above which a map is poor.
-    poor_orientation, least_trusted : float
-        Values below which it is: of the orientation, and of the share of pairs of anchors whose distance on the whole is
-        known.
+    poor_orientation : float
+        Orientation below which it is.
+    least_trusted : float
+        Share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit of
+        the files.
     little_trusted, clear : float
-        With a smaller share of known distances, a map is poor unless the score of its rival is at least so many times its
-        own.
+        Share below which a map is poor, unless the score of its rival is at least so many times its own.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     """
