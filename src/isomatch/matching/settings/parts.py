@@ -75,8 +75,8 @@ class PartSettings(Settings):
     poor_orientation : float
         Orientation below which it is.
     least_trusted : float
-        Share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit of
-        the files.
+        Share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit
+        of the files.
     little_trusted, clear : float
         Share below which a map is poor, unless the score of its rival is at least so many times its own.
     tie : float
