@@ -131,5 +131,5 @@ class PartSettings(Settings):
     poor_orientation: float = setting(0.7, "chosen on cuts and holes, not one by one", least=-1, most=1)
     least_trusted: float = setting(0.07, "chosen on cuts and holes, not one by one", least=0, most=1)
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
-    clear: float = setting(3.0, "docs/robustness.md: parts", least=1)
+    clear: float = setting(4.0, "docs/robustness.md: parts", least=1)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
