@@ -99,8 +99,12 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
     source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
+    config = pair.config
+    flipped = max(config.parts.flipped, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
-    capped = ShapePair(source, target, pair.config)
+    capped = ShapePair(
+        source, target, replace(config, search=replace(config.search, flipped=flipped))
+    )
     closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
     try:
         return ClosedMatch(pair, match_complete(capped, closed, timer))

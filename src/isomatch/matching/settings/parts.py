@@ -59,6 +59,8 @@ class PartSettings(Settings):
         Length of the longest piece of the boundary, in √area, above which a shape may be a part.
     close : bool
         Also match the shapes with their holes closed, as complete ones.
+    flipped : int
+        As in `SearchSettings`, of shapes with their holes closed, where the best hypothesis is more often wrong.
     closed_score : float
         The map with the holes closed is returned if less than this, over the score of the best map of a part, speaks
         against it.
@@ -117,6 +119,7 @@ class PartSettings(Settings):
         0.15, "complete bodies up to 0.08, bodies without a limb from 0.2", least=0
     )
     close: bool = setting(True, "docs/robustness.md: holes closed")
+    flipped: int = setting(6, "mesh018–mesh014 with holes: 30 with 3", least=0)
     closed_score: float = setting(1.1, "chosen, not measured", least=0)
     bending: tuple[float, ...] = setting(
         (0.3, 0.25, 0.2, 0.17, 0.14, 0.11, 0.09, 0.075, 0.06, 0.05), "docs/robustness.md: parts", least=1e-3
