@@ -102,9 +102,7 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
     config = pair.config
     flipped = max(config.parts.flipped, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
-    capped = ShapePair(
-        source, target, replace(config, search=replace(config.search, flipped=flipped))
-    )
+    capped = ShapePair(source, target, replace(config, search=replace(config.search, flipped=flipped)))
     closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
     try:
         return ClosedMatch(pair, match_complete(capped, closed, timer))
