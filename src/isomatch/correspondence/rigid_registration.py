@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.sparse import coo_array, csr_array, triu
 
-from isomatch._arrays import FloatArray
+from isomatch._arrays import FloatArray, IntArray
 from isomatch._compiled import compiled
 from isomatch.bases import factorised, stiffness_and_masses
 from isomatch.correspondence.surface_index import SurfaceIndex
@@ -30,6 +30,7 @@ def register_as_rigid_as_possible(
     positions: FloatArray,
     lengths: Iterable[float],
     normal_unit: float = NORMAL_UNIT,
+    held: tuple[IntArray, FloatArray] | None = None,
 ) -> FloatArray:
     """Bend the source onto the target, so that its lengths change as little as possible.
 
@@ -49,6 +50,8 @@ def register_as_rigid_as_possible(
     normal_unit : float
         Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
         default is for a target of area 1.
+    held : (l,) array of int and (l, 3) array of float, optional
+        Vertices of the source and where they are drawn to, each as strongly as a disc whose radius is the length.
 
     Returns
     -------
@@ -88,6 +91,11 @@ def register_as_rigid_as_possible(
             nearest = nearest_with_normals(source.moved(moved), target, index, normal_unit)
             wanted = nearest.interpolated(target.vertices)
         pull = areas / length**2
+        if held:
+            vertices, points = held
+            pull[vertices] = np.pi
+            wanted = wanted.copy()
+            wanted[vertices] = points
         solve = factorised(stiffness, pull)
         for _ in range(ROTATED):
             after = moved[i] - moved[j]

@@ -47,7 +47,9 @@ class BentPart:
         of_part, of_whole = self.refinement.embedding(self.image, ALL_FUNCTIONS, everywhere)
         start = index.points(of_whole, of_part).interpolated(whole.vertices)
         scaled = part.moved(self.pair.unit * part.vertices)
-        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, self.lengths))
+        landmarks = self.pair.landmarks
+        held = self.pair.anchors[: len(landmarks)], whole.vertices[landmarks]
+        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, self.lengths, held=held))
 
     @cached_property
     def onto_whole(self) -> PrecisePoints:

@@ -100,7 +100,7 @@ def match_part(
     """
     settings, pair = config.parts, PartPair.of(part, whole, config, landmarks)
     led = _filled(part, known) if len(known) else None
-    refinements = PartFits(whole, config, led)
+    refinements = PartFits(whole, config, pair.landmarks, led)
     given = [
         (pair.in_unit_of(image), image[part.sample_vertices[: settings.n_rough]])
         for image in (closed, led)

@@ -91,21 +91,25 @@ class PartFits:
         A mesh.
     config : Config
         The settings of the match.
+    landmarks : (l,) array of int
+        Vertices of the body of the whole whose counterparts on the part are known.
     hinted : (n_part,) array of int, optional
         Vertices of the whole that a given map has as images.
     """
 
-    def __init__(self, whole: PreparedShape, config: Config, hinted: IntArray | None = None) -> None:
+    def __init__(
+        self, whole: PreparedShape, config: Config, landmarks: IntArray, hinted: IntArray | None = None
+    ) -> None:
         self._config, self._hinted = config, hinted
-        self.coordinates = WholeCoordinates(whole, config.refining)
+        self.coordinates = WholeCoordinates(whole, config, landmarks)
         self._known: dict[tuple[float, int], PartRefinement] = {}
 
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
         """Refine some vertices in the unit of a pair."""
         key = pair.unit, n_rows
         if key not in self._known:
-            signatures = self.coordinates.signatures.of_part(pair)
-            self._known[key] = PartRefinement(pair, self.coordinates, signatures, n_rows)
+            known = self.coordinates.known_of_part(pair)
+            self._known[key] = PartRefinement(pair, self.coordinates, known, n_rows)
         return self._known[key]
 
     def _rough_refinement(self, pair: PartPair) -> PartRefinement:

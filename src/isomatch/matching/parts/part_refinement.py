@@ -10,10 +10,11 @@ import numpy as np
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch._cached import cached_method, cached_property
 from isomatch.correspondence import Embedding, SampledBasis
+from isomatch.matching.config import Config
+from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
 from isomatch.matching.prepared_shape import PreparedShape
-from isomatch.matching.settings import RefinementSettings
 from isomatch.surfaces import vertex_normals
 
 EXTRA_FUNCTIONS = 3
@@ -27,19 +28,37 @@ class _Smooth(NamedTuple):
 
 
 class WholeCoordinates:
-    """Coordinates of a whole in which images are sought: functions, signatures, smoothed vertices and their normals.
+    """Coordinates of a whole in which images are sought.
+
+    They are functions, signatures, distances from landmarks, smoothed vertices and their normals.
 
     Parameters
     ----------
     whole : PreparedShape
         A mesh.
-    settings : RefinementSettings
-        Of the match; the whole may have been prepared with others.
+    config : Config
+        Of the match; the whole may have been prepared with another.
+    landmarks : (l,) array of int
+        Vertices of the body of the whole whose counterparts on the part are known.
     """
 
-    def __init__(self, whole: PreparedShape, settings: RefinementSettings) -> None:
-        self._whole, self._settings = whole, settings
+    def __init__(self, whole: PreparedShape, config: Config, landmarks: IntArray) -> None:
+        self._whole, self._settings = whole, config.refining
         self.signatures = WholeSignatures(whole)
+        self._distances = LandmarkDistances(whole, landmarks, config.parts.landmark_reach)
+
+    @cached_property
+    def known(self) -> FloatArray:
+        """Signatures, and distances from the landmarks: (n, 23 + l)."""
+        return np.hstack([self.signatures.values, self._distances.values / self._settings.position_unit])
+
+    def known_of_part(self, pair: PartPair) -> PartSignatures:
+        """Return the same of a part in the unit of a pair."""
+        signatures, distances = self.signatures.of_part(pair), self._distances.of_part(pair)
+        return PartSignatures(
+            np.hstack([signatures.values, distances.values / self._settings.position_unit]),
+            np.hstack([signatures.weights, distances.weights]),
+        )
 
     @cached_method
     def smooth(self, k: int) -> _Smooth:
@@ -52,7 +71,7 @@ class WholeCoordinates:
     def at(self, k: int, with_positions: bool) -> FloatArray:
         """Give the coordinates (n, m) with k functions."""
         settings = self._settings
-        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.signatures.values]
+        columns = [self._whole.laplace.vectors[:, :k] / np.sqrt(k), self.known]
         if with_positions:
             smooth = self.smooth(k)
             columns += [smooth.vertices / settings.position_unit, settings.normal_weight * smooth.normals]
@@ -70,15 +89,16 @@ class PartRefinement:
     pair : PartPair
         The shapes.
     coordinates : WholeCoordinates
-    signatures : PartSignatures
+    known : PartSignatures
+        Of the part, see `WholeCoordinates.known_of_part`.
     n_rows : int
         Vertices of the part that are mapped.
     """
 
     def __init__(
-        self, pair: PartPair, coordinates: WholeCoordinates, signatures: PartSignatures, n_rows: int
+        self, pair: PartPair, coordinates: WholeCoordinates, known: PartSignatures, n_rows: int
     ) -> None:
-        self._pair, self._whole, self._signatures = pair, coordinates, signatures
+        self._pair, self._whole, self._known = pair, coordinates, known
         self.vertices = pair.part.sample_vertices[:n_rows]
         self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
 
@@ -150,7 +170,7 @@ class PartRefinement:
         whole = self._whole.signatures.values
         fine = np.arange(min(N_ENERGIES + 1, whole.shape[1] - 1), whole.shape[1])
         there, tiny = whole[:, fine], np.finfo(float).tiny
-        here, weights = (each[self.vertices][:, fine] for each in self._signatures)
+        here, weights = (each[self.vertices][:, fine] for each in self._known)
         apart = (weights * np.abs(here - there[image])).sum(axis=0)
         size = weights.sum(axis=0) * np.abs(there).mean(axis=0)
         return float(np.where(size > tiny, apart / np.maximum(size, tiny), 1.0).mean())
@@ -171,9 +191,9 @@ class PartRefinement:
         functions = pair.whole.laplace.vectors[:, :k]
         drawn = pair.part.laplace.vectors[vertices, :k_part] @ self._basis.fit(functions[image], k_part)
         nearest = image if vertices is self.vertices else pair.whole.index.vertices(functions, drawn)
-        trusted = self._signatures.weights[vertices]
-        there = self._whole.signatures.values[nearest]
-        columns = [drawn / np.sqrt(k), trusted * self._signatures.values[vertices] + (1 - trusted) * there]
+        trusted = self._known.weights[vertices]
+        there = self._whole.known[nearest]
+        columns = [drawn / np.sqrt(k), trusted * self._known.values[vertices] + (1 - trusted) * there]
         if with_positions:
             smooth = self._whole.smooth(k)
             positions, normals = self._drawn_normals(smooth.vertices[image], k_part)

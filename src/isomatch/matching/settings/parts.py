@@ -25,6 +25,8 @@ class PartSettings(Settings):
         Partial assignments that the beam search keeps, and the mean distance, in √area, by which they differ.
     led_apart : float
         The same with landmarks, between which maps differ less.
+    landmark_reach : float
+        Distances from landmarks, in √area, up to which they are coordinates of the refinement.
     signature_cost : float
         Weight of the signatures in the beam search.
     radii : tuple of float
@@ -92,6 +94,7 @@ class PartSettings(Settings):
     width: int = setting(1000, "chosen on cuts and holes, not one by one", least=1)
     apart: float = setting(0.12, "without it, all would be variants of one", least=0)
     led_apart: float = setting(0.04, "chosen on a twisted body between right limbs", least=0)
+    landmark_reach: float = setting(0.3, "docs/robustness.md: parts", least=0)
     signature_cost: float = setting(0.25, "chosen on cuts and holes, not one by one", least=0)
     radii: tuple[float, ...] = setting(
         (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9), "by factors of about √2", least=0
