@@ -79,6 +79,8 @@ class MissingRegion:
             return along
         reached = (self.columns[:, sources].T[:, :, None] + self.between).min(axis=1)  # (m, q)
         onward = self.columns[:, others]
-        through = np.stack([(each[:, None] + onward).min(axis=0) for each in reached])
+        through = np.empty_like(along)
+        for row, each in zip(through, reached):
+            row[:] = (each[:, None] + onward).min(axis=0)
         bound: FloatArray = np.minimum(along, np.maximum(through - self.gap, 0.0))
         return bound
