@@ -16,6 +16,7 @@ from isomatch.correspondence import (
 )
 from isomatch.datasets import creature, cut
 from isomatch.errors import SettingError
+from shapes import icosphere
 
 LENGTHS = (0.3, 0.2, 0.1, 0.05)
 
@@ -111,6 +112,23 @@ def test_gathered_images_are_spread(whole, piece):
     before = np.linalg.norm(points.interpolated(whole.mesh_body.vertices) - truth, axis=1)
     after = np.linalg.norm(registered(mesh, whole, shrunk) - truth, axis=1)
     assert after.mean() < 0.5 * before.mean()
+
+
+def test_held_vertices_turn_a_sphere_that_nothing_else_would():
+    sphere = icosphere(3)
+    every = np.arange(sphere.n_vertices)
+    index = SurfaceIndex(sphere.faces, VertexCells.of(every[::8], every // 8))
+    off = sphere.vertices @ Rotation.from_euler("xyz", [10, 20, 5], degrees=True).as_matrix()
+    held = np.arange(6)
+
+    def apart(held):
+        found = register_as_rigid_as_possible(sphere, sphere, index, off, [1.0] * 6, held=held)
+        return np.linalg.norm(found - sphere.vertices, axis=1)
+
+    free, led = apart(None), apart((held, sphere.vertices[held]))
+    assert led[held].max() < 0.5 * free[held].max()
+    assert led.mean() < 0.5 * free.mean()
+    np.testing.assert_array_equal(apart((held[:0], off[:0])), free)
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads(whole, piece, monkeypatch):

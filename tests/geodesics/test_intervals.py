@@ -45,6 +45,12 @@ def test_distances_are_known_where_the_boundary_is_far():
     assert np.abs(true - upper)[known].max() < 0.06
 
 
+def test_no_source_has_no_bounds():
+    holed = square_with_a_hole()
+    lower, _ = bounds(holed, np.zeros(0, dtype=int))
+    assert lower.shape == (0, holed.n_vertices)
+
+
 def test_nothing_is_missing_from_a_closed_surface():
     sphere = icosphere(2)
     lower, upper = bounds(sphere, np.array([3]))

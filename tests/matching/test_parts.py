@@ -10,9 +10,10 @@ from isomatch.datasets import creature, cut, ground_truth, holes, limb_removed, 
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
+from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.match_part import match_part
 from isomatch.matching.parts.part_fits import PartFits
-from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.quality import covered_share
 from isomatch.matching.settings import PartSettings
 
@@ -72,6 +73,20 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     before, after = (prepared.mean_distance(each.fits[0].image, truth[rows]) for each in (unsettled, best))
     assert after < 0.9 * before
     assert best.scores[0] < unsettled.scores[0]
+
+
+def test_trusted_distances_from_landmarks_are_those_on_the_whole(found, bodies, prepared):
+    part, best = found
+    truth = prepared.body_vertex[bodies[2][part.original]][best.pair.part.user_vertex]
+    chosen = best.pair.part.sample_vertices[:4]
+    pair = PartPair.of(best.pair.part, prepared, Config(), np.stack([chosen, truth[chosen]], axis=1))
+    distances = LandmarkDistances(prepared, truth[chosen], 0.3)
+    here, trusted = distances.of_part(pair.with_unit(best.pair.unit))
+    assert here.shape == trusted.shape == (len(truth), 4)
+    assert 0.5 < trusted.mean() < 1
+    apart = np.abs(here - distances.values[truth])[trusted > 0]
+    assert np.median(apart) < 0.01
+    assert np.quantile(apart, 0.95) < 0.03
 
 
 def test_what_a_bent_part_covers(found, bodies):
@@ -168,9 +183,13 @@ def test_a_shape_is_a_part_of_itself():
 
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
     config = Config(refining=replace(Config().refining, position_unit=0.2))
-    at_once = PartFits(prepare(bodies[1], config), config).coordinates.at(20, True)
-    np.testing.assert_array_equal(PartFits(prepared, config).coordinates.at(20, True), at_once)
-    assert not np.array_equal(PartFits(prepared, Config()).coordinates.at(20, True), at_once)
+    at_once = PartFits(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).coordinates.at(20, True)
+    np.testing.assert_array_equal(
+        PartFits(prepared, config, NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
+    )
+    assert not np.array_equal(
+        PartFits(prepared, Config(), NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
+    )
 
 
 def test_landmarks_lead_a_part(bodies, prepared):
