@@ -1,5 +1,7 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
+import signal
+
 import pytest
 from threadpoolctl import threadpool_limits
 
@@ -14,6 +16,14 @@ def one_thread_for_matrix_products():
     """Small products stall where they share processors with other work."""
     with threadpool_limits(1, "blas"):
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ctrl_c_is_heard():
+    """A shell that starts a job in the background lets it and what it starts ignore Ctrl-C; tests need it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")
