@@ -66,7 +66,7 @@ microbenchmarks: $(VENV)/dev
 	$(BIN)/python -m pytest benchmarks/bench_*.py -s -o addopts= -o 'python_functions=bench_*' --benchmark-columns=min,median,rounds
 
 lock: $(VENV)/uv
-	$</bin/uv pip compile --quiet --upgrade --universal --generate-hashes --no-annotate --no-emit-index-url \
+	$</bin/uv pip compile --quiet --upgrade --universal --generate-hashes --no-strip-extras --no-annotate --no-emit-index-url \
 		--python-version 3.11 --extra dev --custom-compile-command 'make lock' -o $(LOCK) pyproject.toml
 
 lowest: $(VENV)/uv
