@@ -8,11 +8,19 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray, single
 from isomatch._threads import parallel_map, row_product
-from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, register_nonrigid
+from isomatch.correspondence import (
+    Embedding,
+    PrecisePoints,
+    SampledBasis,
+    nearest_of_few,
+    register_nonrigid,
+)
 from isomatch.matching.candidates import Candidate, energy_of, extended
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.select import survivors
 from isomatch.surfaces import vertex_normals
+
+EVERYWHERE = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +78,8 @@ def refine_jointly(
     """Upsample spectrally, joint with signatures, positions and normals; give up candidates on the way.
 
     In each step the target's functions *and positions* are fitted on the source by least squares over the source's
-    refinement vertices, F and c; the next images are nearest neighbours, among all target vertices, in
+    refinement vertices, F and c; the next images are nearest neighbours, among all target vertices (in the first stage
+    among as many samples as the source has), in
 
     - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
     - point signatures,
@@ -145,12 +154,14 @@ def _stepped(
 ) -> RefinedCandidate:
     target_vertex, misfit = fit.target_vertex, fit.misfit
     side = fit.side if with_positions else 0.0
+    samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     for k in sizes:
-        of_source, of_target = _joint(
-            pair, target_vertex, min(k, pair.n_functions), side, pair.refinement_vertices
-        )
-        target_vertex = pair.target.index.vertices(of_target, of_source)
-        misfit = float(np.linalg.norm(of_target[target_vertex] - of_source, axis=1).mean())
+        size, onto = min(k, pair.n_functions), EVERYWHERE if with_positions else samples
+        of_source, of_target = _joint(pair, target_vertex, size, side, pair.refinement_vertices, onto)
+        nearest = pair.target.index.vertices if with_positions else nearest_of_few
+        row = nearest(of_target, of_source)
+        misfit = float(np.linalg.norm(of_target[row] - of_source, axis=1).mean())
+        target_vertex = row if with_positions else samples[row]
     return RefinedCandidate(fit.candidate, target_vertex, misfit)
 
 
@@ -187,9 +198,14 @@ def polished_points(pair: ShapePair, finer: SmoothPair, fit: RefinedCandidate, s
 
 
 def _joint(
-    pair: SmoothPair, target_vertex: IntArray, k: int, side: float, source_vertex: IntArray
+    pair: SmoothPair,
+    target_vertex: IntArray,
+    k: int,
+    side: float,
+    source_vertex: IntArray,
+    onto_vertex: IntArray | slice = EVERYWHERE,
 ) -> Embedding:
-    """Coordinates of some source vertices and of all of the target; with positions and normals unless side is 0."""
+    """Coordinates of some vertices of source and target; with positions and normals unless side is 0."""
     settings, source, target = pair.config.refining, pair.source, pair.target
     basis, onto = pair.spectra.source, target.triangles
     with_positions = side != 0 and source.triangles is not None and onto is not None
@@ -206,10 +222,10 @@ def _joint(
         return np.hstack(columns)
 
     def of_target() -> FloatArray:
-        phi = target.functions[:, :k]
-        columns = [row_product(phi, functional_map.T), pair.signatures.target]
+        phi = target.functions[onto_vertex, :k]
+        columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
         if with_positions:
-            smooth, normals = target.smoothed(k)
+            smooth, normals = (each[onto_vertex] for each in target.smoothed(k))
             columns += [single(unit * smooth), single(weight * normals)]
         return np.hstack(columns)
 
