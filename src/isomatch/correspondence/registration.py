@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch._arrays import IntArray
-from isomatch._threads import row_product
+from isomatch._arrays import IntArray, single
+from isomatch._threads import parallel_map, row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.surface_index import SurfaceIndex
 
-RIDGE = 1e-9  # of the number of equations; keeps the normal equations definite
+RIDGE = 1e-6  # of the number of equations; above the rounding of normal equations in single precision
 
 
 def register_nonrigid(
@@ -54,17 +54,17 @@ def register_nonrigid(
     functions, source_vertices = displacements.functions, displacements.vertices
     moved = embedding.source
     for _ in range(steps):
-        forth = target.points(of_target, moved[source_vertices])
-        back = source.points(moved, of_target[target_vertices])
+        searches = (target, of_target, moved[source_vertices]), (source, moved, of_target[target_vertices])
+        forth, back = parallel_map(lambda each: each[0].points(*each[1:]), searches)
         # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
-        design = np.vstack([displacements.at_samples, back.interpolated(functions)])
+        design = np.vstack([single(displacements.at_samples), back.interpolated(functions)])
         wanted = np.vstack(
             [
                 forth.interpolated(of_target) - embedding.source[source_vertices],
                 of_target[target_vertices] - back.interpolated(embedding.source),
             ]
         )
-        gram = design.T @ design + RIDGE * len(design) * np.eye(design.shape[1])
-        coefficients = solve(gram, design.T @ wanted, assume_a="pos")
+        gram = (design.T @ design).astype(np.float64) + RIDGE * len(design) * np.eye(design.shape[1])
+        coefficients = solve(gram, (design.T @ wanted).astype(np.float64), assume_a="pos")
         moved = embedding.source + row_product(functions, coefficients)
     return Embedding(moved, of_target)
