@@ -163,7 +163,7 @@ MEASURES = {
         "{:.1e}",
         "score / (1 − score / score of the next best map)",
         "What speaks against the map, all measures together, over how clearly it is better than the best different map. "
-        "This decides whether the map of a part is sure.",
+        "Little doubt makes the map of a part sure.",
         most_of="parts.poor_doubt",
     ),
     "landmark_error": Measure(

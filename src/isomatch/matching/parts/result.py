@@ -151,7 +151,7 @@ def _doubts(outcome: Outcome, evidence: Evidence, hints: Hints) -> list[str]:
 def _contradicts(pair: ShapePair, points: PrecisePoints, quality: Quality, hints: Hints) -> bool:
     """Whether most landmarks, or the initial map, are contradicted.
 
-    The part is held at its landmarks, but a vertex of the whole may still be nearest to another limb that touches.
+    Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one.
     """
     off = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
     bound = pair.config.outcome.contradiction

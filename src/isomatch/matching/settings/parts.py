@@ -130,7 +130,7 @@ class PartSettings(Settings):
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
     n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
     n_bent: int = setting(2, "docs/robustness.md: parts", least=0)
-    poor_doubt: float = setting(3.5e-5, "docs/robustness.md: the outcome of a part", least=0)
+    poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
     least_trusted: float = setting(0.07, "chosen on cuts and holes, not one by one", least=0, most=1)
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
     clear: float = setting(4.0, "docs/robustness.md: parts", least=1)
