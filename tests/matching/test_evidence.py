@@ -1,10 +1,13 @@
 """How sure the map of a part is, from its score and that of its rival."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from isomatch import Outcome
+from isomatch import Config, Outcome
 from isomatch.matching.parts.evidence import Evidence
+from isomatch.matching.parts.result import _contradicts
 from isomatch.matching.settings import PartSettings
 
 SETTINGS = PartSettings()
@@ -58,3 +61,18 @@ def test_a_map_that_is_not_sure_says_why_and_what_to_do():
     (nearly,) = evidence(BOUND / 2, 1.5).notes(hinted=True)
     assert "another map is only 1.50 times as high" in nearly
     assert "give more landmarks" in nearly
+
+
+def test_single_landmarks_do_not_contradict_the_map_of_a_part():
+    quality = SimpleNamespace(initial_map_error=np.nan)
+    points = SimpleNamespace(corners=np.arange(5)[:, None])
+    hints = SimpleNamespace(landmarks=np.zeros((5, 2), dtype=int))
+    for off, contradicted in (([1, 1, 0, 0, 0], False), ([1, 1, 1, 0, 0], True)):
+        distance = np.array(off, dtype=float)
+        target = SimpleNamespace(distance=lambda a, b, found=distance: found)
+        pair = SimpleNamespace(target=target, config=Config())
+        assert _contradicts(pair, points, quality, hints) is contradicted
+    hints.landmarks = hints.landmarks[:0]
+    target.distance = lambda a, b: np.zeros(0)
+    assert not _contradicts(pair, points, quality, hints)
+    assert _contradicts(pair, points, SimpleNamespace(initial_map_error=1.0), hints)

@@ -1,7 +1,6 @@
 """Parts matched to wholes, and wholes to parts."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.match_part import match_part
 from isomatch.matching.parts.part_fits import PartFits
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
-from isomatch.matching.parts.result import _contradicts
 from isomatch.matching.quality import covered_share
 from isomatch.matching.settings import PartSettings
 
@@ -264,21 +262,6 @@ def test_two_parts_that_caps_put_in_doubt_are_judged_without(bodies, poor_doubt,
     strict = replace(Config().outcome, poor_residual=0.0)
     config = Config(outcome=strict, parts=PartSettings(poor_doubt=poor_doubt))
     assert match(here.mesh, there.mesh, config=config).outcome is outcome
-
-
-def test_single_landmarks_do_not_contradict_the_map_of_a_part():
-    quality = SimpleNamespace(initial_map_error=np.nan)
-    points = SimpleNamespace(corners=np.arange(5)[:, None])
-    hints = SimpleNamespace(landmarks=np.zeros((5, 2), dtype=int))
-    for off, contradicted in (([1, 1, 0, 0, 0], False), ([1, 1, 1, 0, 0], True)):
-        distance = np.array(off, dtype=float)
-        target = SimpleNamespace(distance=lambda a, b, found=distance: found)
-        pair = SimpleNamespace(target=target, config=Config())
-        assert _contradicts(pair, points, quality, hints) is contradicted
-    hints.landmarks = hints.landmarks[:0]
-    target.distance = lambda a, b: np.zeros(0)
-    assert not _contradicts(pair, points, quality, hints)
-    assert _contradicts(pair, points, SimpleNamespace(initial_map_error=1.0), hints)
 
 
 @pytest.mark.long
