@@ -106,16 +106,23 @@ def test_wrong_maps_bend_badly(found):
     assert min(fit.bent.misfit for fit in wrong) > 1.5 * best.bent.misfit
 
 
-def test_a_part_that_bends_badly_or_of_which_little_is_known_is_not_sure(bodies, prepared):
+def test_a_part_in_doubt_is_not_sure(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
-    bent = match(part.mesh, prepared, config=Config(parts=PartSettings(poor_bend=0.0)))
-    assert bent.outcome is Outcome.LOW_CONFIDENCE
-    assert bent.quality.bend_misfit > 0
-    for clear, outcome in ((np.inf, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)):
-        unknown = PartSettings(little_trusted=1.0, clear=clear)
-        found = match(part.mesh, prepared, config=Config(parts=unknown))
+    for close in (True, False):  # the map is that of a part both times
+        settings = PartSettings(poor_doubt=0.0, close=close)
+        found = match(part.mesh, prepared, config=Config(parts=settings))
+        assert found.outcome is Outcome.LOW_CONFIDENCE
+        assert 0 < found.quality.doubt < PartSettings().poor_doubt
+        assert any("the map is not sure, for it fits badly" in note for note in found.notes)
+
+
+def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared):
+    part = cut(bodies[0], 0.3, seed=4)
+    for poor_doubt, outcome in ((0.0, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)):
+        settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
+        found = match(part.mesh, prepared, config=Config(parts=settings))
+        assert any("with its holes closed" in note for note in found.notes)
         assert found.outcome is outcome
-        assert any("too much is missing" in note for note in found.notes) == (clear > 1)
 
 
 def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
@@ -238,12 +245,23 @@ def test_two_parts_are_matched_with_their_holes_closed(bodies):
     found = match(here.mesh, there.mesh)
     assert found.outcome is Outcome.PARTIAL
     assert any("holes closed" in note for note in found.notes)
+    assert found.quality.doubt < PartSettings().poor_doubt
     has, matched = image >= 0, found.map.matched
     assert (matched & has).sum() > 0.97 * has.sum(), "recall"
     assert (matched & has).sum() > 0.9 * matched.sum(), "precision"
     right = prepare(there.mesh)
     both = matched & has
     assert mean_error(right, found.map.vertices[both], image[both]) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("poor_doubt", "outcome"), [(PartSettings().poor_doubt, Outcome.PARTIAL), (0.0, Outcome.LOW_CONFIDENCE)]
+)
+def test_two_parts_that_caps_put_in_doubt_are_judged_without(bodies, poor_doubt, outcome):
+    here, there = holes(bodies[0], 0.15, seed=1), holes(bodies[1], 0.15, seed=2)
+    strict = replace(Config().outcome, poor_residual=0.0)
+    config = Config(outcome=strict, parts=PartSettings(poor_doubt=poor_doubt))
+    assert match(here.mesh, there.mesh, config=config).outcome is outcome
 
 
 @pytest.mark.long

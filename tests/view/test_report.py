@@ -264,16 +264,15 @@ def test_a_mirror_image_that_was_wanted_is_no_evidence_against_the_map(result):
 
 def test_a_part_is_held_to_bounds_of_its_own(result):
     complete, bounds = quality_bounds(result), result.config.parts
-    part = dataclasses.replace(result.quality, stress=0.01, bend_misfit=2 * bounds.poor_bend)
+    part = dataclasses.replace(result.quality, stress=0.01, doubt=2 * bounds.poor_doubt)
     of_part = dataclasses.replace(result, quality=part)
     held = quality_bounds(of_part)
     assert complete["misfit"] == {"most": result.config.outcome.poor_misfit}
-    assert held["misfit"] == {"most": bounds.poor_misfit}
-    assert held["orientation"] == {"least": bounds.poor_orientation}
+    assert held["doubt"] == {"most": bounds.poor_doubt}
     assert held["rival"] == {"least": bounds.tie}
-    assert not {"stretch", "mirrored"} & held.keys()
+    assert not {"misfit", "orientation", "residual", "stretch", "torn_off", "mirrored"} & held.keys()
     against = {measure.name for measure, _, bad in quality_measures(of_part) if bad}
-    assert MEASURES["bend_misfit"].name in against
+    assert MEASURES["doubt"].name in against
 
 
 def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, result, tmp_path):

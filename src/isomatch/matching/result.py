@@ -93,11 +93,15 @@ class Quality:
         where the map exchanges two; nan for a graph and for a part.
     stress : float
         For a part, how much distances between images leave the intervals in which those on the whole must lie, relative
-        to them: 0.01 for a right map, above 0.03 poor; nan for complete shapes. For a part, residual and distortion are
-        nan, and misfit and orientation are those of the part's refinement.
+        to them: 0.01 for a right map; nan for complete shapes. For a part, residual and distortion are nan, and misfit
+        and orientation are those of the part's refinement.
     bend_misfit : float
         For a part bent onto the whole, the mean ``|log|`` of the stretch of its edges times the mean distance of its
-        vertices from the whole, in √area of the whole: above 7e-4 poor; nan for complete shapes.
+        vertices from the whole, in √area of the whole; nan for complete shapes.
+    doubt : float
+        For a part, what speaks against the map, all measures together, over how clearly it is better than the best map
+        that differs: score / (1 − score / score of that). Up to 3e-5 for most right maps, above 3.5e-5 not sure; nan for
+        complete shapes.
     """
 
     misfit: float
@@ -115,6 +119,7 @@ class Quality:
     torn_off: float = math.nan
     stress: float = math.nan
     bend_misfit: float = math.nan
+    doubt: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)

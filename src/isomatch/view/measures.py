@@ -150,7 +150,6 @@ MEASURES = {
         "violated distances, relative",
         "How much distances between images leave the intervals in which distances on the whole must lie, given those "
         "along the part. 0.01 for a correct map.",
-        most_of="parts.poor_stress",
     ),
     "bend_misfit": Measure(
         "misfit of the bent part",
@@ -158,7 +157,14 @@ MEASURES = {
         "stretch × distance from the whole",
         "How much the edges of the part are stretched when it is bent onto the whole, times how far it still is from it. "
         "Large for many wrong maps.",
-        most_of="parts.poor_bend",
+    ),
+    "doubt": Measure(
+        "doubt of a part",
+        "{:.1e}",
+        "score / (1 − score / score of the next best map)",
+        "What speaks against the map, all measures together, over how clearly it is better than the best different map. "
+        "Little doubt makes the map of a part sure.",
+        most_of="parts.poor_doubt",
     ),
     "landmark_error": Measure(
         "landmark error",
@@ -177,8 +183,10 @@ MEASURES = {
     ),
 }
 _OF_PART: dict[str, dict[str, Any]] = {  # other bounds of the measures of a part, or none
-    "misfit": {"most_of": "parts.poor_misfit"},
-    "orientation": {"least_of": "parts.poor_orientation"},
+    "misfit": {"most_of": ""},
+    "orientation": {"least_of": ""},
+    "residual": {"most_of": ""},
+    "torn_off": {"most_of": ""},
     "rival": {"least_of": "parts.tie"},
     "mirrored": {"least_of": ""},
     "stretch": {"most_of": ""},
@@ -213,7 +221,7 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
     """Give the measures with the bounds that the match of the result had."""
     config = result.config if isinstance(result.config, Config) else Config()
-    of_part = {} if isnan(result.quality.stress) else _OF_PART
+    of_part = {} if isnan(result.quality.doubt) else _OF_PART
     return {
         field: replace(measure, **of_part.get(field, {})).bounded_by(config)
         for field, measure in MEASURES.items()

@@ -10,12 +10,16 @@ import numpy as np
 from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
-from isomatch.correspondence import Correspondence, PrecisePoints
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
 from isomatch.matching.hints import Hints
+from isomatch.matching.joint_refinement import joint_embedding
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.parts.evidence import Evidence
+from isomatch.matching.parts.part_fits import PartFit, PartFits
+from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.role import Part
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, covered_share
@@ -46,6 +50,24 @@ class ClosedMatch:
         if part == "source":
             return _images(self.pair.source, of_source, self.pair.target, of_target)
         return _images(self.pair.target, of_target, self.pair.source, of_source)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """How sure the map is, as one of the source as it is to the target with its holes closed."""
+        selection, config = self.found.selection, self.pair.config
+        fit, rival = self._as_part(self.found.embedding), np.inf
+        if selection.against:
+            smooth = config.refinement == "smooth"
+            other = self._as_part(joint_embedding(self.found.pair, selection.against, smooth))
+            rival = max(1.0, other.bent_score / fit.bent_score)
+        return Evidence(fit.bent_score, rival, fit.pair.trusted, config.parts)
+
+    def _as_part(self, embedding: Embedding) -> PartFit:
+        part, whole, config = self.pair.source, self.pair.target.capped, self.pair.config
+        image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
+        pair = PartPair.of(part, whole, config).in_unit_of(image)
+        rows = part.sample_vertices[: config.n_refine]
+        return PartFits(whole, config, pair.landmarks).measured(pair, image[rows])
 
     def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""

@@ -15,6 +15,7 @@ from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.config import Config
 from isomatch.matching.parts.bent_part import BentPart
+from isomatch.matching.parts.evidence import Evidence
 from isomatch.matching.parts.part_fits import PartFit, PartFits
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_starts import PartStarts, self_maps
@@ -55,6 +56,17 @@ class PartMatch:
             if whole.mean_distance(fit.image, best.image) > self.pair.config.parts.apart:
                 return max(1.0, score / self.scores[0])  # one that lost to hints ties
         return np.inf
+
+    @property
+    def evidence(self) -> Evidence:
+        """How sure the best map is."""
+        return Evidence(self.scores[0], self.rival, self.pair.trusted, self.pair.config.parts)
+
+    def agrees(self, image: IntArray) -> bool:
+        """Whether a map (n_part,) that was found otherwise is a variant of the best one."""
+        best, pair = self.fits[0], self.pair
+        apart = pair.whole.mean_distance(best.image, image[best.refinement.vertices])
+        return apart <= pair.config.parts.apart
 
     @property
     def share(self) -> float:

@@ -103,11 +103,6 @@ class PartPair:
         return float((lower >= TRUSTED * upper)[~np.eye(len(lower), dtype=bool)].mean())
 
     @property
-    def is_little_known(self) -> bool:
-        """Whether so little of the whole is known that only a map that is clearly better than others is sure."""
-        return self.trusted < self.config.parts.little_trusted
-
-    @property
     def is_hardly_known(self) -> bool:
         """Whether so little of the whole is known that no unit is sure, and no map exact."""
         return self.trusted < self.config.parts.least_trusted

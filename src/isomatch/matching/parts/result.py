@@ -13,6 +13,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.parts.closing import match_closed
+from isomatch.matching.parts.evidence import Evidence
 from isomatch.matching.parts.match_part import PartMatch, match_part
 from isomatch.matching.parts.role import Part, Parts
 from isomatch.matching.quality import (
@@ -28,6 +29,8 @@ from isomatch.matching.starts import nearest_in_pose
 from isomatch.matching.symmetries import describe_symmetries
 from isomatch.matching.vertex_confidence import expected_errors
 
+SURE = Outcome.CONVERGED, Outcome.PARTIAL
+
 
 def part_result(pair: ShapePair, hints: Hints, part: Parts, timer: StageTimer, seed: int) -> MatchResult:
     """Match a pair of which one shape is a part of the other, or both are parts of a third."""
@@ -40,15 +43,17 @@ def _both_result(pair: ShapePair, hints: Hints, timer: StageTimer, seed: int) ->
     """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
     found = match_complete(pair, hints, timer)
     as_they_are = complete_result(found, timer, seed, may_stretch=False)
-    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
+    if as_they_are.outcome in (*SURE, Outcome.SYMMETRY_AMBIGUOUS):
         return as_they_are
     timer.start("holes closed")
     closed = match_closed(pair, hints, timer) if pair.config.parts.close else None
     if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
         return complete_result(found, timer, seed)
-    return _closed_result(
-        closed.result(hints, timer, seed), "both shapes were matched with their holes closed"
-    )
+    with_caps = closed.result(hints, timer, seed)
+    doubted = with_caps.outcome is Outcome.LOW_CONFIDENCE
+    note = "both shapes were matched with their holes closed"
+    outcome = closed.evidence.outcome if doubted else with_caps.outcome
+    return _closed_result(with_caps, outcome, closed.evidence, hints, note)
 
 
 def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
@@ -62,14 +67,20 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         found = match_part(source, target, config, hints.landmarks, image, known)
     else:
         found = match_part(target, source, config, hints.landmarks[:, ::-1], image, known[:, ::-1])
-    if closed is not None and found.closed < config.parts.closed_score:
-        with_caps = closed.result(hints, timer, seed)
-        if with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
-            return _closed_result(
-                with_caps,
-                f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of the "
-                "other shape",
-            )
+    outcome = found.evidence.outcome
+    if closed is not None and image is not None:
+        returned, agrees = found.closed < config.parts.closed_score, found.agrees(image)
+        if returned or (agrees and outcome is not Outcome.PARTIAL):
+            with_caps = closed.result(hints, timer, seed)
+            if agrees and with_caps.outcome in SURE:  # found otherwise, and sure by other measures
+                outcome = Outcome.PARTIAL
+            if returned and with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
+                note = (
+                    f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of "
+                    "the other shape"
+                )
+                with_caps = replace(with_caps, quality=replace(with_caps.quality, rival=found.rival))
+                return _closed_result(with_caps, outcome, found.evidence, hints, note)
     onto_whole, (onto_part, covered) = found.bent.onto_whole, found.bent.onto_part()
     errors, area = _expected_errors(found, onto_whole), found.pair.meshes[1].vertex_areas[covered].sum()
     if part == "source":
@@ -79,10 +90,12 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         errors = errors[points.corners[:, 0]] / found.pair.unit
     timer.start("quality")
     quality = _quality(pair, found, points, matched, hints)
+    if _contradicts(pair, points, quality, hints):
+        outcome = Outcome.HINTS_CONTRADICTED
     in_full = source.correspondence(target, points, matched)
     return MatchResult(
         map=in_full,
-        outcome=_outcome(found, quality),
+        outcome=outcome,
         quality=quality,
         expected_error=np.where(in_full.matched, source.lift_smooth(errors), np.nan),
         alternatives=(),
@@ -92,7 +105,7 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
             *hints.notes,
             f"the {part} was matched as a part: it has {found.share:.0%} of the area of the other shape and covers "
             f"{area:.0%}",
-            *_doubts(found),
+            *_doubts(outcome, found.evidence, hints),
             *contradicted_landmarks(pair, points, hints),
         ),
         engine=source.distances.engine,
@@ -118,10 +131,31 @@ def _origin(found: PartMatch, hints: Hints) -> str:
     return "landmarks" if len(hints.landmarks) else "anchors"
 
 
-def _closed_result(result: MatchResult, note: str) -> MatchResult:
+def _closed_result(
+    result: MatchResult, outcome: Outcome, evidence: Evidence, hints: Hints, note: str
+) -> MatchResult:
     """Take the map with the holes closed; it is no surer than a part's."""
-    outcome = Outcome.PARTIAL if result.outcome is Outcome.CONVERGED else result.outcome
-    return replace(result, outcome=outcome, notes=(*result.notes, note))
+    outcome = Outcome.PARTIAL if outcome in SURE else outcome
+    return replace(
+        result,
+        outcome=outcome,
+        quality=replace(result.quality, doubt=evidence.doubt),
+        notes=(*result.notes, note, *_doubts(outcome, evidence, hints)),
+    )
+
+
+def _doubts(outcome: Outcome, evidence: Evidence, hints: Hints) -> list[str]:
+    return [] if outcome is Outcome.PARTIAL else evidence.notes(len(hints.landmarks) > 0)
+
+
+def _contradicts(pair: ShapePair, points: PrecisePoints, quality: Quality, hints: Hints) -> bool:
+    """Whether most landmarks, or the initial map, are contradicted.
+
+    Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one.
+    """
+    off = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
+    bound = pair.config.outcome.contradiction
+    return bool(quality.initial_map_error > bound or (len(off) and np.median(off) > bound))
 
 
 def _expected_errors(found: PartMatch, points: PrecisePoints) -> FloatArray:
@@ -169,33 +203,5 @@ def _quality(
         initial_map_error=initial_map_error,
         stress=best.stress,
         bend_misfit=found.bent.misfit,
+        doubt=found.evidence.doubt,
     )
-
-
-def _doubts(found: PartMatch) -> list[str]:
-    """Say what no measure of the quality says: that distances on the whole are hardly known."""
-    pair = found.pair
-    if not pair.is_little_known or found.rival >= pair.config.parts.clear:
-        return []
-    return [
-        f"only {pair.trusted:.1%} of the distances along the part are known to be those on the whole (at least "
-        f"{pair.config.parts.little_trusted:.0%} for a sure match): too much is missing; give landmarks"
-    ]
-
-
-def _outcome(found: PartMatch, quality: Quality) -> Outcome:
-    settings, best = found.pair.config.parts, found.fits[0]
-    bound = found.pair.config.outcome.contradiction
-    if quality.landmark_error > bound or quality.initial_map_error > bound:
-        return Outcome.HINTS_CONTRADICTED
-    if (
-        not np.isfinite(found.scores[0])
-        or best.misfit > settings.poor_misfit
-        or best.stress > settings.poor_stress
-        or quality.bend_misfit > settings.poor_bend
-        or best.orientation < settings.poor_orientation
-        or (found.pair.is_little_known and quality.rival < settings.clear)
-        or quality.rival < 1
-    ):
-        return Outcome.LOW_CONFIDENCE
-    return Outcome.SYMMETRY_AMBIGUOUS if quality.rival < settings.tie else Outcome.PARTIAL

@@ -31,7 +31,7 @@ class OutcomeSettings(Settings):
         Value below which a map is poor.
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
-        landmarks, or the median of an initial map, which may be wrong in places.
+        landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
     error_scale, error_radius : float
         Factor of the expected error at a vertex, and radius over which it is spread, in √area.
     rival_exponent : float

@@ -74,15 +74,14 @@ class PartSettings(Settings):
     rim, off : float
         Distances, in √area, from the boundary of a part and from its other points, up to which a vertex of the whole is
         matched to it; with less than ``least_trusted``, the second one from both.
-    poor_misfit, poor_stress, poor_bend : float
-        Values above which a map is poor.
-    poor_orientation : float
-        Orientation below which it is.
+    poor_doubt : float
+        Doubt above which a map is not sure; see `Quality`.
+    little_trusted, clear : float
+        Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
+        the score of its rival is at least so many times its own.
     least_trusted : float
         Share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit
         of the files.
-    little_trusted, clear : float
-        Share below which a map is poor, unless the score of its rival is at least so many times its own.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     """
@@ -131,10 +130,7 @@ class PartSettings(Settings):
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
     n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
     n_bent: int = setting(2, "docs/robustness.md: parts", least=0)
-    poor_misfit: float = setting(0.37, "chosen on cuts and holes, not one by one", least=0)
-    poor_stress: float = setting(0.03, "chosen on cuts and holes, not one by one", least=0)
-    poor_bend: float = setting(7e-4, "docs/robustness.md: parts", least=0)
-    poor_orientation: float = setting(0.7, "chosen on cuts and holes, not one by one", least=-1, most=1)
+    poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
     least_trusted: float = setting(0.07, "chosen on cuts and holes, not one by one", least=0, most=1)
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
     clear: float = setting(4.0, "docs/robustness.md: parts", least=1)
