@@ -12,8 +12,8 @@ from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.match_part import match_part
-from isomatch.matching.parts.part_fits import PartFits
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
+from isomatch.matching.parts.part_refinement import WholeCoordinates
 from isomatch.matching.quality import covered_share
 from isomatch.matching.settings import PartSettings
 
@@ -183,13 +183,11 @@ def test_a_shape_is_a_part_of_itself():
 
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
     config = Config(refining=replace(Config().refining, position_unit=0.2))
-    at_once = PartFits(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).coordinates.at(20, True)
+    at_once = WholeCoordinates(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).at(20, True)
     np.testing.assert_array_equal(
-        PartFits(prepared, config, NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
+        WholeCoordinates(prepared, config, NO_LANDMARKS[:, 0]).at(20, True), at_once
     )
-    assert not np.array_equal(
-        PartFits(prepared, Config(), NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
-    )
+    assert not np.array_equal(WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0]).at(20, True), at_once)
 
 
 def test_landmarks_lead_a_part(bodies, prepared):

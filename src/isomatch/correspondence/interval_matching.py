@@ -129,9 +129,10 @@ def _keep_differing(distances: FloatArray, tuples: IntArray, apart: float, kept:
     for i in range(len(tuples)):
         differs = True
         for k in range(n - 1, -1, -1):
-            total = 0.0
-            for j in range(m):
+            total, j = 0.0, 0
+            while j < m and total < apart * m:
                 total += distances[tuples[i, j], tuples[kept[k], j]]
+                j += 1
             if total < apart * m:
                 differs = False
                 break

@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -21,6 +22,7 @@ from isomatch.matching.parts.part_starts import PartStarts, self_maps
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
 
+N_LAST = 3  # steps in which the part is bent in full, after as many as there are at a lower resolution
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -61,10 +63,11 @@ class PartMatch:
         """Area of the part over that of the whole, by the best map."""
         return self.fits[0].refinement.local_unit(self.fits[0].image) ** 2
 
-    @property
+    @cached_property
     def bent(self) -> BentPart:
-        """The part bent onto the whole by the best map."""
-        return self.fits[0].bent
+        """The part bent onto the whole by the best map, in full."""
+        best = self.fits[0]
+        return best.bending.in_full(best.bent, self.pair.config.parts.bending[-N_LAST:])
 
 
 def match_part(
@@ -100,7 +103,7 @@ def match_part(
     """
     settings, pair = config.parts, PartPair.of(part, whole, config, landmarks)
     led = _filled(part, known) if len(known) else None
-    refinements = PartFits(whole, config, pair.landmarks, led)
+    refinements = PartFits(pair, led)
     given = [
         (pair.in_unit_of(image), image[part.sample_vertices[: settings.n_rough]])
         for image in (closed, led)

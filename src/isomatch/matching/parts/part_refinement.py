@@ -52,6 +52,7 @@ class WholeCoordinates:
         """Signatures, and distances from the landmarks: (n, 23 + l)."""
         return np.hstack([self.signatures.values, self._distances.values / self._settings.position_unit])
 
+    @cached_method
     def known_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair."""
         signatures, distances = self.signatures.of_part(pair), self._distances.of_part(pair)
@@ -78,6 +79,34 @@ class WholeCoordinates:
         return np.hstack(columns)
 
 
+class NearPairs(NamedTuple):
+    """Pairs of near vertices of a part.
+
+    Parameters
+    ----------
+    near : (q, q) array of bool
+        Which of the first q vertices are near to each other.
+    known : (p,) array of bool
+        Which of these pairs have a known distance on the whole.
+    along : (p,) array of float
+        Their distances along the part, in its units.
+    """
+
+    near: BoolArray
+    known: BoolArray
+    along: FloatArray
+
+    @classmethod
+    def of(cls, pair: PartPair) -> NearPairs:
+        """Compare the search vertices of a part, which a rough refinement maps, too."""
+        config, (least, most) = pair.config, pair.config.parts.near
+        vertices = pair.part.sample_vertices[: min(config.n_search, config.parts.n_rough)]
+        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
+        near = (along > least) & (along < most)
+        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        return cls(near, known, along[near])
+
+
 class PartRefinement:
     """Refines maps of some vertices of the part.
 
@@ -89,16 +118,15 @@ class PartRefinement:
     pair : PartPair
         The shapes.
     coordinates : WholeCoordinates
-    known : PartSignatures
-        Of the part, see `WholeCoordinates.known_of_part`.
+    near : NearPairs
+        Of the part, in any unit.
     n_rows : int
         Vertices of the part that are mapped.
     """
 
-    def __init__(
-        self, pair: PartPair, coordinates: WholeCoordinates, known: PartSignatures, n_rows: int
-    ) -> None:
-        self._pair, self._whole, self._known = pair, coordinates, known
+    def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
+        self._pair, self._whole, self._near = pair, coordinates, near
+        self._known = coordinates.known_of_part(pair)
         self.vertices = pair.part.sample_vertices[:n_rows]
         self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
 
@@ -137,7 +165,7 @@ class PartRefinement:
 
     def local_unit(self, image: IntArray) -> float:
         """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
-        known = self._near[1]
+        known = self._near.known
         if known.sum() < FEWEST_KNOWN:
             return self._pair.unit
         return self._pair.restricted(float(np.median(self._ratios(image)[known])))
@@ -150,20 +178,9 @@ class PartRefinement:
 
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
-        near, _, along = self._near
-        image = image[: len(near)]
+        near, image = self._near.near, image[: len(self._near.near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
-        return np.maximum(there, 1e-3) / along
-
-    @cached_property
-    def _near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
-        """Near vertices (q, q), which of these pairs have a known distance on the whole, and distances along the part."""
-        pair, (least, most) = self._pair, self._pair.config.parts.near
-        vertices = self.vertices[: pair.config.n_search]
-        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > least) & (along < most)
-        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
-        return near, known, along[near]
+        return np.maximum(there, 1e-3) / self._near.along
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch._cached import cached_property
+from isomatch._cached import cached_method, cached_property
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.prepared_shape import PreparedShape
@@ -73,6 +73,7 @@ class WholeSignatures:
         """(n_whole, 23) signatures."""
         return np.hstack([weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)])
 
+    @cached_method
     def of_part(self, pair: PartPair) -> PartSignatures:
         """Signatures of a part in the unit of a pair."""
         part, sizes = pair.part, pair.config.preparation.curvature_functions
