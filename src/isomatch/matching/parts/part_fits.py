@@ -10,7 +10,7 @@ from isomatch._arrays import IntArray
 from isomatch._cached import cached_property
 from isomatch.matching.parts.bent_part import BentPart, PartBending
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_refinement import NearPairs, PartRefinement, WholeCoordinates
+from isomatch.matching.parts.part_refinement import PartRefinement, PartSamples, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, completed, composed
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
@@ -96,7 +96,7 @@ class PartFits:
 
     def __init__(self, pair: PartPair, hinted: IntArray | None = None) -> None:
         config = pair.config
-        self._config, self._hinted, self._near = config, hinted, NearPairs.of(pair)
+        self._config, self._hinted, self._samples = config, hinted, PartSamples(pair)
         self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._known: dict[tuple[float, int], PartRefinement] = {}
@@ -105,7 +105,7 @@ class PartFits:
         """Refine some vertices in the unit of a pair."""
         key = pair.unit, n_rows
         if key not in self._known:
-            self._known[key] = PartRefinement(pair, self.coordinates, self._near, n_rows)
+            self._known[key] = PartRefinement(pair, self.coordinates, self._samples, n_rows)
         return self._known[key]
 
     def _rough_refinement(self, pair: PartPair) -> PartRefinement:
@@ -119,7 +119,7 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._rough_refinement(start.pair)
         vertices = refinement.vertices[: self._config.n_search]
-        return self.roughly(start.pair, refinement.extended(vertices, start.dense(vertices), N_ROUGH))
+        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH))
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
@@ -139,7 +139,7 @@ class PartFits:
         settings, rough = self._config.refining, self._rough_refinement(pair)
         pair = pair.with_unit(rough.local_unit(image))
         refinement = self.fine_refinement(pair)
-        image = refinement.extended(rough.vertices, image, self._config.parts.sizes[-1])
+        image = refinement.extended(image, self._config.parts.sizes[-1])
         image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
         image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
         return self._finely(pair, image, misfit, self._config.parts.bending[::2])

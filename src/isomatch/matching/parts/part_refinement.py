@@ -79,32 +79,35 @@ class WholeCoordinates:
         return np.hstack(columns)
 
 
-class NearPairs(NamedTuple):
-    """Pairs of near vertices of a part.
+class PartSamples:
+    """The sample vertices of a part, in any unit.
 
     Parameters
     ----------
-    near : (q, q) array of bool
-        Which of the first q vertices are near to each other.
-    known : (p,) array of bool
-        Which of these pairs have a known distance on the whole.
-    along : (p,) array of float
-        Their distances along the part, in its units.
+    pair : PartPair
+        The part, and the distances on it.
     """
 
-    near: BoolArray
-    known: BoolArray
-    along: FloatArray
+    def __init__(self, pair: PartPair) -> None:
+        self._pair = pair
 
-    @classmethod
-    def of(cls, pair: PartPair) -> NearPairs:
-        """Compare the search vertices of a part, which a rough refinement maps, too."""
-        config, (least, most) = pair.config, pair.config.parts.near
+    @cached_method
+    def basis(self, n_rows: int) -> SampledBasis:
+        """Functions of the part, to be fitted to values at its first sample vertices."""
+        return SampledBasis(self._pair.part.laplace.vectors, self._pair.part.sample_vertices[:n_rows])
+
+    @cached_property
+    def near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
+        """Near pairs of the first q vertices (q, q), which of them have a known distance on the whole, and those along.
+
+        They are the search vertices that a rough refinement maps, too.
+        """
+        pair, config, (least, most) = self._pair, self._pair.config, self._pair.config.parts.near
         vertices = pair.part.sample_vertices[: min(config.n_search, config.parts.n_rough)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
         near = (along > least) & (along < most)
         known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
-        return cls(near, known, along[near])
+        return near, known, along[near]
 
 
 class PartRefinement:
@@ -118,17 +121,19 @@ class PartRefinement:
     pair : PartPair
         The shapes.
     coordinates : WholeCoordinates
-    near : NearPairs
-        Of the part, in any unit.
+    samples : PartSamples
+        Of the part.
     n_rows : int
         Vertices of the part that are mapped.
     """
 
-    def __init__(self, pair: PartPair, coordinates: WholeCoordinates, near: NearPairs, n_rows: int) -> None:
-        self._pair, self._whole, self._near = pair, coordinates, near
+    def __init__(
+        self, pair: PartPair, coordinates: WholeCoordinates, samples: PartSamples, n_rows: int
+    ) -> None:
+        self._pair, self._whole, self._samples = pair, coordinates, samples
         self._known = coordinates.known_of_part(pair)
         self.vertices = pair.part.sample_vertices[:n_rows]
-        self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
+        self._basis = samples.basis(n_rows)
 
     def n_functions(self, k: int) -> int:
         """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
@@ -148,10 +153,9 @@ class PartRefinement:
             misfit = float(np.linalg.norm(of_whole[image] - of_part, axis=1).mean())
         return image, misfit
 
-    def extended(self, vertices: IntArray, image: IntArray, k: int) -> IntArray:
-        """Map the vertices of this refinement by a map (q,) of other vertices of the part, through k functions."""
-        basis = SampledBasis(self._pair.part.laplace.vectors, vertices)
-        return self._drawn(basis, image, k, self.vertices)
+    def extended(self, image: IntArray, k: int) -> IntArray:
+        """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""
+        return self._drawn(self._samples.basis(len(image)), image, k, self.vertices)
 
     def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
         """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
@@ -165,7 +169,7 @@ class PartRefinement:
 
     def local_unit(self, image: IntArray) -> float:
         """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
-        known = self._near.known
+        known = self._samples.near[1]
         if known.sum() < FEWEST_KNOWN:
             return self._pair.unit
         return self._pair.restricted(float(np.median(self._ratios(image)[known])))
@@ -178,9 +182,10 @@ class PartRefinement:
 
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
-        near, image = self._near.near, image[: len(self._near.near)]
+        near, _, along = self._samples.near
+        image = image[: len(near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
-        return np.maximum(there, 1e-3) / self._near.along
+        return np.maximum(there, 1e-3) / along
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""
