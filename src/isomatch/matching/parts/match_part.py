@@ -22,7 +22,7 @@ from isomatch.matching.parts.part_starts import PartStarts, self_maps
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
 
-N_LAST = 3  # steps in which the part is bent in full, after as many as there are at a lower resolution
+N_LAST = 5  # steps in which the part is bent in full, after as many as there are at a lower resolution
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -112,7 +112,9 @@ def match_part(
     only_given = led is not None and config.hypotheses == "given"
     rough = [] if only_given else _rough_fits(pair, refinements, given)
     distinct = _distinct(rough, settings.n_contenders, settings.apart)
-    contenders = [*((fit.pair, fit.image) for fit in distinct), *given]
+    hopeful = [fit for fit in distinct if fit.promise <= settings.hopeless * distinct[0].promise]
+    hopeful = distinct[: max(len(hopeful), 2)]  # the best, and a rival
+    contenders = [*((fit.pair, fit.image) for fit in hopeful), *given]
     if not contenders:
         raise NotConvergedError(
             "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
@@ -120,8 +122,12 @@ def match_part(
         )
     fits = parallel_map(lambda each: refinements.fine(*each), contenders)
     parallel_map(attrgetter("bent_score"), fits)  # on several threads, and kept
-    fits.sort(key=_against(fits))
-    fits[: settings.n_settled] = parallel_map(refinements.settled, fits[: settings.n_settled])
+    against = _against(fits)
+    fits.sort(key=against)
+    n_settled = sum(
+        against(fit) <= settings.hopeless * against(fits[0]) for fit in fits[: settings.n_settled]
+    )
+    fits[:n_settled] = parallel_map(refinements.settled, fits[:n_settled])
     parallel_map(attrgetter("bent_score"), fits)
     against = _against(fits)
     fits.sort(key=against)
