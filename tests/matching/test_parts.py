@@ -75,6 +75,24 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     assert best.scores[0] < unsettled.scores[0]
 
 
+def test_hopeless_maps_are_given_up(found, prepared):
+    _, best = found
+    bold = match_part(best.pair.part, prepared, Config(parts=PartSettings(hopeless=1.0)))
+    assert len(bold.fits) == 2
+    assert prepared.mean_distance(bold.fits[0].image, best.fits[0].image) < 0.02
+
+
+def test_the_best_map_bends_the_part_in_full(found, bodies, prepared):
+    """From where it lies at a lower resolution, and more exactly."""
+    part, best = found
+    truth = prepared.body_vertex[bodies[2][part.original]][best.pair.part.user_vertex]
+    rough, rows = best.fits[0].bent, np.arange(len(truth))
+    assert rough.mesh.n_vertices < best.bent.mesh.n_vertices == len(truth)
+    before = prepared.mean_distance(best.fits[0].bending.image(rough, rows), truth)
+    after = prepared.mean_distance(best.bent.images, truth)
+    assert after < 1.05 * before < 0.03
+
+
 def test_trusted_distances_from_landmarks_are_those_on_the_whole(found, bodies, prepared):
     part, best = found
     truth = prepared.body_vertex[bodies[2][part.original]][best.pair.part.user_vertex]

@@ -42,10 +42,10 @@ class ClosedMatch:
 
     def image_of(self, part: Part) -> IntArray:
         """Vertex of the other shape for each vertex of a part: the nearest one that is on no cap."""
-        source, target = self.found.embedding
+        of_source, of_target = self.found.embedding
         if part == "source":
-            return _images(self.pair.source, source, self.pair.target, self.found.pair.target, target)
-        return _images(self.pair.target, target, self.pair.source, self.found.pair.source, source)
+            return _images(self.pair.source, of_source, self.pair.target, of_target)
+        return _images(self.pair.target, of_target, self.pair.source, of_source)
 
     def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
@@ -90,18 +90,16 @@ class ClosedMatch:
     @cached_property
     def _rim_of_target(self) -> tuple[FloatArray, IntArray]:
         """Distance of each vertex of the capped target from the target, and its nearest vertex there."""
-        real = np.arange(self.pair.target.body.n_vertices)
-        return distance_along_edges_to_nearest(self.found.pair.target.body, real)
+        target = self.pair.target
+        return distance_along_edges_to_nearest(target.capped.body, np.arange(target.body.n_vertices))
 
 
 def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatch | None:
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
+    source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
     config = pair.config
-    source, target = parallel_map(
-        lambda shape: _closed(shape, config.parts.long_boundary), (pair.source, pair.target)
-    )
     flipped = max(config.parts.flipped, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, replace(config, search=replace(config.search, flipped=flipped)))
@@ -112,21 +110,10 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
         return None
 
 
-def _closed(shape: PreparedShape, long_boundary: float) -> PreparedShape:
-    """Close the holes of the body of a part; those of others stay."""
-    return shape.capped if shape.longest_boundary > long_boundary else shape.alone
-
-
-def _images(
-    part: PreparedShape,
-    of_part: FloatArray,
-    whole: PreparedShape,
-    closed: PreparedShape,
-    of_whole: FloatArray,
-) -> IntArray:
-    """Vertices (n_part,) of the body of a whole, by coordinates of the closed bodies of part and whole."""
-    image = closed.index.vertices(of_whole, of_part[: part.body.n_vertices])
+def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:
+    """Vertices (n_part,) of the body of a whole, by coordinates of the capped bodies of part and whole."""
+    image = whole.capped.index.vertices(of_whole, of_part[: part.body.n_vertices])
     real = np.arange(whole.body.n_vertices)
-    if len(real) < closed.body.n_vertices:
-        image = distance_along_edges_to_nearest(closed.body, real)[1][image]
+    if len(real) < whole.capped.body.n_vertices:
+        image = distance_along_edges_to_nearest(whole.capped.body, real)[1][image]
     return image
