@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch.correspondence import IntervalCost, assign_points, trilaterate
+from isomatch.correspondence.interval_matching import _keep_differing
 
 COST = IntervalCost()
 
@@ -42,6 +43,23 @@ def test_partial_assignments_that_are_kept_differ(points):
     assert len(found) == 20
     for i, one in enumerate(found):
         assert all(between[one, other].mean() >= 0.2 for other in found[:i])
+
+
+def test_the_beam_keeps_what_comparing_whole_assignments_would_keep(points):
+    between, rng = distances(points, points), np.random.default_rng(3)
+    parents = rng.integers(60, size=(30, 4))
+    of_parents = np.stack([between[parents, other].sum(axis=1) for other in parents], axis=1)
+    parent, last = rng.integers(30, size=400), rng.integers(60, size=400)
+    whole = np.column_stack([parents[parent], last])
+    wanted = []
+    for i in range(400):
+        if len(wanted) < 25 and all(between[whole[i], whole[k]].sum() >= 1.2 for k in wanted):
+            wanted.append(i)
+    kept, of_kept = np.zeros(25, dtype=np.int64), np.zeros((25, 25))
+    count = _keep_differing(between, parent, last, 1.2, of_parents, kept, of_kept)
+    assert kept[:count].tolist() == wanted
+    sums = [[between[whole[i], whole[k]].sum() for k in wanted] for i in wanted]
+    np.testing.assert_allclose(of_kept[:count, :count], sums, atol=1e-12)
 
 
 def test_what_is_forbidden_is_not_assigned(points):

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from isomatch import Mesh, prepare
 from isomatch.bases import stiffness_and_masses
 from isomatch.correspondence import (
+    RigidRegistration,
     SurfaceIndex,
     VertexCells,
     nearest_with_normals,
@@ -92,6 +93,33 @@ def test_a_step_solves_for_the_least_energy_that_the_notes_give(whole, piece, mo
     more, less = energy(found + change) - energy(found), energy(found - change) - energy(found)
     assert more > 0
     assert more == pytest.approx(less, rel=1e-6)
+
+
+def test_the_loops_sum_over_the_edges_around_each_vertex(piece):
+    mesh = piece[0]
+    stiffness, _ = stiffness_and_masses(mesh)
+    weights = -stiffness.toarray()
+    np.fill_diagonal(weights, 0)
+    before, rng = mesh.vertices, np.random.default_rng(0)
+    after, turns = rng.normal(size=before.shape), Rotation.random(len(before), rng=1).as_matrix()
+    _, start, neighbours, values = RigidRegistration(mesh)._matrices
+    covariances, pulled = np.ones((len(before), 3, 3)), np.ones(before.shape)
+    rigid_registration._covariances(before, after, start, neighbours, values, covariances)
+    rigid_registration._pulled(before, turns, start, neighbours, values, pulled)
+    for i in rng.integers(len(before), size=20):
+        edges, moved = before[i] - before, after[i] - after
+        np.testing.assert_allclose(covariances[i], (weights[i, :, None] * edges).T @ moved, atol=1e-12)
+        turned_edges = np.einsum("jab,jb->ja", 0.5 * (turns[i] + turns), edges)
+        np.testing.assert_allclose(pulled[i], weights[i] @ turned_edges, atol=1e-12)
+
+
+def test_a_source_is_scaled_and_used_again(whole, piece):
+    mesh, original = piece
+    start = 0.95 * whole.mesh_body.vertices[original]
+    small = RigidRegistration(mesh.moved(0.5 * mesh.vertices))
+    for _ in range(2):
+        found = small(whole.mesh_body, whole.index, start, LENGTHS, scale=2.0)
+        np.testing.assert_allclose(found, registered(mesh, whole, start), atol=1e-9)
 
 
 def test_a_turned_piece_is_put_back(whole, piece):

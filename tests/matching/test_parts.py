@@ -12,8 +12,8 @@ from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.match_part import match_part
-from isomatch.matching.parts.part_fits import PartFits
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
+from isomatch.matching.parts.part_refinement import WholeCoordinates
 from isomatch.matching.quality import covered_share
 from isomatch.matching.settings import PartSettings
 
@@ -73,6 +73,24 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     before, after = (prepared.mean_distance(each.fits[0].image, truth[rows]) for each in (unsettled, best))
     assert after < 0.9 * before
     assert best.scores[0] < unsettled.scores[0]
+
+
+def test_hopeless_maps_are_given_up(found, prepared):
+    _, best = found
+    bold = match_part(best.pair.part, prepared, Config(parts=PartSettings(hopeless=1.0)))
+    assert len(bold.fits) == 2
+    assert prepared.mean_distance(bold.fits[0].image, best.fits[0].image) < 0.02
+
+
+def test_the_best_map_bends_the_part_in_full(found, bodies, prepared):
+    """From where it lies at a lower resolution, and more exactly."""
+    part, best = found
+    truth = prepared.body_vertex[bodies[2][part.original]][best.pair.part.user_vertex]
+    rough, rows = best.fits[0].bent, np.arange(len(truth))
+    assert rough.mesh.n_vertices < best.bent.mesh.n_vertices == len(truth)
+    before = prepared.mean_distance(best.fits[0].bending.image(rough, rows), truth)
+    after = prepared.mean_distance(best.bent.images, truth)
+    assert after < 1.05 * before < 0.03
 
 
 def test_trusted_distances_from_landmarks_are_those_on_the_whole(found, bodies, prepared):
@@ -190,13 +208,11 @@ def test_a_shape_is_a_part_of_itself():
 
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
     config = Config(refining=replace(Config().refining, position_unit=0.2))
-    at_once = PartFits(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).coordinates.at(20, True)
+    at_once = WholeCoordinates(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).at(20, True)
     np.testing.assert_array_equal(
-        PartFits(prepared, config, NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
+        WholeCoordinates(prepared, config, NO_LANDMARKS[:, 0]).at(20, True), at_once
     )
-    assert not np.array_equal(
-        PartFits(prepared, Config(), NO_LANDMARKS[:, 0]).coordinates.at(20, True), at_once
-    )
+    assert not np.array_equal(WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0]).at(20, True), at_once)
 
 
 def test_landmarks_lead_a_part(bodies, prepared):

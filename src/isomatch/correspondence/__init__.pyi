@@ -37,8 +37,10 @@ from isomatch.correspondence.nearest_points import (
 )
 from isomatch.correspondence.registration import register_nonrigid
 from isomatch.correspondence.rigid_registration import (
+    RigidRegistration,
     nearest_with_normals,
     register_as_rigid_as_possible,
+    with_normals,
 )
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
@@ -54,6 +56,7 @@ __all__ = [
     "FunctionalMap",
     "IntervalCost",
     "PrecisePoints",
+    "RigidRegistration",
     "SampledBasis",
     "SignedPoints",
     "SpectralPair",
@@ -81,5 +84,6 @@ __all__ = [
     "spectral_embedding",
     "trilaterate",
     "welded_map",
+    "with_normals",
     "wrap",
 ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch._arrays import Float32Array, FloatArray, IntArray, single
 from isomatch._compiled import compiled
 
 FORBIDDEN = 50.0  # more than any assignment costs
@@ -77,11 +77,11 @@ def assign_points(
 
     Notes
     -----
-    O(width c m²).
+    O(width m (c m + width)).
     """
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
-    assigned, total = np.zeros((1, 0), dtype=np.int64), np.zeros(1)
+    assigned, total, between = np.zeros((1, 0), dtype=np.int64), np.zeros(1), np.zeros((1, 1))
     for point in range(m):
         added = np.zeros((len(assigned), c))
         _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
@@ -90,10 +90,10 @@ def assign_points(
         best = np.argpartition(children, take - 1)[:take]
         best = best[np.lexsort((best, children[best]))]
         parent, candidate = np.divmod(best, c)
-        grown = np.column_stack([assigned[parent], candidate])
-        kept = np.zeros(width, dtype=np.int64)
-        kept = kept[: _keep_differing(distances, grown, apart, kept)]
-        assigned, total = grown[kept], children[best[kept]]
+        kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
+        count = _keep_differing(distances, parent, candidate, apart * (point + 1), between, kept, of_kept)
+        kept, between = kept[:count], of_kept
+        assigned, total = np.column_stack([assigned[parent[kept]], candidate[kept]]), children[best[kept]]
     return assigned, total
 
 
@@ -122,21 +122,40 @@ def _add_costs(
 
 
 @compiled()
-def _keep_differing(distances: FloatArray, tuples: IntArray, apart: float, kept: IntArray) -> int:
-    """Keep the first rows of tuples whose mean distance to all kept before is at least ``apart``, and count them."""
-    m = tuples.shape[1]
+def _keep_differing(
+    distances: FloatArray,
+    parent: IntArray,
+    last: IntArray,
+    apart: float,
+    of_parents: FloatArray,
+    kept: IntArray,
+    of_kept: FloatArray,
+) -> int:
+    """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
+
+    Each has a parent and one more candidate, the last. Sums are known of parents, and set in ``of_kept`` of what is kept.
+    Most are too near to what was kept of the same parent, which therefore comes first.
+    """
+    latest = np.full(len(of_parents), -1)
     n = 0
-    for i in range(len(tuples)):
+    for i in range(len(last)):
+        mine, here = parent[i], last[i]
+        sibling = latest[mine]
+        if sibling >= 0 and of_parents[mine, mine] + distances[here, last[kept[sibling]]] < apart:
+            continue
         differs = True
         for k in range(n - 1, -1, -1):
-            total = 0.0
-            for j in range(m):
-                total += distances[tuples[i, j], tuples[kept[k], j]]
-            if total < apart * m:
+            other = parent[kept[k]]
+            total = of_parents[mine, other] + distances[here, last[kept[k]]]
+            of_kept[n, k] = total
+            if total < apart:
                 differs = False
                 break
         if differs:
             kept[n] = i
+            latest[mine] = n
+            for k in range(n + 1):
+                of_kept[k, n] = of_parents[parent[kept[k]], mine] + distances[last[kept[k]], here]
             n += 1
             if n == len(kept):
                 break
@@ -168,38 +187,43 @@ def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cos
 
     Notes
     -----
-    O(q m c).
+    O(q m c), in single precision.
     """
     placed = np.zeros(len(lower), dtype=np.int64)
-    lower, upper, distances = map(np.ascontiguousarray, (lower, upper, distances))
-    _trilaterate(lower, upper, distances, *cost.numbers, np.zeros(distances.shape[1]), placed)
+    tolerance, inside, most, soft = single(np.array(cost.numbers))
+    total = np.zeros(distances.shape[1], np.float32)
+    _trilaterate(
+        single(lower), single(upper), single(distances), tolerance, inside, most, soft, total, placed
+    )
     return placed
 
 
 @compiled(fastmath={"nnan", "nsz", "reassoc", "contract", "arcp"})
 def _trilaterate(
-    lower: FloatArray,
-    upper: FloatArray,
-    distances: FloatArray,
-    tolerance: float,
-    inside: float,
-    most: float,
-    soft: float,
-    total: FloatArray,
+    lower: Float32Array,
+    upper: Float32Array,
+    distances: Float32Array,
+    tolerance: np.float32,
+    inside: np.float32,
+    most: np.float32,
+    soft: np.float32,
+    total: Float32Array,
     placed: IntArray,
 ) -> None:
     """Set ``placed`` (q,); ``total`` is room for the cost of each candidate."""
     q, m = lower.shape
     c = distances.shape[1]
+    zero, one = np.float32(0), np.float32(1)
     for i in range(q):
         for k in range(c):
             total[k] = 0.0
         for a in range(m):
             u = upper[i, a]
-            low, high, weight = lower[i, a] * (1 - tolerance), u * (1 + tolerance), 1 / (soft + u)
+            low, high = lower[i, a] * (one - tolerance), u * (one + tolerance)
+            weight = one / (soft + u)
             for k in range(c):
                 d = distances[a, k]
-                total[k] += min(max(low - d, d - high, 0.0) + inside * abs(d - u), most) * weight
+                total[k] += min(max(low - d, d - high, zero) + inside * abs(d - u), most) * weight
         for k in range(c):
             if total[k] < total[placed[i]]:
                 placed[i] = k

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, triu
+from scipy.sparse import coo_array
 
 from isomatch._arrays import FloatArray, IntArray
+from isomatch._cached import cached_property
 from isomatch._compiled import compiled
 from isomatch.bases import factorised, stiffness_and_masses
 from isomatch.correspondence.surface_index import SurfaceIndex
@@ -72,39 +73,75 @@ def register_as_rigid_as_possible(
 
     in R and in y by turns. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
     Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source
-    rows, and searches n_source nearest points in six dimensions: 80 ms for 5000 vertices.
+    rows, and searches n_source nearest points in six dimensions: 25 ms for 5000 vertices.
     """
-    lengths = tuple(lengths)
-    if not all(length > 0 for length in lengths):
-        raise SettingError(f"lengths are {lengths}; expected numbers above 0")
-    stiffness, areas = stiffness_and_masses(source)
-    links = coo_array(triu(-stiffness, 1))
-    i, j, weights = links.row, links.col, links.data
-    before = source.vertices[i] - source.vertices[j]
-    ends, number = np.concatenate([i, j]), np.tile(np.arange(len(i)), 2)
-    shape = len(areas), len(i)
-    around = csr_array((np.tile(weights, 2), (ends, number)), shape)
-    outward = csr_array((np.concatenate([weights, -weights]), (ends, number)), shape)
-    wanted, moved, turn = positions, positions, None
-    for step, length in enumerate(lengths):
-        if step > 0:
-            nearest = nearest_with_normals(source.moved(moved), target, index, normal_unit)
-            wanted = nearest.interpolated(target.vertices)
-        pull = areas / length**2
-        if held:
-            vertices, points = held
+    return RigidRegistration(source)(target, index, positions, lengths, 1.0, normal_unit, held)
+
+
+class RigidRegistration:
+    """As-rigid-as-possible registrations of one surface, with the matrices that they share.
+
+    Parameters
+    ----------
+    source : Mesh
+        The surface that is bent.
+    """
+
+    def __init__(self, source: Mesh) -> None:
+        self.source = source
+        self._solvers: dict[tuple[float, bytes], Callable[[FloatArray], FloatArray]] = {}
+
+    @cached_property
+    def _matrices(self) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
+        """Areas; neighbours of each vertex and their weights, by rows."""
+        self._stiffness, areas = stiffness_and_masses(self.source)
+        links = coo_array(self._stiffness)
+        apart = links.row != links.col
+        order = np.lexsort((links.col[apart], links.row[apart]))
+        start = np.zeros(len(areas) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
+        return areas, start, links.col[apart][order].astype(np.int64), -links.data[apart][order]
+
+    def __call__(
+        self,
+        target: Mesh,
+        index: SurfaceIndex,
+        positions: FloatArray,
+        lengths: Iterable[float],
+        scale: float = 1.0,
+        normal_unit: float = NORMAL_UNIT,
+        held: tuple[IntArray, FloatArray] | None = None,
+    ) -> FloatArray:
+        """Bend the source, ``scale`` times as large, onto the target; the rest as in `register_as_rigid_as_possible`."""
+        lengths = tuple(lengths)
+        if not all(length > 0 for length in lengths):
+            raise SettingError(f"lengths are {lengths}; expected numbers above 0")
+        areas, start, neighbours, weights = self._matrices
+        before, turn = scale * self.source.vertices, None
+        wanted, moved = positions, positions
+        vertices, points = held or (np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        covariances, pulled = np.zeros((len(areas), 3, 3)), np.zeros(before.shape)
+        for step, length in enumerate(lengths):
+            if step > 0:
+                nearest = nearest_with_normals(self.source.moved(moved), target, index, normal_unit)
+                wanted = nearest.interpolated(target.vertices)
+            pull = areas * (scale / length) ** 2
             pull[vertices] = np.pi
-            wanted = wanted.copy()
-            wanted[vertices] = points
-        solve = factorised(stiffness, pull)
-        for _ in range(ROTATED):
-            after = moved[i] - moved[j]
-            products = (before[:, :, None] * after[:, None, :]).reshape(-1, 9)
-            covariances = (around @ products).reshape(-1, 3, 3)
-            turn = _rotations(covariances) if turn is None else _turned(turn, covariances)
-            bent = np.einsum("eij,ej->ei", 0.5 * (turn[i] + turn[j]), before)
-            moved = solve(pull[:, None] * wanted + outward @ bent)
-    return moved
+            drawn = pull[:, None] * wanted
+            drawn[vertices] = np.pi * points
+            solve = self._solver(length / scale, pull, vertices)
+            for _ in range(ROTATED):
+                _covariances(before, moved, start, neighbours, weights, covariances)
+                turn = _rotations(covariances) if turn is None else _turned(turn, covariances)
+                _pulled(before, turn, start, neighbours, weights, pulled)
+                moved = solve(drawn + pulled)
+        return moved
+
+    def _solver(self, length: float, pull: FloatArray, held: IntArray) -> Callable[[FloatArray], FloatArray]:
+        key = length, held.tobytes()
+        if key not in self._solvers:
+            self._solvers[key] = factorised(self._stiffness, pull)
+        return self._solvers[key]
 
 
 def nearest_with_normals(
@@ -114,8 +151,52 @@ def nearest_with_normals(
 
     The unit is a distance in the units of the surfaces; the default is for an area of about 1.
     """
-    here, there = (np.hstack([mesh.vertices, unit * mesh.vertex_normals]) for mesh in (queries, surface))
-    return index.points(there, here)
+    return index.points(with_normals(surface, unit), with_normals(queries, unit))
+
+
+def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
+    """Coordinates (n, 6) of the vertices of a mesh, in which `nearest_with_normals` finds the nearest point."""
+    return np.hstack([mesh.vertices, unit * mesh.vertex_normals])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _covariances(
+    before: FloatArray,
+    after: FloatArray,
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Set the covariances (n, 3, 3) of the edges around each vertex before and after."""
+    covariances[:] = 0.0
+    for i in range(len(before)):
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], weights[at]
+            for row in range(3):
+                edge = weight * (before[i, row] - before[j, row])
+                for column in range(3):
+                    covariances[i, row, column] += edge * (after[i, column] - after[j, column])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _pulled(
+    before: FloatArray,
+    turn: FloatArray,
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    pulled: FloatArray,
+) -> None:
+    """Set the sums (n, 3) over the edges around each vertex, turned by the mean rotation of their ends."""
+    pulled[:] = 0.0
+    for i in range(len(before)):
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], 0.5 * weights[at]
+            for row in range(3):
+                for column in range(3):
+                    edge = before[i, column] - before[j, column]
+                    pulled[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
 
 
 def _rotations(covariances: FloatArray) -> FloatArray:

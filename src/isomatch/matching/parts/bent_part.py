@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, IntArray
+from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch._cached import cached_property
-from isomatch.correspondence import PrecisePoints, nearest_with_normals, register_as_rigid_as_possible
+from isomatch.correspondence import PrecisePoints, RigidRegistration, nearest_with_normals, with_normals
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement
+from isomatch.resolution import Prolongation, decimate
 from isomatch.surfaces import Mesh
 
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
@@ -20,36 +21,21 @@ ALL_FUNCTIONS = 10**6
 
 @dataclass(frozen=True, eq=False)
 class BentPart:
-    """A part laid on the whole by a map, and bent until it lies on its surface.
+    """A part bent until it lies on the surface of a whole.
 
     Parameters
     ----------
     pair : PartPair
         The shapes, in the unit of the map.
-    refinement : PartRefinement
-        Of the map.
-    image : (r,) array of int
-        Vertices of the whole for those of the refinement.
-    lengths : tuple of float
-        See `register_as_rigid_as_possible`, in √area of the whole.
+    flat : Mesh
+        The part, in √area of its own, perhaps at a lower resolution.
+    mesh : Mesh
+        The same bent, in √area of the whole.
     """
 
     pair: PartPair
-    refinement: PartRefinement
-    image: IntArray
-    lengths: tuple[float, ...]
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """The bent part, in √area of the whole."""
-        (part, whole), index = self.pair.meshes, self.pair.whole.index
-        everywhere = np.arange(part.n_vertices)
-        of_part, of_whole = self.refinement.embedding(self.image, ALL_FUNCTIONS, everywhere)
-        start = index.points(of_whole, of_part).interpolated(whole.vertices)
-        scaled = part.moved(self.pair.unit * part.vertices)
-        landmarks = self.pair.landmarks
-        held = self.pair.anchors[: len(landmarks)], whole.vertices[landmarks]
-        return part.moved(register_as_rigid_as_possible(scaled, whole, index, start, self.lengths, held=held))
+    flat: Mesh
+    mesh: Mesh
 
     @cached_property
     def onto_whole(self) -> PrecisePoints:
@@ -66,8 +52,8 @@ class BentPart:
     @cached_property
     def misfit(self) -> float:
         """What speaks against the map: mean |log| of the stretch of the edges × mean distance from the whole."""
-        part, whole = self.pair.meshes
-        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, part))
+        whole = self.pair.meshes[1]
+        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.flat))
         stretch = np.log(after / (self.pair.unit * before))
         apart = self.onto_whole.interpolated(whole.vertices) - self.mesh.vertices
         return float(np.abs(stretch).mean() * np.linalg.norm(apart, axis=1).mean())
@@ -86,3 +72,58 @@ class BentPart:
         on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
         rim = settings.off if self.pair.is_hardly_known else settings.rim
         return points, gap <= np.where(on_rim, rim, settings.off)
+
+
+class PartBending:
+    """Bends a part onto a whole by maps: at a lower resolution, and for the last one in full.
+
+    Parameters
+    ----------
+    part : Mesh
+        The part.
+    n_vertices : int
+        Vertices of the lower resolution.
+    """
+
+    def __init__(self, part: Mesh, n_vertices: int) -> None:
+        self._coarse = Prolongation(part, decimate(part, n_vertices))
+        self._registration = RigidRegistration(self._coarse.coarse.mesh)
+
+    def coarsely(
+        self, pair: PartPair, refinement: PartRefinement, image: IntArray, lengths: tuple[float, ...]
+    ) -> BentPart:
+        """Lay the part on the whole by a map (r,) of the vertices of a refinement, and bend it.
+
+        ``lengths`` are those of `RigidRegistration`, in √area of the whole.
+        """
+        whole, index = pair.meshes[1], pair.whole.index
+        of_part, of_whole = refinement.embedding(image, ALL_FUNCTIONS, self._coarse.nearest_members)
+        start = index.points(of_whole, of_part).interpolated(whole.vertices)
+        held = self._coarse.coarse.owner[pair.anchors[: len(pair.landmarks)]]
+        return self._bent(self._registration, pair, start, lengths, held)
+
+    def image(self, bent: BentPart, vertices: IntArray) -> IntArray:
+        """Vertices of the whole nearest to some vertices (r,) of the part that is bent at the lower resolution."""
+        corners, weights = self._coarse.on_coarse
+        places = PrecisePoints(corners[vertices], weights[vertices])
+        there, here = with_normals(bent.pair.meshes[1]), places.interpolated(with_normals(bent.mesh))
+        return bent.pair.whole.index.vertices(there, here)
+
+    def in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
+        """Bend the part in full, from where it lies at the lower resolution."""
+        pair, start = bent.pair, self._coarse.on_coarse.interpolated(bent.mesh.vertices)
+        held = pair.anchors[: len(pair.landmarks)]
+        return self._bent(RigidRegistration(pair.meshes[0]), pair, start, lengths, held)
+
+    def _bent(
+        self,
+        registration: RigidRegistration,
+        pair: PartPair,
+        start: FloatArray,
+        lengths: tuple[float, ...],
+        landmarks: IntArray,
+    ) -> BentPart:
+        whole, flat = pair.meshes[1], registration.source
+        held = landmarks, whole.vertices[pair.landmarks]
+        bent = registration(whole, pair.whole.index, start, lengths, pair.unit, held=held)
+        return BentPart(pair, flat, flat.moved(bent))

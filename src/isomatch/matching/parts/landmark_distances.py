@@ -39,7 +39,6 @@ class LandmarkDistances:
 
     def of_part(self, pair: PartPair) -> PartSignatures:
         """Distances on a part in the unit of a pair, trusted where no path beyond the boundary can be shorter."""
-        everywhere, along = np.arange(pair.part.body.n_vertices), pair.along[: len(self.landmarks)]
-        lower = pair.missing.lower_bound(pair.anchors[: len(self.landmarks)], everywhere, along)
-        lower, upper = (np.minimum(pair.unit * bound.T, self.reach) for bound in (lower, along))
+        bounds = (each[: len(self.landmarks)] for each in (pair.lower, pair.along))
+        lower, upper = (np.minimum(pair.unit * bound.T, self.reach) for bound in bounds)
         return PartSignatures(upper, (lower >= TRUSTED * upper).astype(np.float64))

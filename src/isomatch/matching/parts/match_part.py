@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from isomatch._arrays import IntArray
+from isomatch._cached import cached_property
 from isomatch._threads import parallel_map
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -22,6 +23,7 @@ from isomatch.matching.parts.part_starts import PartStarts, self_maps
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
 
+N_LAST = 5  # steps in which the part is bent in full, after as many as there are at a lower resolution
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -73,10 +75,11 @@ class PartMatch:
         """Area of the part over that of the whole, by the best map."""
         return self.fits[0].refinement.local_unit(self.fits[0].image) ** 2
 
-    @property
+    @cached_property
     def bent(self) -> BentPart:
-        """The part bent onto the whole by the best map."""
-        return self.fits[0].bent
+        """The part bent onto the whole by the best map, in full."""
+        best = self.fits[0]
+        return best.bending.in_full(best.bent, self.pair.config.parts.bending[-N_LAST:])
 
 
 def match_part(
@@ -112,7 +115,7 @@ def match_part(
     """
     settings, pair = config.parts, PartPair.of(part, whole, config, landmarks)
     led = _filled(part, known) if len(known) else None
-    refinements = PartFits(whole, config, pair.landmarks, led)
+    refinements = PartFits(pair, led)
     given = [
         (pair.in_unit_of(image), image[part.sample_vertices[: settings.n_rough]])
         for image in (closed, led)
@@ -121,7 +124,9 @@ def match_part(
     only_given = led is not None and config.hypotheses == "given"
     rough = [] if only_given else _rough_fits(pair, refinements, given)
     distinct = _distinct(rough, settings.n_contenders, settings.apart)
-    contenders = [*((fit.pair, fit.image) for fit in distinct), *given]
+    hopeful = [fit for fit in distinct if fit.promise <= settings.hopeless * distinct[0].promise]
+    hopeful = distinct[: max(len(hopeful), 2)]  # the best, and a rival
+    contenders = [*((fit.pair, fit.image) for fit in hopeful), *given]
     if not contenders:
         raise NotConvergedError(
             "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' if "
@@ -129,8 +134,12 @@ def match_part(
         )
     fits = parallel_map(lambda each: refinements.fine(*each), contenders)
     parallel_map(attrgetter("bent_score"), fits)  # on several threads, and kept
-    fits.sort(key=_against(fits))
-    fits[: settings.n_settled] = parallel_map(refinements.settled, fits[: settings.n_settled])
+    against = _against(fits)
+    fits.sort(key=against)
+    n_settled = sum(
+        against(fit) <= settings.hopeless * against(fits[0]) for fit in fits[: settings.n_settled]
+    )
+    fits[:n_settled] = parallel_map(refinements.settled, fits[:n_settled])
     parallel_map(attrgetter("bent_score"), fits)
     against = _against(fits)
     fits.sort(key=against)

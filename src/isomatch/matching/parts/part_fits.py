@@ -8,12 +8,10 @@ import numpy as np
 
 from isomatch._arrays import IntArray
 from isomatch._cached import cached_property
-from isomatch.matching.config import Config
-from isomatch.matching.parts.bent_part import BentPart
+from isomatch.matching.parts.bent_part import BentPart, PartBending
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_refinement import PartRefinement, WholeCoordinates
+from isomatch.matching.parts.part_refinement import PartRefinement, PartSamples, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, completed, composed
-from isomatch.matching.prepared_shape import PreparedShape
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
 N_ROUGH, N_FINE = (
@@ -42,8 +40,10 @@ class PartFit:
         Mean cosine of the normals.
     local_stress, curvature_mismatch : float
         See `PartRefinement`.
-    bending : tuple of float
-        Lengths over which the part resists when it is bent, see `PartSettings`.
+    bending : PartBending
+        Bends the part.
+    lengths : tuple of float
+        Lengths over which the part resists when it is bent by the map, see `PartSettings`.
     hint_error : float
         Mean distance from the images that hints ask for, in √area of the whole; 0 before the end, and without hints.
     """
@@ -56,13 +56,14 @@ class PartFit:
     orientation: float
     local_stress: float
     curvature_mismatch: float
-    bending: tuple[float, ...] = ()
+    bending: PartBending
+    lengths: tuple[float, ...] = ()
     hint_error: float = 0.0
 
     @cached_property
     def bent(self) -> BentPart:
-        """The part bent onto the whole by the map."""
-        return BentPart(self.pair, self.refinement, self.image, self.bending)
+        """The part bent onto the whole by the map, at a lower resolution."""
+        return self.bending.coarsely(self.pair, self.refinement, self.image, self.lengths)
 
     @property
     def score(self) -> float:
@@ -87,29 +88,24 @@ class PartFits:
 
     Parameters
     ----------
-    whole : PreparedShape
-        A mesh.
-    config : Config
-        The settings of the match.
-    landmarks : (l,) array of int
-        Vertices of the body of the whole whose counterparts on the part are known.
+    pair : PartPair
+        The shapes, in any unit.
     hinted : (n_part,) array of int, optional
         Vertices of the whole that a given map has as images.
     """
 
-    def __init__(
-        self, whole: PreparedShape, config: Config, landmarks: IntArray, hinted: IntArray | None = None
-    ) -> None:
-        self._config, self._hinted = config, hinted
-        self.coordinates = WholeCoordinates(whole, config, landmarks)
+    def __init__(self, pair: PartPair, hinted: IntArray | None = None) -> None:
+        config = pair.config
+        self._config, self._hinted, self._samples = config, hinted, PartSamples(pair)
+        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks)
+        self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._known: dict[tuple[float, int], PartRefinement] = {}
 
     def _refinement(self, pair: PartPair, n_rows: int) -> PartRefinement:
         """Refine some vertices in the unit of a pair."""
         key = pair.unit, n_rows
         if key not in self._known:
-            known = self.coordinates.known_of_part(pair)
-            self._known[key] = PartRefinement(pair, self.coordinates, known, n_rows)
+            self._known[key] = PartRefinement(pair, self.coordinates, self._samples, n_rows)
         return self._known[key]
 
     def _rough_refinement(self, pair: PartPair) -> PartRefinement:
@@ -123,7 +119,7 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._rough_refinement(start.pair)
         vertices = refinement.vertices[: self._config.n_search]
-        return self.roughly(start.pair, refinement.extended(vertices, start.dense(vertices), N_ROUGH))
+        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH))
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
@@ -136,14 +132,14 @@ class PartFits:
             return None
         image, misfit = refinement.refined(image, sizes)
         anchors = refinement.at(image, sizes[-1], pair.anchors)
-        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH)
+        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH, self.bending)
 
     def fine(self, pair: PartPair, image: IntArray) -> PartFit:
         """Refine a map of the vertices of a rough one to the end."""
         settings, rough = self._config.refining, self._rough_refinement(pair)
         pair = pair.with_unit(rough.local_unit(image))
         refinement = self.fine_refinement(pair)
-        image = refinement.extended(rough.vertices, image, self._config.parts.sizes[-1])
+        image = refinement.extended(image, self._config.parts.sizes[-1])
         image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
         image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
         return self._finely(pair, image, misfit, self._config.parts.bending[::2])
@@ -151,7 +147,7 @@ class PartFits:
     def settled(self, fit: PartFit) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
         for _ in range(self._config.parts.n_bent):
-            image = fit.bent.images[fit.refinement.vertices]
+            image = self.bending.image(fit.bent, fit.refinement.vertices)
             image, misfit = fit.refinement.refined(image, self._config.refining.final_sizes)
             fit = self._finely(fit.pair, image, misfit, self._config.parts.bending)
         return fit
@@ -161,13 +157,13 @@ class PartFits:
         _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
         return self._finely(pair, image, misfit, self._config.parts.bending)
 
-    def _finely(self, pair: PartPair, image: IntArray, misfit: float, bending: tuple[float, ...]) -> PartFit:
+    def _finely(self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...]) -> PartFit:
         refinement, most = self.fine_refinement(pair), len(pair.whole.laplace.values)
         anchors = completed(pair, refinement.at(image, min(N_DRAWN, most), pair.anchors), 2)
         error = 0.0
         if self._hinted is not None:
             error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
-        return _fit(refinement, pair, image, misfit, anchors, N_FINE, bending, error)
+        return _fit(refinement, pair, image, misfit, anchors, N_FINE, self.bending, lengths, error)
 
 
 def _fit(
@@ -177,7 +173,8 @@ def _fit(
     misfit: float,
     anchors: IntArray,
     k: int,
-    bending: tuple[float, ...] = (),
+    bending: PartBending,
+    lengths: tuple[float, ...] = (),
     hint_error: float = 0.0,
 ) -> PartFit:
     """Gather the evidence for a map, and for the images that it gives the anchors."""
@@ -191,5 +188,6 @@ def _fit(
         refinement.local_stress(image),
         refinement.curvature_mismatch(image),
         bending,
+        lengths,
         hint_error,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from isomatch.surfaces import Mesh
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PartPair:
-    """A part and a whole; lengths are in √area of the whole.
+    """A part and a whole; lengths are in √area of the whole. Two are equal if their shapes and units are.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class PartPair:
         What lies beyond the part's boundary, in units of the part.
     anchors : (m,) array of int
         Vertices of the part whose images a start consists of: landmarks, then farthest points.
-    along : (m, n_part) array of float
-        Distances from them along the part, in its units.
+    lower, along : (m, n_part) array of float
+        Lower bounds of the distances from them on the whole, and distances along the part, in its units.
     landmarks : (l,) array of int
         Vertices of the whole that the first anchors go to.
     """
@@ -43,10 +43,11 @@ class PartPair:
     whole: PreparedShape
     unit: float
     config: Config
-    missing: MissingRegion
-    anchors: IntArray
-    along: FloatArray
-    landmarks: IntArray
+    missing: MissingRegion = field(compare=False)
+    anchors: IntArray = field(compare=False)
+    lower: FloatArray = field(compare=False)
+    along: FloatArray = field(compare=False)
+    landmarks: IntArray = field(compare=False)
 
     @classmethod
     def of(
@@ -62,7 +63,8 @@ class PartPair:
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
-        return cls(part, whole, unit, config, missing, anchors, along, landmarks[:, 1])
+        lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
+        return cls(part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1])
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
@@ -86,9 +88,7 @@ class PartPair:
 
     def intervals(self, vertices: IntArray) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds (m, r) of distances on the whole between the anchors and r vertices of the part."""
-        along = self.along[:, vertices]
-        lower = self.missing.lower_bound(self.anchors, vertices, along)
-        return lower * self.unit, along * self.unit
+        return self.lower[:, vertices] * self.unit, self.along[:, vertices] * self.unit
 
     @cached_property
     def anchor_intervals(self) -> tuple[FloatArray, FloatArray]:

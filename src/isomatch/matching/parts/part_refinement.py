@@ -52,6 +52,7 @@ class WholeCoordinates:
         """Signatures, and distances from the landmarks: (n, 23 + l)."""
         return np.hstack([self.signatures.values, self._distances.values / self._settings.position_unit])
 
+    @cached_method
     def known_of_part(self, pair: PartPair) -> PartSignatures:
         """Return the same of a part in the unit of a pair."""
         signatures, distances = self.signatures.of_part(pair), self._distances.of_part(pair)
@@ -78,6 +79,37 @@ class WholeCoordinates:
         return np.hstack(columns)
 
 
+class PartSamples:
+    """The sample vertices of a part, in any unit.
+
+    Parameters
+    ----------
+    pair : PartPair
+        The part, and the distances on it.
+    """
+
+    def __init__(self, pair: PartPair) -> None:
+        self._pair = pair
+
+    @cached_method
+    def basis(self, n_rows: int) -> SampledBasis:
+        """Functions of the part, to be fitted to values at its first sample vertices."""
+        return SampledBasis(self._pair.part.laplace.vectors, self._pair.part.sample_vertices[:n_rows])
+
+    @cached_property
+    def near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
+        """Near pairs of the first q vertices (q, q), which of them have a known distance on the whole, and those along.
+
+        They are the search vertices that a rough refinement maps, too.
+        """
+        pair, config, (least, most) = self._pair, self._pair.config, self._pair.config.parts.near
+        vertices = pair.part.sample_vertices[: min(config.n_search, config.parts.n_rough)]
+        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
+        near = (along > least) & (along < most)
+        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
+        return near, known, along[near]
+
+
 class PartRefinement:
     """Refines maps of some vertices of the part.
 
@@ -89,18 +121,19 @@ class PartRefinement:
     pair : PartPair
         The shapes.
     coordinates : WholeCoordinates
-    known : PartSignatures
-        Of the part, see `WholeCoordinates.known_of_part`.
+    samples : PartSamples
+        Of the part.
     n_rows : int
         Vertices of the part that are mapped.
     """
 
     def __init__(
-        self, pair: PartPair, coordinates: WholeCoordinates, known: PartSignatures, n_rows: int
+        self, pair: PartPair, coordinates: WholeCoordinates, samples: PartSamples, n_rows: int
     ) -> None:
-        self._pair, self._whole, self._known = pair, coordinates, known
+        self._pair, self._whole, self._samples = pair, coordinates, samples
+        self._known = coordinates.known_of_part(pair)
         self.vertices = pair.part.sample_vertices[:n_rows]
-        self._basis = SampledBasis(pair.part.laplace.vectors, self.vertices)
+        self._basis = samples.basis(n_rows)
 
     def n_functions(self, k: int) -> int:
         """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
@@ -120,10 +153,9 @@ class PartRefinement:
             misfit = float(np.linalg.norm(of_whole[image] - of_part, axis=1).mean())
         return image, misfit
 
-    def extended(self, vertices: IntArray, image: IntArray, k: int) -> IntArray:
-        """Map the vertices of this refinement by a map (q,) of other vertices of the part, through k functions."""
-        basis = SampledBasis(self._pair.part.laplace.vectors, vertices)
-        return self._drawn(basis, image, k, self.vertices)
+    def extended(self, image: IntArray, k: int) -> IntArray:
+        """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""
+        return self._drawn(self._samples.basis(len(image)), image, k, self.vertices)
 
     def at(self, image: IntArray, k: int, vertices: IntArray) -> IntArray:
         """Map other vertices (q,) of the part by a map (r,) of those of this refinement, through k functions."""
@@ -137,7 +169,7 @@ class PartRefinement:
 
     def local_unit(self, image: IntArray) -> float:
         """Measure the unit by images (r,): the median ratio of known distances between near ones and along the part."""
-        known = self._near[1]
+        known = self._samples.near[1]
         if known.sum() < FEWEST_KNOWN:
             return self._pair.unit
         return self._pair.restricted(float(np.median(self._ratios(image)[known])))
@@ -150,20 +182,10 @@ class PartRefinement:
 
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
-        near, _, along = self._near
+        near, _, along = self._samples.near
         image = image[: len(near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
         return np.maximum(there, 1e-3) / along
-
-    @cached_property
-    def _near(self) -> tuple[BoolArray, BoolArray, FloatArray]:
-        """Near vertices (q, q), which of these pairs have a known distance on the whole, and distances along the part."""
-        pair, (least, most) = self._pair, self._pair.config.parts.near
-        vertices = self.vertices[: pair.config.n_search]
-        along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > least) & (along < most)
-        known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
-        return near, known, along[near]
 
     def curvature_mismatch(self, image: IntArray) -> float:
         """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch._arrays import FloatArray
-from isomatch._cached import cached_property
+from isomatch._cached import cached_method, cached_property
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.prepared_shape import PreparedShape
@@ -73,6 +73,11 @@ class WholeSignatures:
         """(n_whole, 23) signatures."""
         return np.hstack([weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)])
 
+    @cached_method
+    def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
+        return mean_curvature(part.mesh_body, part.laplace, k)
+
+    @cached_method
     def of_part(self, pair: PartPair) -> PartSignatures:
         """Signatures of a part in the unit of a pair."""
         part, sizes = pair.part, pair.config.preparation.curvature_functions
@@ -84,7 +89,7 @@ class WholeSignatures:
         for column, size in zip(curvatures.T, sizes):
             k = min(size, len(whole_values))
             k_part = int(np.clip(round(k * pair.share), 8, len(part.laplace.values) - 1))
-            here = _standardised(mean_curvature(pair.meshes[0], part.laplace, k_part) / pair.unit, column)
+            here = _standardised(self._curvature_of_part(part, k_part) / pair.unit, column)
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))

@@ -89,9 +89,11 @@ class PartStarts:
         )
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._balls = self._areas_of_balls()
+        self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
         settings = pair.config.parts
-        self._apart = settings.led_apart if len(pair.landmarks) else settings.apart
         self._at = lru_cache(pair.with_unit)
+        self._mean_signatures = np.abs(signatures.values).mean(axis=0)
+        self._apart = settings.led_apart if len(pair.landmarks) else settings.apart
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
@@ -119,7 +121,7 @@ class PartStarts:
         rows, costs = assign_points(
             pair.whole.distances_between(candidates),
             *pair.anchor_intervals,
-            self._unary(pair)[:placed, np.searchsorted(self._places, candidates)],
+            self._assigned_alone(pair, placed),
             pair.cost,
             settings.width,
             self._apart,
@@ -134,7 +136,8 @@ class PartStarts:
         scaled = self._at(pair.unit_of(images))
         if scaled.unit != pair.unit:
             images = completed(scaled, images, 1)
-        unary = self._unary(scaled)[np.arange(len(images)), np.searchsorted(self._places, images)]
+        unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
+        unary[: len(scaled.landmarks)] = 0.0
         cost = scaled.stress(images) + unary.mean() * 2 / (pair.config.parts.n_placed - 1)
         cost += self._against(scaled.unit)
         return PartStart(scaled, images, float(cost))
@@ -161,26 +164,35 @@ class PartStarts:
         areas, there = areas_of_samples(whole, fine), whole.distances.between(self._places, fine)
         return np.stack([(there < r) @ areas for r in self._pair.config.parts.radii], axis=1)
 
+    def _assigned_alone(self, pair: PartPair, placed: int) -> FloatArray:
+        """Cost (m, c) of each candidate for each of the first m anchors by itself."""
+        cost = self._unary(pair, np.arange(placed)[:, None], np.searchsorted(self._places, self._candidates))
+        pin_first(cost, np.searchsorted(self._candidates, pair.landmarks[:placed]))
+        return cost
+
+    def _unary(self, pair: PartPair, anchors: IntArray, places: IntArray) -> FloatArray:
+        """Cost of images, by their number, of anchors, by theirs: areas of balls, and signatures."""
+        least, most = self._balls_of_part(pair)
+        below = least[anchors] * (1 - BALL_TOLERANCE) - self._balls[places]
+        above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
+        violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
+        cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=-1))
+        of_part, weights = (each[pair.anchors[anchors]] for each in self._signatures.of_part(pair))
+        of_whole = self._signatures.values
+        apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
+        cost += pair.config.parts.signature_cost * np.minimum(apart, 1.0).mean(axis=-1)
+        return cost
+
     @cached_method
-    def _unary(self, pair: PartPair) -> FloatArray:
-        """Cost (m, p) of each image of each anchor: areas of balls, and signatures."""
-        settings, places, balls = pair.config.parts, self._places, self._balls
-        radii, samples = np.array(settings.radii), pair.part.sample_vertices
-        areas = areas_of_samples(pair.part, samples) * pair.share
+    def _balls_of_part(self, pair: PartPair) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest areas (m, q) of the balls of all radii around the anchors."""
+        radii, samples = np.array(pair.config.parts.radii), pair.part.sample_vertices
+        areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)
         most = np.stack([(lower < r) @ areas for r in radii], axis=1)
         most += (radii > pair.to_boundary[pair.anchors, None]) * max(1 - pair.share, 0.0)
-        below = least[:, None] * (1 - BALL_TOLERANCE) - balls
-        above = balls - most[:, None] * (1 + BALL_TOLERANCE)
-        violation = np.maximum(np.maximum(below, above), 0.0) / balls.mean(axis=0)
-        cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=2))
-        of_part, weights = (each[pair.anchors, None] for each in self._signatures.of_part(pair))
-        of_whole = self._signatures.values
-        apart = weights * np.abs(of_part - of_whole[places]) / (2 * np.abs(of_whole).mean(axis=0))
-        cost += settings.signature_cost * np.minimum(apart, 1.0).mean(axis=2)
-        pin_first(cost, np.searchsorted(places, pair.landmarks))
-        return cost
+        return least, most
 
 
 def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:

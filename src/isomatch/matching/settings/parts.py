@@ -37,6 +37,9 @@ class PartSettings(Settings):
         Best maps after the short refinement that are composed with maps of the whole onto itself.
     n_contenders : int
         Best starts that are refined to the end, after a short refinement of all.
+    hopeless : float
+        Maps are given up against which so many times as much speaks as against the best: after the short refinement, but
+        for the two best, and before they are settled.
     function_ratio : float
         The part gets as many functions as have eigenvalues up to this times the largest of the whole that is used:
         a boundary needs more functions than the share of the area says.
@@ -69,6 +72,8 @@ class PartSettings(Settings):
     bending : tuple of float
         Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
         `register_as_rigid_as_possible`.
+    n_bent_vertices : int
+        Vertices of the part while contenders bend it; the best one bends it in full.
     n_settled, n_bent : int
         Best maps that are settled: the part is bent, its map refined from where it lies then, and so on, so many times.
     rim, off : float
@@ -103,6 +108,7 @@ class PartSettings(Settings):
     n_mirrored: int = setting(24, "chosen on cuts and holes, not one by one", least=1)
     n_varied: int = setting(4, "chosen on cuts and holes, not one by one", least=0)
     n_contenders: int = setting(8, "chosen on cuts and holes, not one by one", least=1)
+    hopeless: float = setting(3.0, "docs/robustness.md: parts", least=1)
     function_ratio: float = setting(1.75, "chosen on cuts and holes, not one by one", least=1)
     sizes: tuple[int, ...] = setting((20, 40, 70), "chosen on cuts and holes, not one by one", least=4)
     n_rough: int = setting(500, "chosen on cuts and holes, not one by one", least=50)
@@ -128,6 +134,7 @@ class PartSettings(Settings):
     )
     rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
+    n_bent_vertices: int = setting(1000, "docs/robustness.md: parts", least=50)
     n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
     n_bent: int = setting(2, "docs/robustness.md: parts", least=0)
     poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
