@@ -67,7 +67,7 @@ class ClosedMatch:
         image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
         pair = PartPair.of(part, whole, config).in_unit_of(image)
         rows = part.sample_vertices[: config.n_refine]
-        return PartFits(whole, config, pair.landmarks).measured(pair, image[rows])
+        return PartFits(pair).measured(pair, image[rows])
 
     def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
