@@ -44,6 +44,12 @@ def found(species):
     return match(*species[:2])
 
 
+@pytest.fixture(scope="module")
+def mirrored(species):
+    """Both shapes with their mirror images."""
+    return tuple(with_mirror(shape, Config()) for shape in species[:2])
+
+
 def mean_error(shape, images, truth):
     return shape.mean_distance(shape.body_vertex[images], shape.body_vertex[truth])
 
@@ -88,10 +94,10 @@ def test_canonical_coordinates_keep_distances(species):
     assert np.abs(apart - species[0].distances_between(vertices)).mean() < 0.1 * apart.mean()
 
 
-def test_the_mirror_image_of_a_stretched_creature_is_found(animals, species):
+def test_the_mirror_image_of_a_stretched_creature_is_found(animals, species, mirrored):
     _, new = relabelled(other_species(animals[1]), 0)
     there = new[ground_truth(animals[1], animals[1], mirrored=True).vertices][np.argsort(new)]
-    shape = with_mirror(species[1], Config())
+    shape = mirrored[1]
     found = species[1].index.vertices(shape.drawn, shape.mirrored)
     truth = species[1].body_vertex[there[species[1].user_vertex]]
     assert species[1].mean_distance(found, truth) < 0.08
@@ -109,7 +115,6 @@ def test_a_fit_from_the_identity_stays_there(species):
     assert (images.forth == samples.vertices).mean() > 0.95
     assert (images.back == samples.vertices).mean() > 0.95
     assert fit.orientation(drawn, images) > 0.9
-    assert fit.curvature_mismatch(images) < 0.02
 
 
 def test_starts_respect_landmarks(species):
@@ -117,6 +122,27 @@ def test_starts_respect_landmarks(species):
     landmarks = np.column_stack([pair.source.column_vertices[:3], pair.target.column_vertices[[4, 2, 6]]])
     for start in anchor_starts(pair, landmarks):
         np.testing.assert_array_equal(start[:3], landmarks)
+
+
+def test_legs_lie_aside_and_the_plane_of_symmetry_does_not(animals, mirrored):
+    x = np.abs(animals[0].rest[mirrored[0].prepared.user_vertex, 0])
+    aside = mirrored[0].aside
+    assert np.median(aside[x < 0.02]) < 0.5 * np.median(aside[x > 0.12])
+
+
+def test_mirror_images_lead_the_starts(species, mirrored):
+    pair, settings = prepare_pair(*species[:2]), ElasticSettings()
+
+    def difference(starts):
+        source, target = (shape.aside / shape.prepared.intrinsic_scale for shape in mirrored)
+        return np.mean([np.abs(source[start[:, 0]] - target[start[:, 1]]).mean() for start in starts])
+
+    led, plain = anchor_starts(pair, NONE, mirrored), anchor_starts(pair, NONE)
+    assert len(led) == settings.n_starts + settings.n_plain_starts
+    np.testing.assert_array_equal(led[settings.n_starts :], plain[: settings.n_plain_starts])
+    assert difference(led[: settings.n_starts]) < 0.7 * difference(plain)
+    one_sided = mirrored[0], replace(mirrored[1], mirrored=None)
+    np.testing.assert_array_equal(anchor_starts(pair, NONE, one_sided), plain)
 
 
 def test_steps_need_a_smoothness_each():

@@ -208,14 +208,6 @@ class ElasticFit:
             total += float(np.abs(np.log(after / np.maximum(before, 1e-12) + LEAST_STRETCH)).mean())
         return total
 
-    def curvature_mismatch(self, images: Images) -> float:
-        """Mean difference of the standardised mean curvatures, both ways."""
-        source, target = self.source, self.target
-        on_source, on_target = source.shape.prepared.curvature, target.shape.prepared.curvature
-        forth = np.abs(on_source[source.vertices] - on_target[target.targets[images.forth]]).mean()
-        back = np.abs(on_target[target.vertices] - on_source[source.targets[images.back]]).mean()
-        return float(forth + back) / 2
-
 
 def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:
     if len(candidates) == among.shape.mesh.n_vertices:

@@ -59,6 +59,14 @@ class ElasticShape:
         """(n, d + 3) what a map to this shape pulls back: canonical coordinates, and positions in space."""
         return np.hstack([self.canonical, self.mesh.vertices])
 
+    @cached_property
+    def aside(self) -> FloatArray:
+        """(n,) distance of each vertex from its mirror image, in canonical coordinates; 0 without mirror images."""
+        if self.mirrored is None:
+            return np.zeros(self.mesh.n_vertices)
+        d = self.canonical.shape[1]
+        return np.asarray(np.linalg.norm(self.canonical - self.mirrored[:, :d], axis=1))
+
     def sampled(self, count: int, everywhere: bool) -> Samples:
         """Take ``count`` samples; their images are sought among samples, or everywhere."""
         vertices = self.prepared.sample_vertices[:count]

@@ -6,17 +6,21 @@ import numpy as np
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import IntervalCost, assign_points, pin_first
+from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.symmetries import farthest_rows
 
 
-def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
-    """Assign anchors of the source to points of the target: arrays (m, 2) of vertices, least cost first.
+def anchor_starts(
+    pair: ShapePair, landmarks: IntArray, shapes: tuple[ElasticShape, ElasticShape] | None = None
+) -> list[IntArray]:
+    """Assign anchors of the source to points of the target: arrays (m, 2) of vertices.
 
     Distances, in units of the average, may differ by a factor before they cost anything, and cost no more than a bound:
     a tail that is twice as long must not outweigh everything else. Anchors are landmarks, extremities, then points far
-    from these.
+    from these. Where both ``shapes`` have mirror images, most starts also compare how far points are from theirs: heads
+    and tails lie in the plane of symmetry, legs do not. Some do without, as mirror images may be wrong in places.
     """
     source, target, settings = pair.source, pair.target, pair.config.elastic
     anchors, between = _anchors(source, landmarks[:, 0], settings.n_anchors)
@@ -28,17 +32,28 @@ def anchor_starts(pair: ShapePair, landmarks: IntArray) -> list[IntArray]:
     unary = settings.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
     unary += settings.remoteness_cost * np.abs(remote[0] - remote[1])
-    pin_first(unary, np.searchsorted(candidates, landmarks[:, 1]))
-    assigned, _ = assign_points(
-        target.distances_between(candidates) / target.intrinsic_scale,
-        between,
-        between,
-        unary,
-        IntervalCost(settings.forgiven, settings.inside, settings.most_cost, settings.soft),
-        settings.width,
-        settings.apart,
-    )
-    return [np.column_stack([anchors, candidates[row]]) for row in assigned[: settings.n_starts]]
+    kinds = [(unary, settings.n_starts)]
+    if shapes and all(shape.mirrored is not None for shape in shapes):
+        aside = [
+            np.minimum(shape.aside / shape.prepared.intrinsic_scale, settings.most_aside) for shape in shapes
+        ]
+        unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
+        kinds = [(unary + settings.aside_cost * unlike, settings.n_starts), (unary, settings.n_plain_starts)]
+
+    def assigned(cost: FloatArray, count: int) -> IntArray:
+        pin_first(cost, np.searchsorted(candidates, landmarks[:, 1]))
+        rows, _ = assign_points(
+            target.distances_between(candidates) / target.intrinsic_scale,
+            between,
+            between,
+            cost,
+            IntervalCost(settings.forgiven, settings.inside, settings.most_cost, settings.soft),
+            settings.width,
+            settings.apart,
+        )
+        return rows[:count]
+
+    return [np.column_stack([anchors, candidates[row]]) for kind in kinds for row in assigned(*kind)]
 
 
 def _anchors(shape: PreparedShape, first: IntArray, count: int) -> tuple[IntArray, FloatArray]:

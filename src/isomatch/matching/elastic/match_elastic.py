@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from isomatch.matching.elastic.elastic_fit import Coefficients, ElasticFit, Imag
 from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.elastic.mirror import with_mirror
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.settings import ElasticSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +66,16 @@ def match_elastically(
 
     Notes
     -----
-    Maps are scored by misfit × stretch × powers of the curvature mismatch and of the asymmetry, see `ElasticFit`. The
-    ordinary map is scored as it is, drawn by as many functions.
+    Maps are scored by misfit × a small power of the stretch, see `ElasticFit`; normals, which a map that turns a body
+    over fits as well, take no part. The ordinary map is scored as it is, drawn by as many functions.
     """
     search = _Search(pair, landmarks)
-    back = anchor_starts(ShapePair(pair.target, pair.source, pair.config), landmarks[:, ::-1])
-    starts = [*anchor_starts(pair, landmarks), *(start[:, ::-1] for start in back), ordinary, *others]
+    source, target = search.shapes
+    back = anchor_starts(
+        ShapePair(pair.target, pair.source, pair.config), landmarks[:, ::-1], (target, source)
+    )
+    forth = anchor_starts(pair, landmarks, (source, target))
+    starts = [*forth, *(start[:, ::-1] for start in back), ordinary, *others]
     rough = [found for found in parallel_map(search.roughly, starts) if found]
     rough.sort(key=lambda found: found.score)
     fits = sorted(parallel_map(search.finely, search.distinct(rough)), key=lambda found: found.score)
@@ -87,7 +92,7 @@ def match_elastically(
     return ElasticMatch(
         search.fine.embedding(best.coefficients),
         rival,
-        f"least misfit × stretch of {len(starts)} elastic maps, {len(fits)} fitted to the end",
+        f"least misfit of {len(starts)} elastic maps, {len(fits)} fitted to the end",
     )
 
 
@@ -96,14 +101,23 @@ class _Search:
 
     def __init__(self, pair: ShapePair, landmarks: IntArray) -> None:
         self._pair, self._settings = pair, pair.config.elastic
-        shapes = parallel_map(lambda shape: with_mirror(shape, pair.config), (pair.source, pair.target))
+        source, target = parallel_map(
+            lambda shape: with_mirror(shape, pair.config), (pair.source, pair.target)
+        )
+        self.shapes = source, target
 
-        def fit(count: int, everywhere: bool) -> ElasticFit:
-            source, target = (shape.sampled(count, everywhere) for shape in shapes)
-            return ElasticFit(source, target, pair.signatures, landmarks, self._settings)
+        def fit(count: int, everywhere: bool, settings: ElasticSettings) -> ElasticFit:
+            first, second = (shape.sampled(count, everywhere) for shape in self.shapes)
+            return ElasticFit(first, second, pair.signatures, landmarks, settings)
 
         settings = self._settings
-        self.coarse, self.fine = fit(settings.n_coarse, False), fit(pair.config.n_refine, True)
+        self.coarse = fit(settings.n_coarse, False, settings)
+        self.fine = fit(
+            pair.config.n_refine, True, replace(settings, normal_weight=settings.fine_normal_weight)
+        )
+        self._judge = replace(
+            self.fine, settings=replace(settings, normal_weight=settings.score_normal_weight)
+        )
         self._coarse_steps = coarse_steps(settings)
         self._fine_steps = tuple(
             Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
@@ -112,14 +126,15 @@ class _Search:
 
     def roughly(self, start: IntArray) -> _Found | None:
         """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
-        coarse = self.coarse
+        coarse, settings = self.coarse, self._settings
         found = coarse.from_pairs(start, self._coarse_steps[0])
         if coarse.orientation(found, coarse.images(found)) < 0:
             return None
         found, images = coarse.run(found, self._coarse_steps)
-        if coarse.orientation(found, images) < self._settings.least_orientation:
+        if coarse.orientation(found, images) < settings.least_orientation:
             return None
-        return _Found(found, images, images.misfit * self._penalty(coarse.asymmetry(images)))
+        penalty = (settings.asymmetry_unit + coarse.asymmetry(images)) ** settings.asymmetry_exponent
+        return _Found(found, images, images.misfit * penalty)
 
     def distinct(self, order: list[_Found]) -> list[_Found]:
         """Keep the first ones that differ from each other."""
@@ -146,11 +161,5 @@ class _Search:
         return self._scored(found, self.fine.images(found))
 
     def _scored(self, found: Coefficients, images: Images) -> _Found:
-        fine = self.fine
-        mismatch = fine.curvature_mismatch(images) ** self._settings.curvature_exponent
-        score = images.misfit * fine.stretch(found) * mismatch * self._penalty(fine.asymmetry(images))
-        return _Found(found, images, score)
-
-    def _penalty(self, asymmetry: float) -> float:
-        settings = self._settings
-        return float((settings.asymmetry_unit + asymmetry) ** settings.asymmetry_exponent)
+        misfit, stretch = self._judge.images(found).misfit, self._judge.stretch(found)
+        return _Found(found, images, misfit * stretch**self._settings.stretch_exponent)

@@ -24,10 +24,12 @@ class ElasticSettings(Settings):
         The other terms of the cost, see `IntervalCost`.
     signature_cost, remoteness_cost : float
         Weights of the signatures, and of the share of the area that is less remote, in the cost of a single image.
+    aside_cost, most_aside : float
+        Weight of the distance from the mirror image in that cost, and the bound of that distance, in average distances.
     width, apart : int, float
         Partial assignments that the beam search keeps, and the mean distance, in √area, by which they differ.
-    n_starts : int
-        Best assignments of the points of either shape.
+    n_starts, n_plain_starts : int
+        Best assignments of the points of either shape, and those without that weight where both have mirror images.
     n_coarse : int
         Samples of each shape in the coarse fit.
     coarse_functions, coarse_smoothness, coarse_iterations : tuple of int, tuple of float, int
@@ -39,14 +41,17 @@ class ElasticSettings(Settings):
         From so many functions on, maps need not exchange mirror images.
     n_contenders, same_map : int, float
         Coarse fits that are fitted finely, and the mean distance, in √area, by which they differ.
-    signature_weight, normal_weight : float
-        Weights of signatures and normals beside canonical coordinates.
+    signature_weight, normal_weight, fine_normal_weight, score_normal_weight : float
+        Weights of signatures and normals beside canonical coordinates, and those of normals in the fine fit and in the
+        misfit that scores it.
     landmark_weight : float
         Weight of a landmark, in samples.
     least_orientation : float
         Mean cosine between normals from which a coarse fit is followed up.
-    curvature_exponent, asymmetry_exponent, asymmetry_unit : float
-        Score of a map = misfit × stretch × curvature mismatch to the first power × (unit + asymmetry) to the second.
+    asymmetry_exponent, asymmetry_unit : float
+        Score of a coarse fit = misfit × (unit + asymmetry) to this power.
+    stretch_exponent : float
+        Score of a fine fit = misfit × stretch to this power.
     mirror_starts, mirror_forgiven : int, float
         ``n_starts`` and ``forgiven`` in the search for the mirror image of one shape.
     mirror_misfit, mirror_orientation : float
@@ -62,9 +67,12 @@ class ElasticSettings(Settings):
     soft: float = setting(0.2, "chosen, not measured", least=0)
     signature_cost: float = setting(0.1, "chosen on pairs of animals, not one by one", least=0)
     remoteness_cost: float = setting(0.5, "chosen on pairs of animals, not one by one", least=0)
+    aside_cost: float = setting(1.0, "docs/robustness.md, other species", least=0)
+    most_aside: float = setting(1.0, "docs/robustness.md, other species", least=0)
     width: int = setting(600, "chosen on pairs of animals, not one by one", least=1)
     apart: float = setting(0.12, "parts.apart", least=0)
     n_starts: int = setting(60, "docs/robustness.md, other species", least=1)
+    n_plain_starts: int = setting(30, "docs/robustness.md, other species", least=0)
     n_coarse: int = setting(300, "chosen: enough for 30 functions", least=50)
     coarse_functions: tuple[int, ...] = setting((20, 30), "chosen: limbs, but no details", least=4)
     coarse_smoothness: tuple[float, ...] = setting((0.01, 0.007), "chosen with coarse_functions", least=0)
@@ -81,11 +89,13 @@ class ElasticSettings(Settings):
     same_map: float = setting(0.05, "search.same_map", least=0)
     signature_weight: float = setting(0.05, "chosen on pairs of animals, not one by one", least=0)
     normal_weight: float = setting(0.05, "chosen on pairs of animals, not one by one", least=0)
+    fine_normal_weight: float = setting(0.15, "docs/robustness.md, other species", least=0)
+    score_normal_weight: float = setting(0.0, "docs/robustness.md, other species", least=0)
     landmark_weight: float = setting(30.0, "chosen, not measured", least=0)
     least_orientation: float = setting(0.3, "selection.orientation_threshold", least=-1, most=1)
-    curvature_exponent: float = setting(0.5, "selection: curvature² to the power energy_exponent", least=0)
     asymmetry_exponent: float = setting(0.25, "chosen on pairs of animals, not one by one", least=0)
     asymmetry_unit: float = setting(0.1, "chosen on pairs of animals, not one by one", least=1e-6)
+    stretch_exponent: float = setting(0.03, "docs/robustness.md, other species", least=0)
     mirror_starts: int = setting(24, "chosen, not measured", least=1)
     mirror_forgiven: float = setting(
         0.1, "chosen: a shape is nearly isometric to its mirror image", least=0, most=1
