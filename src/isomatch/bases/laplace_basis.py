@@ -273,7 +273,9 @@ def _krylov_eigenpairs(
     width, below = (BLOCK, SHIFT) if in_double else (WIDTH, SINGLE_SHIFT)
     shift = below if inside is None else -inside
     solve = (factorised if in_double else factorised_single)(operator, np.full(n, shift))
-    most, first_test, every = (6, 2.6, 48) if shift > 0 else (3, 1.8, 16)  # a test costs an eigendecomposition
+    most, first_test, every = (
+        (6, 2.6, 48) if shift > 0 else (3, 1.8, 16)
+    )  # a test costs an eigendecomposition
     limit = (min(n - width, most * k + 20 * width) // width) * width
     require_memory(
         float(dtype.itemsize) * n * limit,
