@@ -48,6 +48,6 @@ def test_each_requirement_is_met(python):
 def test_every_entry_has_hashes_and_no_address():
     entries = [line for line in LOCKED.splitlines() if line and not line.lstrip().startswith("#")]
     for entry in entries:
-        assert re.fullmatch(r"[\w.-]+==[\w.]+( ; [^\\:/]+)?( +--hash=sha256:[0-9a-f]{64})+ *", entry), entry[
-            :80
-        ]
+        assert re.fullmatch(
+            r"[\w.-]+(\[[\w,.-]+\])?==[\w.]+( ; [^\\:/]+)?( +--hash=sha256:[0-9a-f]{64})+ *", entry
+        ), entry[:80]

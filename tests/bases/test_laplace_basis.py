@@ -138,38 +138,6 @@ def test_smallest_eigenpairs_of_a_diagonal_matrix():
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(12), atol=1e-9)
 
 
-@pytest.mark.parametrize("mesh", [torus(60, 40), planar_delaunay(2000), creature(2500).mesh])
-def test_single_precision_agrees_with_double(mesh):
-    """A shift inside the spectrum misses no function: closed, with a boundary, and with repeated eigenvalues."""
-    found, exact = (laplace_basis(mesh, 100, precision=precision) for precision in ("single", "double"))
-    assert found.vectors.dtype == np.float32
-    np.testing.assert_allclose(found.values, exact.values, atol=1e-3 * exact.values[-1])
-    assert (np.diff(found.values) >= 0).all()
-    gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
-    np.testing.assert_allclose(gram, np.eye(100), atol=1e-4)
-    overlap = found.vectors.T @ (exact.weights[:, None] * exact.vectors)
-    np.testing.assert_allclose(np.linalg.norm(overlap[:, :90], axis=0), 1, atol=1e-3)
-
-
-@pytest.mark.parametrize("expected", [1e-3, 40.0, 1e6])
-def test_an_expected_eigenvalue_need_not_be_near(expected):
-    """Too low, right, and above the whole spectrum, where only the shift below it converges."""
-    values = np.linspace(0, 2000, 2001)
-    matrix = csc_array(diags_array(np.random.default_rng(0).permutation(values)))
-    found, vectors = smallest_eigenpairs(matrix, 40, 0, 0.01, np.dtype(np.float32), expected + 0.5)
-    np.testing.assert_allclose(found, values[:40], atol=0.1)
-    np.testing.assert_allclose(vectors.T @ vectors, np.eye(40), atol=1e-4)
-
-
-def test_inexact_factors_are_not_believed(monkeypatch):
-    """Where factors inside the spectrum are too inexact, those below it are used."""
-    monkeypatch.setitem(smallest_eigenpairs.__globals__, "INEXACT", -1.0)
-    matrix = csc_array(diags_array(np.linspace(0, 9, 1500)))
-    inside, below = (smallest_eigenpairs(matrix, 5, expected=expected) for expected in (0.03, None))
-    for found, wanted in zip(inside, below):
-        np.testing.assert_array_equal(found, wanted)
-
-
 def test_not_converged_is_reported():
     """Thousands of nearly equal eigenvalues: no Krylov space separates the first few at this tolerance."""
     values = 1 + 1e-3 * np.random.default_rng(0).random(4000)

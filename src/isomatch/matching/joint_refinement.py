@@ -156,12 +156,13 @@ def _stepped(
     side = fit.side if with_positions else 0.0
     samples = pair.target.sample_vertices[: pair.target.config.n_refine]
     for k in sizes:
-        size, onto = min(k, pair.n_functions), EVERYWHERE if with_positions else samples
-        of_source, of_target = _joint(pair, target_vertex, size, side, pair.refinement_vertices, onto)
-        nearest = pair.target.index.vertices if with_positions else nearest_of_few
-        row = nearest(of_target, of_source)
+        size, last = min(k, pair.n_functions), with_positions or k == sizes[-1]
+        of_source, of_target = _joint(
+            pair, target_vertex, size, side, pair.refinement_vertices, EVERYWHERE if last else samples
+        )
+        row = (pair.target.index.vertices if last else nearest_of_few)(of_target, of_source)
         misfit = float(np.linalg.norm(of_target[row] - of_source, axis=1).mean())
-        target_vertex = row if with_positions else samples[row]
+        target_vertex = row if last else samples[row]
     return RefinedCandidate(fit.candidate, target_vertex, misfit)
 
 
