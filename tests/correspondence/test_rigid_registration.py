@@ -102,7 +102,7 @@ def test_the_loops_sum_over_the_edges_around_each_vertex(piece):
     np.fill_diagonal(weights, 0)
     before, rng = mesh.vertices, np.random.default_rng(0)
     after, turns = rng.normal(size=before.shape), Rotation.random(len(before), rng=1).as_matrix()
-    _, start, neighbours, values = RigidRegistration(mesh)._matrices
+    _, _, start, neighbours, values = RigidRegistration(mesh)._matrices
     covariances, pulled = np.ones((len(before), 3, 3)), np.ones(before.shape)
     rigid_registration._covariances(before, after, start, neighbours, values, covariances)
     rigid_registration._pulled(before, turns, start, neighbours, values, pulled)

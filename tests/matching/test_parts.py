@@ -280,6 +280,17 @@ def test_two_parts_that_caps_put_in_doubt_are_judged_without(bodies, poor_doubt,
     assert match(here.mesh, there.mesh, config=config).outcome is outcome
 
 
+def test_the_doubt_of_two_parts_does_not_depend_on_their_unit(bodies):
+    """In metres and in millimetres."""
+    parts = [holes(body, 0.15, seed=1 + side).mesh for side, body in enumerate(bodies[:2])]
+    strict = Config(outcome=replace(Config().outcome, poor_residual=0.0))
+    doubts = [
+        match(*(part.moved(scale * part.vertices) for part in parts), config=strict).quality.doubt
+        for scale in (0.001, 1000.0)
+    ]
+    np.testing.assert_allclose(*doubts, rtol=0.05)
+
+
 @pytest.mark.long
 def test_a_part_of_another_animal_is_no_sure_match(prepared):
     other = cut(creature(2500, kind="biped").mesh, 0.3, seed=0)

@@ -11,6 +11,7 @@ from isomatch._compiled import compiled
 from isomatch._threads import parallel_map
 
 TINY = np.float32(1e-30)
+ROWS = 1024  # queries at once among few candidates
 BLOCK = 512  # queries at once; fixed, so that results do not depend on the number of threads
 ROUNDING = 1e-5  # of sums of products in single precision, relative to the squared norms
 TIE = 1e-6  # score differences below this share of the largest squared norm are compared again in float64
@@ -51,9 +52,13 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
     """Give the answer of `nearest_rows` for few rows, but for candidates that are equally near in single precision."""
-    scores = single(queries) @ single(candidates).T
-    scores -= single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
-    return np.asarray(scores.argmax(axis=1))
+    table, norms = single(candidates).T, single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
+    nearest = []
+    for first in range(0, len(queries), ROWS):
+        scores = single(queries[first : first + ROWS]) @ table
+        scores -= norms
+        nearest.append(scores.argmax(axis=1))
+    return _joined(nearest)
 
 
 @dataclass(frozen=True, eq=False)

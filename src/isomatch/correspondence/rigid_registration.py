@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csc_array
 
 from isomatch._arrays import FloatArray, IntArray
 from isomatch._cached import cached_property
@@ -79,7 +79,7 @@ def register_as_rigid_as_possible(
 
 
 class RigidRegistration:
-    """As-rigid-as-possible registrations of one surface, with the matrices that they share.
+    """As-rigid-as-possible registrations of one surface, which share its Laplacian.
 
     Parameters
     ----------
@@ -89,18 +89,17 @@ class RigidRegistration:
 
     def __init__(self, source: Mesh) -> None:
         self.source = source
-        self._solvers: dict[tuple[float, bytes], Callable[[FloatArray], FloatArray]] = {}
 
     @cached_property
-    def _matrices(self) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-        """Areas; neighbours of each vertex and their weights, by rows."""
-        self._stiffness, areas = stiffness_and_masses(self.source)
-        links = coo_array(self._stiffness)
+    def _matrices(self) -> tuple[csc_array, FloatArray, IntArray, IntArray, FloatArray]:
+        """Stiffness and areas; neighbours of each vertex and their weights, by rows."""
+        stiffness, areas = stiffness_and_masses(self.source)
+        links = coo_array(stiffness)
         apart = links.row != links.col
         order = np.lexsort((links.col[apart], links.row[apart]))
         start = np.zeros(len(areas) + 1, dtype=np.int64)
         np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
-        return areas, start, links.col[apart][order].astype(np.int64), -links.data[apart][order]
+        return stiffness, areas, start, links.col[apart][order].astype(np.int64), -links.data[apart][order]
 
     def __call__(
         self,
@@ -116,7 +115,7 @@ class RigidRegistration:
         lengths = tuple(lengths)
         if not all(length > 0 for length in lengths):
             raise SettingError(f"lengths are {lengths}; expected numbers above 0")
-        areas, start, neighbours, weights = self._matrices
+        stiffness, areas, start, neighbours, weights = self._matrices
         before, turn = scale * self.source.vertices, None
         wanted, moved = positions, positions
         vertices, points = held or (np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
@@ -129,19 +128,13 @@ class RigidRegistration:
             pull[vertices] = np.pi
             drawn = pull[:, None] * wanted
             drawn[vertices] = np.pi * points
-            solve = self._solver(length / scale, pull, vertices)
+            solve = factorised(stiffness, pull)
             for _ in range(ROTATED):
                 _covariances(before, moved, start, neighbours, weights, covariances)
                 turn = _rotations(covariances) if turn is None else _turned(turn, covariances)
                 _pulled(before, turn, start, neighbours, weights, pulled)
-                moved = solve(drawn + pulled)
+                moved = np.ascontiguousarray(solve(drawn + pulled))
         return moved
-
-    def _solver(self, length: float, pull: FloatArray, held: IntArray) -> Callable[[FloatArray], FloatArray]:
-        key = length, held.tobytes()
-        if key not in self._solvers:
-            self._solvers[key] = factorised(self._stiffness, pull)
-        return self._solvers[key]
 
 
 def nearest_with_normals(

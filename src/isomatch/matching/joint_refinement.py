@@ -78,8 +78,8 @@ def refine_jointly(
     """Upsample spectrally, joint with signatures, positions and normals; give up candidates on the way.
 
     In each step the target's functions *and positions* are fitted on the source by least squares over the source's
-    refinement vertices, F and c; the next images are nearest neighbours, among all target vertices (in the first stage
-    among as many samples as the source has), in
+    refinement vertices, F and c; the next images are nearest neighbours, among all target vertices (in the first stage,
+    but for its last step, among n_refine samples), in
 
     - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
     - point signatures,

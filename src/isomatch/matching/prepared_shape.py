@@ -27,7 +27,7 @@ from isomatch.matching.symmetries import Symmetry, find_symmetries
 from isomatch.mending import capped, check
 from isomatch.resolution import Prolongation
 
-OF_BODY = "functions", "index", "signatures", "curvature", "symmetries"  # what is kept of a body alone
+OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -201,14 +201,15 @@ class PreparedShape(SmoothShape):
 
     @cached_property
     def capped(self) -> PreparedShape:
-        """The body as a shape of its own, with long holes closed: its first vertices are those of the body."""
+        """The body as a shape of its own, of which its vertices are the first. If one hole is long, all are closed."""
         from isomatch.matching.prepare import prepared_body  # which imports this file
 
         if self.triangles is None or self.longest_boundary <= self.config.parts.long_boundary:
             same = np.arange(self.body.n_vertices)
             alone = replace(self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
             alone = replace(alone, others=(), detail=None, finer=None, refining=None)
-            alone.__dict__.update({name: getattr(self, name) for name in OF_BODY})
+            kept = OF_BODY if self.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
+            alone.__dict__.update({name: getattr(self, name) for name in kept})
             return alone
         closed, config = capped(self.triangles), replace(self.requested, resolution="full")
         return prepared_body(closed, sound_body(closed), config, self.seed, StageTimer())

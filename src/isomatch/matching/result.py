@@ -100,8 +100,8 @@ class Quality:
         vertices from the whole, in √area of the whole; nan for complete shapes.
     doubt : float
         For a part, what speaks against the map, all measures together, over how clearly it is better than the best map
-        that differs: score / (1 − score / score of that). Up to 3e-5 for most right maps, above 3.5e-5 not sure; nan for
-        complete shapes.
+        that differs: score / (1 − score / score of that). Up to 3e-5 for most right maps; above 3.5e-5 a map is sure only
+        if the match with the holes closed is. nan for complete shapes.
     """
 
     misfit: float

@@ -187,6 +187,7 @@ _OF_PART: dict[str, dict[str, Any]] = {  # other bounds of the measures of a par
     "orientation": {"least_of": ""},
     "residual": {"most_of": ""},
     "torn_off": {"most_of": ""},
+    "landmark_error": {"most_of": ""},
     "rival": {"least_of": "parts.tie"},
     "mirrored": {"least_of": ""},
     "stretch": {"most_of": ""},
@@ -221,7 +222,7 @@ def quality_bounds(result: MatchResult) -> dict[str, dict[str, float]]:
 def _measures_of(result: MatchResult) -> dict[str, Measure]:
     """Give the measures with the bounds that the match of the result had."""
     config = result.config if isinstance(result.config, Config) else Config()
-    of_part = {} if isnan(result.quality.doubt) else _OF_PART
+    of_part = {} if isnan(result.quality.doubt) and isnan(result.quality.stress) else _OF_PART
     return {
         field: replace(measure, **of_part.get(field, {})).bounded_by(config)
         for field, measure in MEASURES.items()

@@ -92,7 +92,7 @@ def match_elastically(
     return ElasticMatch(
         search.fine.embedding(best.coefficients),
         rival,
-        f"least misfit of {len(starts)} elastic maps, {len(fits)} fitted to the end",
+        f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end",
     )
 
 

@@ -55,19 +55,22 @@ class ClosedMatch:
     def evidence(self) -> Evidence:
         """How sure the map is, as one of the source as it is to the target with its holes closed."""
         selection, config = self.found.selection, self.pair.config
-        fit, rival = self._as_part(self.found.embedding), np.inf
+        part, whole = self.pair.source, self.pair.target.capped
+        pair = PartPair.of(part, whole, config)
+        if config.scale != "area":  # the capped body was made from one of unit area
+            pair = pair.with_unit(pair.unit / self.pair.target.scale)
+        fits = PartFits(pair)
+
+        def measured(embedding: Embedding) -> PartFit:
+            image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
+            return fits.measured(pair.in_unit_of(image), image[part.sample_vertices[: config.n_refine]])
+
+        fit, rival = measured(self.found.embedding), np.inf
         if selection.against:
             smooth = config.refinement == "smooth"
-            other = self._as_part(joint_embedding(self.found.pair, selection.against, smooth))
+            other = measured(joint_embedding(self.found.pair, selection.against, smooth))
             rival = max(1.0, other.bent_score / fit.bent_score)
-        return Evidence(fit.bent_score, rival, fit.pair.trusted, config.parts)
-
-    def _as_part(self, embedding: Embedding) -> PartFit:
-        part, whole, config = self.pair.source, self.pair.target.capped, self.pair.config
-        image = whole.index.vertices(embedding.target, embedding.source[: part.body.n_vertices])
-        pair = PartPair.of(part, whole, config).in_unit_of(image)
-        rows = part.sample_vertices[: config.n_refine]
-        return PartFits(pair).measured(pair, image[rows])
+        return Evidence(fit.bent_score, rival, pair.trusted, config.parts)
 
     def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""

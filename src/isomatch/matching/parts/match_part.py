@@ -23,7 +23,6 @@ from isomatch.matching.parts.part_starts import PartStarts, self_maps
 from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
 
-N_LAST = 5  # steps in which the part is bent in full, after as many as there are at a lower resolution
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 
 
@@ -78,8 +77,8 @@ class PartMatch:
     @cached_property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the best map, in full."""
-        best = self.fits[0]
-        return best.bending.in_full(best.bent, self.pair.config.parts.bending[-N_LAST:])
+        best, settings = self.fits[0], self.pair.config.parts
+        return best.bending.in_full(best.bent, settings.bending[-settings.n_bent_in_full :])
 
 
 def match_part(

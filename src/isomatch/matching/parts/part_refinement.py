@@ -103,7 +103,7 @@ class PartSamples:
         They are the search vertices that a rough refinement maps, too.
         """
         pair, config, (least, most) = self._pair, self._pair.config, self._pair.config.parts.near
-        vertices = pair.part.sample_vertices[: min(config.n_search, config.parts.n_rough)]
+        vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, config.parts.n_rough)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
         near = (along > least) & (along < most)
         known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]

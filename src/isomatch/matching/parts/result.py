@@ -49,11 +49,11 @@ def _both_result(pair: ShapePair, hints: Hints, timer: StageTimer, seed: int) ->
     closed = match_closed(pair, hints, timer) if pair.config.parts.close else None
     if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
         return complete_result(found, timer, seed)
-    with_caps = closed.result(hints, timer, seed)
+    evidence, with_caps = closed.evidence, closed.result(hints, timer, seed)
     doubted = with_caps.outcome is Outcome.LOW_CONFIDENCE
     note = "both shapes were matched with their holes closed"
-    outcome = closed.evidence.outcome if doubted else with_caps.outcome
-    return _closed_result(with_caps, outcome, closed.evidence, hints, note)
+    outcome = evidence.outcome if doubted else with_caps.outcome
+    return _closed_result(with_caps, outcome, evidence, hints, note)
 
 
 def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: int) -> MatchResult:
@@ -72,8 +72,10 @@ def _result(pair: ShapePair, hints: Hints, part: Part, timer: StageTimer, seed: 
         returned, agrees = found.closed < config.parts.closed_score, found.agrees(image)
         if returned or (agrees and outcome is not Outcome.PARTIAL):
             with_caps = closed.result(hints, timer, seed)
-            if agrees and with_caps.outcome in SURE:  # found otherwise, and sure by other measures
-                outcome = Outcome.PARTIAL
+            if agrees and outcome is Outcome.LOW_CONFIDENCE and with_caps.outcome in SURE:
+                outcome = Outcome.PARTIAL  # by the measures of complete shapes
+            elif not agrees or with_caps.outcome is Outcome.SYMMETRY_AMBIGUOUS:
+                outcome = Outcome.least_sure((outcome, with_caps.outcome))
             if returned and with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
                 note = (
                     f"the {part} was matched as a part with its holes closed: it has {found.share:.0%} of the area of "
@@ -145,7 +147,11 @@ def _closed_result(
 
 
 def _doubts(outcome: Outcome, evidence: Evidence, hints: Hints) -> list[str]:
-    return [] if outcome is Outcome.PARTIAL else evidence.notes(len(hints.landmarks) > 0)
+    if outcome is not Outcome.PARTIAL:
+        return evidence.notes(len(hints.landmarks) > 0)
+    if evidence.outcome is Outcome.PARTIAL:
+        return []
+    return [f"its doubt is high ({evidence.doubt:.1e}), but it is sure by the match with the holes closed"]
 
 
 def _contradicts(pair: ShapePair, points: PrecisePoints, quality: Quality, hints: Hints) -> bool:

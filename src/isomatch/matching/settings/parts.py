@@ -72,8 +72,8 @@ class PartSettings(Settings):
     bending : tuple of float
         Lengths, in √area of the whole, over which the part resists being stretched when it is bent onto the whole; see
         `register_as_rigid_as_possible`.
-    n_bent_vertices : int
-        Vertices of the part while contenders bend it; the best one bends it in full.
+    n_bent_vertices, n_bent_in_full : int
+        Vertices of the part while contenders bend it; and the last lengths with which the best one bends it in full.
     n_settled, n_bent : int
         Best maps that are settled: the part is bent, its map refined from where it lies then, and so on, so many times.
     rim, off : float
@@ -135,6 +135,7 @@ class PartSettings(Settings):
     rim: float = setting(0.04, "docs/robustness.md: parts", least=0)
     off: float = setting(0.1, "docs/robustness.md: parts", least=0)
     n_bent_vertices: int = setting(1000, "docs/robustness.md: parts", least=50)
+    n_bent_in_full: int = setting(5, "3 and 10 no better on four parts", least=1)
     n_settled: int = setting(3, "docs/robustness.md: parts", least=0)
     n_bent: int = setting(2, "docs/robustness.md: parts", least=0)
     poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
