@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from isomatch import Config, NotConvergedError, match, prepare
-from isomatch.matching import RefinementSettings, SearchSettings, SelectionSettings
+from isomatch.settings import RefinementSettings, SearchSettings, SelectionSettings
 from studies import Job, asked_for, hard_jobs, in_parallel, loaded, mean_error, write_rows, write_table
 
 FAILURE = 10.0

@@ -18,8 +18,9 @@ import numpy as np
 
 import isomatch
 from isomatch import Config
-from isomatch.datasets import BenchmarkPair, DamageChoice, benchmark_set
-from isomatch.matching import SearchSettings
+from isomatch.lab.damage import DamageChoice
+from isomatch.lab.sets import BenchmarkPair, benchmark_set
+from isomatch.settings import SearchSettings
 from studies import asked_for, error_after, in_parallel, mean_error, write_table
 
 RIGHT, WRONG = 3.0, 10.0

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from isomatch.evaluation import (
+from isomatch.lab.evaluation import (
     BenchmarkRun,
     improvements,
     read_published_curves,

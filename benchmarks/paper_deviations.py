@@ -15,11 +15,17 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch import Config, MatchResult, match
-from isomatch.baselines import gdd, gdd_post
-from isomatch.datasets import BenchmarkPair, benchmark_set
-from isomatch.evaluation import CachingEngine, counted, geodesic_errors, metric_distortion, true_landmarks
 from isomatch.geodesics import distance_engine
-from isomatch.matching import PreparationSettings, RefinementSettings, SearchSettings
+from isomatch.lab.baselines import gdd, gdd_post
+from isomatch.lab.evaluation import (
+    CachingEngine,
+    counted,
+    geodesic_errors,
+    metric_distortion,
+    true_landmarks,
+)
+from isomatch.lab.sets import BenchmarkPair, benchmark_set
+from isomatch.settings import PreparationSettings, RefinementSettings, SearchSettings
 from studies import asked_for, write_rows, write_table
 
 SEED = 0

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch.paper import ITEMS, Setting, reproduce
-from isomatch.paper.benchmark_rows import benchmark_rows
-from isomatch.paper.curves_5pt import METHODS
-from isomatch.paper.princeton_curves import sets_of
+from isomatch.lab.paper import ITEMS, Setting, reproduce
+from isomatch.lab.paper.benchmark_rows import benchmark_rows
+from isomatch.lab.paper.curves_5pt import METHODS
+from isomatch.lab.paper.princeton_curves import sets_of
 from studies import asked_for, write_table
 
 POINTS = 500

@@ -24,11 +24,12 @@ import numpy as np
 
 import isomatch
 from isomatch import Mesh
-from isomatch._limits import processors
-from isomatch._threads import serial_blas
-from isomatch.datasets import benchmark_set, creature, example_pair, ground_truth
-from isomatch.datasets.shape_set import BenchmarkPair
-from isomatch.matching import prepare
+from isomatch.datasets import creature, example_pair, ground_truth
+from isomatch.lab.sets import benchmark_set
+from isomatch.lab.sets.shape_set import BenchmarkPair
+from isomatch.runtime.limits import processors
+from isomatch.runtime.threads import serial_blas
+from isomatch.shapes import prepare
 from studies import write_rows, write_table
 
 SIZES = (5000, 28000, 52000, 112000, 200000, 450000, 1000000)
@@ -117,7 +118,7 @@ def measured(name: str, data: str | None, output: Path, largest_for_pyfm: int) -
     levels = shapes[0].body.n_vertices, finer.surface.n_vertices if finer else 0
     row["bounds"] = lower_bounds(pair.source.n_vertices, *levels)
     if pair.source.n_vertices <= largest_for_pyfm:
-        from isomatch.baselines import pyfm_zoomout
+        from isomatch.lab.baselines import pyfm_zoomout
 
         started = time.perf_counter()
         found = pyfm_zoomout(pair.source, pair.target)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from isomatch import Config, match, prepare
-from isomatch.datasets import benchmark_set
-from isomatch.evaluation import coverage, cycle_errors, dirichlet_energy
-from isomatch.matching import RefinementSettings
+from isomatch.lab.evaluation import coverage, cycle_errors, dirichlet_energy
+from isomatch.lab.sets import benchmark_set
+from isomatch.settings import RefinementSettings
 from studies import Job, asked_for, drawn, in_parallel, mean_error, write_rows, write_table
 
 SEED = 8

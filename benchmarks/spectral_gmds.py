@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from isomatch import Correspondence, match
-from isomatch.baselines import SpectralGmdsConfig, spectral_gmds
-from isomatch.baselines.task import AT_FULL_RESOLUTION
 from isomatch.correspondence import fit_functional_map, nearest_rows, spectral_embedding
-from isomatch.datasets import BenchmarkPair, benchmark_set
-from isomatch.evaluation import CachingEngine, counted, geodesic_errors, true_landmarks
 from isomatch.geodesics import distance_engine
+from isomatch.lab.baselines import SpectralGmdsConfig, spectral_gmds
+from isomatch.lab.baselines.task import AT_FULL_RESOLUTION
+from isomatch.lab.evaluation import CachingEngine, counted, geodesic_errors, true_landmarks
+from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.matching import ShapePair, prepare_pair
 from studies import asked_for
 

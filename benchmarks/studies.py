@@ -11,18 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from isomatch import Correspondence, Mesh
-from isomatch._threads import n_threads
-from isomatch._workers import begin_worker, worker_processes
-from isomatch.datasets import (
-    BenchmarkPair,
-    DamagedPair,
-    benchmark_set,
-    creature,
-    ground_truth,
-    noise,
-    relabelled,
-)
-from isomatch.evaluation import counted, geodesic_errors
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.damage import DamagedPair, noise
+from isomatch.lab.evaluation import counted, geodesic_errors
+from isomatch.lab.sets import BenchmarkPair, benchmark_set, relabelled
+from isomatch.runtime.threads import n_threads
+from isomatch.runtime.workers import begin_worker, worker_processes
 
 T = TypeVar("T")
 R = TypeVar("R")

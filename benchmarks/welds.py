@@ -22,8 +22,9 @@ from skimage.measure import marching_cubes
 
 import isomatch
 from isomatch import Mesh
-from isomatch.datasets import Damaged, DamagedPair, benchmark_set, damaged_pair, decimate, weld
-from isomatch.evaluation import true_landmarks
+from isomatch.lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
+from isomatch.lab.evaluation import true_landmarks
+from isomatch.lab.sets import benchmark_set
 from studies import asked_for, error_after, in_parallel, write_table
 
 PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused

@@ -9,51 +9,58 @@ import pytest
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-FOUNDATION = {
-    "errors", "_array_file", "_arrays", "_cached", "_compiled", "_dispatcher", "_files", "_first_use", "_interruption",
-    "_limits", "_memory", "_packages", "_renamed", "_settings", "_threads", "_workers",
-}  # fmt: skip
-SURFACES = FOUNDATION | {"surfaces"}
-ASSETS = SURFACES | {"assets"}
-MENDING = ASSETS | {"mending"}
-RESOLUTION = SURFACES | {"resolution"}
-GEODESICS = MENDING | RESOLUTION | {"geodesics"}
-BASES = GEODESICS | {"bases"}
-DESCRIPTORS = BASES | {"descriptors"}
-CORRESPONDENCE = DESCRIPTORS | {"correspondence"}
-MATCHING = CORRESPONDENCE | {"matching"}
-TRANSFER = MATCHING | {"transfer"}
-EVALUATION = MATCHING | {"datasets", "baselines", "evaluation"}
-
+# A room imports only rooms above it; those of one line do not import each other, but for what BESIDE allows.
+HOUSE = """
+errors values
+loading runtime
+storage
+surfaces
+assets resolution
+mending
+geodesics
+bases
+descriptors
+correspondence
+settings
+shapes landmarks
+matching
+transfer view datasets
+statistics collections
+lab.sets
+lab.damage
+lab.baselines
+lab.evaluation
+lab.paper
+cli
+"""
+BESIDE = {("values", "errors"), ("runtime", "loading"), ("loading", "runtime")}
+FOUNDATION = {"errors", "values", "loading", "runtime", "storage"}  # entered by its modules
+PARENTS = ("isomatch", "isomatch.lab")  # of which rooms may be imported as modules
+LAB = "lab"
+ROWS = [line.split() for line in HOUSE.split("\n") if line]
 MAY_IMPORT = {
-    **dict.fromkeys(FOUNDATION, FOUNDATION),
-    "surfaces": SURFACES,
-    "assets": ASSETS,
-    "mending": MENDING,
-    "resolution": RESOLUTION,
-    "datasets": GEODESICS | {"datasets"},
-    "geodesics": GEODESICS,
-    "bases": BASES,
-    "descriptors": DESCRIPTORS,
-    "correspondence": CORRESPONDENCE,
-    "matching": MATCHING,
-    "transfer": TRANSFER,
-    "baselines": MATCHING | {"baselines"},
-    "evaluation": EVALUATION,
-    "view": MATCHING | {"view"},
-    "collections": MATCHING | {"view", "collections"},
-    "statistics": MATCHING | {"view", "statistics"},
-    "paper": EVALUATION | {"view", "paper", "__init__"},
-    "cli": EVALUATION | TRANSFER | {"collections", "statistics", "view", "paper", "cli", "__init__"},
-    "__init__": TRANSFER | {"collections"},
-    "__main__": {"_files", "cli"},
+    room: {other for above in ROWS[:number] for other in above} | {room} | {b for a, b in BESIDE if a == room}
+    for number, row in enumerate(ROWS)
+    for room in row
 }
+for room in ("cli", "lab.paper"):
+    MAY_IMPORT[room].add("__init__")
+MAY_IMPORT["__init__"] = {room for row in ROWS for room in row if room != "cli" and not room.startswith(LAB)}
+MAY_IMPORT["__main__"] = {"cli", "storage"}
 
 FILES = sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.pyi")])
 
 
+def room_in(parts):
+    """Room of a module by the parts of its name: two of them in the lab."""
+    return ".".join(parts[: 2 if parts[0] == LAB and len(parts) > 1 else 1])
+
+
 def room_of(path):
-    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+    return room_in(
+        [part for part in path.relative_to(PACKAGE).with_suffix("").parts if part != "__init__"]
+        or ["__init__"]
+    )
 
 
 def imported_rooms(path):
@@ -65,28 +72,24 @@ def imported_rooms(path):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: imports are absolute"
             names = (
-                [f"{node.module}.{a.name}" for a in node.names]
-                if node.module == "isomatch"
-                else [node.module]
+                [f"{node.module}.{a.name}" for a in node.names] if node.module in PARENTS else [node.module]
             )
         else:
             continue
         for name in names:
             top, *rest = name.split(".")
             if top == "isomatch":
-                known = (rest and (PACKAGE / rest[0]).exists()) or (
-                    rest and (PACKAGE / f"{rest[0]}.py").exists()
-                )
-                yield rest[0] if known else "__init__", node.lineno
+                known = rest and ((PACKAGE / rest[0]).exists() or (PACKAGE / f"{rest[0]}.py").exists())
+                yield room_in(rest) if known else "__init__", node.lineno
 
 
 def test_every_room_has_a_place_in_the_order():
-    assert {room_of(path) for path in FILES} <= set(MAY_IMPORT)
+    assert {room_of(path) for path in FILES} <= {*MAY_IMPORT, LAB}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_room_imports_only_rooms_before_it(path):
-    allowed = MAY_IMPORT[room_of(path)]
+    allowed = MAY_IMPORT.get(room_of(path), {"loading"})
     wrong = [f"line {line}: {room}" for room, line in imported_rooms(path) if room not in allowed]
     assert not wrong, f"{room_of(path)} may import {sorted(allowed)}"
 
@@ -102,10 +105,10 @@ def side_doors(room, source):
             continue
         for module in modules:
             package, *rest = module.split(".")
-            if package != "isomatch" or not rest or rest[0] == room or rest[0] in FOUNDATION:
+            if package != "isomatch" or module in PARENTS or room_in(rest) == room or rest[0] in FOUNDATION:
                 continue
-            public = importlib.import_module(f"isomatch.{rest[0]}").__all__
-            if len(rest) > 1 or not set(names) <= set(public):
+            public = importlib.import_module(f"isomatch.{room_in(rest)}").__all__
+            if room_in(rest) != ".".join(rest) or not set(names) <= set(public):
                 yield f"line {node.lineno}: {module} {', '.join(names)}".rstrip()
 
 
@@ -142,7 +145,7 @@ def test_only_the_command_line_prints_or_exits():
 def test_loops_are_compiled_in_one_way():
     """`compiled` works without a cache and waits for the first call, and coverage leaves out what it decorates."""
     users = {path.name for path in FILES if "import numba" in path.read_text(encoding="utf-8")}
-    assert users == {"_dispatcher.py"}
+    assert users == {"dispatcher.py"}
 
 
 @pytest.mark.parametrize("name", isomatch.__all__)

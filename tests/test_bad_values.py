@@ -16,13 +16,13 @@ from isomatch import (
     prepare,
     read_mesh,
 )
-from isomatch._files import read_integers
-from isomatch._memory import GIB, memory_budget
-from isomatch._settings import generator
-from isomatch._threads import n_threads
-from isomatch.datasets import benchmark_set
 from isomatch.errors import FormatError, LandmarkError, MapError, MeshError, SettingError
+from isomatch.lab.sets import benchmark_set
 from isomatch.matching.hints import checked_landmarks
+from isomatch.runtime.memory import GIB, memory_budget
+from isomatch.runtime.threads import n_threads
+from isomatch.storage.files import read_integers
+from isomatch.values.settings import generator
 from zoo import grid, torus
 
 RAGGED = [[0, 0, 0], [1, 0]]

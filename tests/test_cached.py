@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch._cached import cached_method
 from isomatch.datasets import creature
-from isomatch.evaluation import BenchmarkRun
-from isomatch.evaluation.methods import METHODS
-from isomatch.evaluation.subject import Subject
+from isomatch.lab.evaluation import BenchmarkRun
+from isomatch.lab.evaluation.methods import METHODS
+from isomatch.lab.evaluation.subject import Subject
+from isomatch.values.cached import cached_method
 
 
 @pytest.fixture(autouse=True)

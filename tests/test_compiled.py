@@ -16,13 +16,13 @@ import pytest
 from numba.core.caching import IndexDataCacheFile
 
 import isomatch
-from isomatch._compiled import Loop
-from isomatch._dispatcher import COMPILING, UNCACHED, _tell
 from isomatch.geodesics.front import march
+from isomatch.loading.compiled import Loop
+from isomatch.loading.dispatcher import COMPILING, UNCACHED, _tell
 from shapes import icosphere
 
 LOOP = """
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 
 @compiled(inline="always")
 def doubled(x):

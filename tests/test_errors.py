@@ -4,8 +4,8 @@ import pytest
 
 import isomatch
 from isomatch import errors
-from isomatch._packages import package
 from isomatch.errors import MissingDependencyError
+from isomatch.loading.packages import package
 
 TREE = {
     "InputError": ("IsomatchError", ValueError),

@@ -12,12 +12,12 @@ from contextlib import suppress
 import pytest
 
 from isomatch import UnwritableFileError
-from isomatch._files import claimed, replaced, write_csv, write_text
+from isomatch.storage.files import claimed, replaced, write_csv, write_text
 
 CLAIM = """
 import sys
 from pathlib import Path
-from isomatch._files import claimed
+from isomatch.storage.files import claimed
 with claimed(Path(sys.argv[1])):
     print("claimed", flush=True)
     sys.stdin.read()
@@ -139,6 +139,6 @@ def test_a_system_without_locks_is_noted(tmp_path, monkeypatch, caplog):
     def unable(_):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("isomatch._files._lock", unable)
+    monkeypatch.setattr("isomatch.storage.files._lock", unable)
     with claimed(tmp_path / "result"):
         assert "cannot be locked (No locks available)" in caplog.text

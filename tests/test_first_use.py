@@ -43,7 +43,7 @@ def test_help_loads_nothing_slow(words):
 
 
 def test_the_import_loads_nothing_slow():
-    assert loaded_by("import isomatch, isomatch.matching, isomatch.view, isomatch.evaluation") == []
+    assert loaded_by("import isomatch, isomatch.matching, isomatch.view, isomatch.lab.evaluation") == []
     assert loaded_by("import isomatch\nisomatch.Mesh, isomatch.Config, isomatch.distance_engine") == []
 
 
@@ -55,7 +55,7 @@ def test_packages_travel_by_name():
 
 def test_serial_blas_holds_for_what_is_loaded_later():
     loaded_by(
-        "from isomatch._threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"
+        "from isomatch.runtime.threads import serial_blas\nfrom threadpoolctl import threadpool_info\n"
         "with serial_blas():\n"
         "    import scipy.linalg\n"
         "    assert {pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'} == {1}"

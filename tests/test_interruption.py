@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from isomatch import match, match_both, prepare
-from isomatch._interruption import Abandoned, in_background, stop_if_abandoned, tell
-from isomatch._threads import parallel_map
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.runtime.interruption import Abandoned, in_background, stop_if_abandoned, tell
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
 
 
 def spin(until, ended):

@@ -5,10 +5,10 @@ import os
 
 import pytest
 
-from isomatch import _limits
-from isomatch._limits import cgroup_memory, cgroup_processors, memory, processors
-from isomatch._memory import GIB, memory_budget
-from isomatch._threads import n_threads
+from isomatch.runtime import limits
+from isomatch.runtime.limits import cgroup_memory, cgroup_processors, memory, processors
+from isomatch.runtime.memory import GIB, memory_budget
+from isomatch.runtime.threads import n_threads
 
 SLURM = (
     "SLURM_CPUS_PER_TASK",
@@ -24,8 +24,8 @@ SLURM = (
 def machine(tmp_path, monkeypatch):
     """Function that makes a machine of 64 processors and 256 GiB with given files and variables."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
-    monkeypatch.setattr(_limits, "_machine_memory", lambda: 256.0 * GIB)
-    monkeypatch.setattr(_limits, "ROOT", tmp_path)
+    monkeypatch.setattr(limits, "_machine_memory", lambda: 256.0 * GIB)
+    monkeypatch.setattr(limits, "ROOT", tmp_path)
     for cached in (cgroup_processors, cgroup_memory):
         cached.cache_clear()
     for name in SLURM:
@@ -124,6 +124,6 @@ def test_the_user_comes_first(machine):
 def test_a_system_that_tells_nothing(machine, monkeypatch):
     machine()
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    monkeypatch.setattr(_limits, "_machine_memory", lambda: math.inf)
+    monkeypatch.setattr(limits, "_machine_memory", lambda: math.inf)
     assert processors() == os.cpu_count()
     assert memory_budget() == 4 * GIB

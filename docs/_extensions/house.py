@@ -11,14 +11,15 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[2] / "src" / "isomatch"
 PICTURE = Path(__file__).parents[1] / "images" / "house.svg"
 FOUNDATION = "foundation"
+BELOW = ("errors", "values", "runtime", "storage", "loading")  # what the foundation consists of
 WIDTH, HEIGHT, ROW, COLUMN = 176, 56, 104, 200
 MARGIN = 16
 
 
 def room_of(module):
-    """Room of a module such as ``isomatch.surfaces.mesh``: the files at the root are the foundation."""
+    """Room of a module such as ``isomatch.surfaces.mesh``."""
     first = module.split(".")[1] if "." in module else ""
-    return first if (PACKAGE / first / "__init__.py").is_file() and first else FOUNDATION
+    return first if first not in BELOW and (PACKAGE / first / "__init__.py").is_file() and first else FOUNDATION
 
 
 def imports():
@@ -26,7 +27,7 @@ def imports():
     found = {FOUNDATION: set()}
     for file in sorted(PACKAGE.rglob("*.py*")):
         room = file.relative_to(PACKAGE).parts[0]
-        if file.suffix not in (".py", ".pyi") or not (PACKAGE / room).is_dir():
+        if file.suffix not in (".py", ".pyi") or room in BELOW or not (PACKAGE / room).is_dir():
             continue
         found.setdefault(room, set())
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

@@ -12,8 +12,9 @@ from docutils.nodes import literal
 import isomatch
 
 PACKAGE = Path(isomatch.__file__).parent
-ROOMS = sorted(stub.parent.name for stub in PACKAGE.glob("*/__init__.pyi"))
-HIDDEN = {"paper"}  # reached by its command
+STUBS = [*PACKAGE.glob("*/__init__.pyi"), *PACKAGE.glob("lab/*/__init__.pyi")]
+ROOMS = sorted(".".join(stub.parent.relative_to(PACKAGE).parts) for stub in STUBS)
+HIDDEN = {"lab.paper"}  # reached by its command
 
 
 def homes():
@@ -28,7 +29,7 @@ def homes():
 
 def _is_borrowed_by(room):
     """Sort rooms so that one comes before those that pass its names on."""
-    stub = (PACKAGE / room / "__init__.pyi").read_text(encoding="utf-8")
+    stub = PACKAGE.joinpath(*room.split("."), "__init__.pyi").read_text(encoding="utf-8")
     return sum(f"from isomatch.{other}" in stub for other in ROOMS if other != room)
 
 
@@ -101,10 +102,10 @@ def find_home(app, env, node, contnode):
     """Resolve a name without its room, such as `match`, and leave names that are no public ones as code."""
     if node.get("refdomain") != "py":
         return None
-    first, _, rest = node["reftarget"].removeprefix("isomatch.").partition(".")
+    name = node["reftarget"].removeprefix("isomatch.")
     for room in ROOMS:
-        if first == room and rest:
-            first, _, rest = rest.partition(".")
+        name = name.removeprefix(f"{room}.")
+    first, _, rest = name.partition(".")
     home = homes_of_site.get(first)
     if home is None:
         return None

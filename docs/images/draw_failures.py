@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from isomatch import Mesh, PointCloud, match
-from isomatch.datasets import creature, ground_truth, organ, organ_truth, view
+from isomatch.datasets import creature, ground_truth, organ, organ_truth
+from isomatch.lab.damage import view
 from isomatch.view import (
     ValuePanel,
     arranged_panels,

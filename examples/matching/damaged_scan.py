@@ -7,7 +7,8 @@ mesh; matching needs no repair here. Defects that would spoil a map are mended i
 """
 
 from isomatch import check, match
-from isomatch.datasets import creature, ground_truth, holes, noise
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.damage import holes, noise
 from isomatch.view import ValuePanel, draw_map
 
 clean = creature(2500, pose=1)

@@ -6,7 +6,8 @@ A part of a body, cut off somewhere, is matched to a whole one in another pose.
 """
 
 from isomatch import match
-from isomatch.datasets import creature, cut
+from isomatch.datasets import creature
+from isomatch.lab.damage import cut
 from isomatch.view import draw_map
 
 whole = creature(1800, pose=0).mesh

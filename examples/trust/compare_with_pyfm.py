@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from isomatch import MissingDependencyError, match
-from isomatch.baselines import pyfm_zoomout
 from isomatch.datasets import example_pair, ground_truth
-from isomatch.evaluation import cumulative_curve, geodesic_errors
+from isomatch.lab.baselines import pyfm_zoomout
+from isomatch.lab.evaluation import cumulative_curve, geodesic_errors
 from isomatch.view import draw_map
 
 source, target = example_pair()

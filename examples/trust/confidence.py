@@ -9,7 +9,8 @@ knowing the truth. Here, a body is cut, and the truth is drawn for comparison.
 import numpy as np
 
 from isomatch import match
-from isomatch.datasets import creature, cut, ground_truth
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.damage import cut
 from isomatch.view import ValuePanel, draw_map
 
 posed, whole = creature(2500, pose=1), creature(2500, pose=2, triangulation=1)

@@ -9,7 +9,8 @@ another way than ``CONVERGED`` or ``PARTIAL`` only after you have looked at it.
 import numpy as np
 
 from isomatch import match
-from isomatch.datasets import creature, ground_truth, view
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.damage import view
 from isomatch.view import ValuePanel, draw_map
 
 whole = creature(3000, kind="biped")

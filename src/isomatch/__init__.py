@@ -3,11 +3,8 @@
 From geodesic distance descriptors, spectra, curvature and smoothed positions; no training, no landmarks needed.
 """
 
-from isomatch._first_use import names_at_first_use
-from isomatch._renamed import old_names
+from isomatch.loading.first_use import names_at_first_use
 
 __version__ = "0.1.0"
 
 __all__ = names_at_first_use(__name__)
-
-__getattr__ = old_names(__name__)

@@ -31,21 +31,12 @@ from isomatch.errors import (
     UnwritableFileError,
 )
 from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
-from isomatch.matching import (
-    BothDirections,
-    Config,
-    MatchResult,
-    Outcome,
-    PreparedShape,
-    Quality,
-    match,
-    match_both,
-    nearest_landmarks,
-    prepare,
-    read_landmarks,
-    show_progress,
-)
+from isomatch.landmarks import nearest_landmarks, read_landmarks
+from isomatch.matching import BothDirections, MatchResult, Outcome, Quality, match, match_both
 from isomatch.mending import MeshReport, check, repair
+from isomatch.runtime.stage_timer import show_progress
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.transfer import bake_texture, carry_attributes
 

@@ -21,7 +21,8 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.baselines import (
+from isomatch.datasets import creature
+from isomatch.lab.baselines import (
     BASELINES,
     FunctionalMapsConfig,
     GmdsConfig,
@@ -40,7 +41,6 @@ from isomatch.baselines import (
     spectral_gradient_fields,
     zoomout,
 )
-from isomatch.datasets import creature
 from shapes import disguised
 
 REGISTERED = {each.function: each for each in BASELINES.values() if each.preparation is not None}

@@ -5,11 +5,11 @@ import pytest
 
 from data import tosca
 from isomatch import Outcome, PointCloud, SettingError, geodesic_distances, prepare
-from isomatch.baselines import GmdsConfig, gmds
-from isomatch.baselines.generalised_stress import Placement, descended, placed, relative_stress
-from isomatch.baselines.gmds import placement
-from isomatch.baselines.task import Task
 from isomatch.datasets import creature, ground_truth
+from isomatch.lab.baselines import GmdsConfig, gmds
+from isomatch.lab.baselines.generalised_stress import Placement, descended, placed, relative_stress
+from isomatch.lab.baselines.gmds import placement
+from isomatch.lab.baselines.task import Task
 from isomatch.matching import prepare_pair
 from shapes import disguised
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, MissingDependencyError, geodesic_distances, prepare
-from isomatch.baselines import GromovWassersteinConfig, gromov_wasserstein
-from isomatch.baselines.gromov_wasserstein import transport
-from isomatch.baselines.task import Task
 from isomatch.datasets import creature, ground_truth
+from isomatch.lab.baselines import GromovWassersteinConfig, gromov_wasserstein
+from isomatch.lab.baselines.gromov_wasserstein import transport
+from isomatch.lab.baselines.task import Task
 from shapes import disguised
 
 CONFIG = GromovWassersteinConfig(n_samples=200)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch import geodesic_distances, prepare
-from isomatch.baselines import SpectralGmdsConfig, spectral_gmds
-from isomatch.baselines.functional_energy import FunctionalEnergy
-from isomatch.baselines.spectral_gmds import coefficient_map, spectral_distances
-from isomatch.baselines.task import Task
 from isomatch.datasets import creature, ground_truth
+from isomatch.lab.baselines import SpectralGmdsConfig, spectral_gmds
+from isomatch.lab.baselines.functional_energy import FunctionalEnergy
+from isomatch.lab.baselines.spectral_gmds import coefficient_map, spectral_distances
+from isomatch.lab.baselines.task import Task
 from shapes import disguised, icosphere
 
 CONFIG = SpectralGmdsConfig(sizes=(15, 30))

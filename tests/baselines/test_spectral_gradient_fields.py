@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, geodesic_distances, prepare
-from isomatch.baselines import GradientFieldsConfig, spectral_gradient_fields
-from isomatch.baselines.eigenfunction_matching import signed_permutation
-from isomatch.baselines.gradient_fields import gradient_fields, invariants
 from isomatch.datasets import creature, ground_truth
+from isomatch.lab.baselines import GradientFieldsConfig, spectral_gradient_fields
+from isomatch.lab.baselines.eigenfunction_matching import signed_permutation
+from isomatch.lab.baselines.gradient_fields import gradient_fields, invariants
 from isomatch.matching import prepare_pair
 from shapes import disguised, flat_grid, icosphere
 

@@ -11,9 +11,17 @@ import pytest
 
 import isomatch
 from isomatch.cli import main
-from isomatch.datasets import BenchmarkPair, BenchmarkSet, example_pair
-from isomatch.evaluation import METHODS, BenchmarkRun, Method, benchmark_run, run_benchmark, write_tables
-from isomatch.evaluation.published_curves import PublishedCurve
+from isomatch.datasets import example_pair
+from isomatch.lab.evaluation import (
+    METHODS,
+    BenchmarkRun,
+    Method,
+    benchmark_run,
+    run_benchmark,
+    write_tables,
+)
+from isomatch.lab.evaluation.published_curves import PublishedCurve
+from isomatch.lab.sets import BenchmarkPair, BenchmarkSet
 from isomatch.view import draw_map
 from shapes import icosphere
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from isomatch import write_mesh
-from isomatch._workers import worker_processes
 from isomatch.cli.collect import collect
 from isomatch.collections import Collection, PairMaps, Rows, agree, agreement_of
 from isomatch.collections import agreement as agreement_module
@@ -25,7 +24,9 @@ from isomatch.collections.states import state_of
 from isomatch.collections.workers import Workers
 from isomatch.datasets import creature, ground_truth
 from isomatch.errors import InputError, MemoryBudgetError, UnwritableFileError
-from isomatch.matching import PreparedShape, match_both
+from isomatch.matching import match_both
+from isomatch.runtime.workers import worker_processes
+from isomatch.shapes import PreparedShape
 
 pytest.importorskip("skimage")
 finish_module = import_module("isomatch.collections.finish")  # the room's public name is the function

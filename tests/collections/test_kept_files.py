@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, FormatError, UnwritableFileError
-from isomatch._files import claimed
 from isomatch.collections import PairMaps, jobs
 from isomatch.collections import ledger as ledger_module
 from isomatch.collections.layout import OLD, Layout, key_of
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.template import medoid
-from isomatch.matching import Config
+from isomatch.settings import Config
+from isomatch.storage.files import claimed
 
 DONE, FAILED = ({"state": state, "time": 1.0} for state in ("done", "failed"))
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from isomatch import LandmarkError, Outcome, match
-from isomatch._settings import Settings, setting
-from isomatch.baselines import Baseline
-from isomatch.baselines.task import Task
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature
-from isomatch.evaluation import METHODS, BenchmarkRun, run_benchmark
-from isomatch.evaluation.methods import methods_of
-from isomatch.matching import Orientation
+from isomatch.lab.baselines import Baseline
+from isomatch.lab.baselines.task import Task
+from isomatch.lab.evaluation import METHODS, BenchmarkRun, run_benchmark
+from isomatch.lab.evaluation.methods import methods_of
+from isomatch.settings import Orientation
+from isomatch.values.settings import Settings, setting
 from shapes import disguised
 
 

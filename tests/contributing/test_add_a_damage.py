@@ -3,9 +3,10 @@
 import numpy as np
 
 from isomatch import Correspondence, Mesh
-from isomatch.datasets import DAMAGES, Damage, Damaged, example_pair, ground_truth
-from isomatch.datasets.damage.damaged import require_usable
-from isomatch.evaluation import METHODS, BenchmarkRun, Method, run_benchmark
+from isomatch.datasets import example_pair, ground_truth
+from isomatch.lab.damage import DAMAGES, Damage, Damaged
+from isomatch.lab.damage.damaged import require_usable
+from isomatch.lab.evaluation import METHODS, BenchmarkRun, Method, run_benchmark
 
 FACTORS = (0.0, 10.0)
 

@@ -15,8 +15,9 @@ from isomatch.correspondence import (
     register_as_rigid_as_possible,
     rigid_registration,
 )
-from isomatch.datasets import creature, cut
+from isomatch.datasets import creature
 from isomatch.errors import SettingError
+from isomatch.lab.damage import cut
 from shapes import icosphere
 
 LENGTHS = (0.3, 0.2, 0.1, 0.05)

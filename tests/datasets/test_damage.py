@@ -8,23 +8,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from isomatch import InputError, Mesh, MeshError, SettingError, check, geodesic_distances
-from isomatch.datasets import (
+from isomatch.datasets import example_pair
+from isomatch.lab.damage import (
     DAMAGES,
-    BenchmarkPair,
     DamageChoice,
     Damaged,
     cut,
     damaged_pair,
     decimate,
-    example_pair,
     holes,
     limb_removed,
     noise,
-    relabelled,
     resample,
     view,
     weld,
 )
+from isomatch.lab.sets import BenchmarkPair, relabelled
 from shapes import flat_grid, icosphere, planar_delaunay, two_spheres
 from zoo import zoo
 

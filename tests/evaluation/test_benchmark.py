@@ -20,17 +20,9 @@ from isomatch import (
 )
 from isomatch.cli import main
 from isomatch.cli.bench import bench
-from isomatch.datasets import (
-    DAMAGES,
-    BenchmarkPair,
-    BenchmarkSet,
-    benchmark_set,
-    example_pair,
-    ground_truth,
-    weld,
-)
-from isomatch.datasets.benchmarks import relabelled
-from isomatch.evaluation import (
+from isomatch.datasets import example_pair, ground_truth
+from isomatch.lab.damage import DAMAGES, weld
+from isomatch.lab.evaluation import (
     CONTINUATIONS,
     METHODS,
     BenchmarkRun,
@@ -47,7 +39,9 @@ from isomatch.evaluation import (
     true_landmarks,
     write_tables,
 )
-from isomatch.evaluation.methods import settings_digest
+from isomatch.lab.evaluation.methods import settings_digest
+from isomatch.lab.sets import BenchmarkPair, BenchmarkSet, benchmark_set
+from isomatch.lab.sets.benchmarks import relabelled
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import numpy as np
 
 from isomatch import Mesh, distance_engine
-from isomatch.evaluation import CachingEngine
 from isomatch.geodesics import pair_distances
+from isomatch.lab.evaluation import CachingEngine
 from shapes import planar_delaunay
 
 

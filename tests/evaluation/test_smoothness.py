@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, Mesh
-from isomatch.evaluation import conformal_distortion, dirichlet_energy, torn_edges
+from isomatch.lab.evaluation import conformal_distortion, dirichlet_energy, torn_edges
 from shapes import disguised, flat_grid, icosphere, planar_delaunay
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_mesh, write_mesh
-from isomatch._array_file import write_arrays
-from isomatch._files import write_csv
 from isomatch.cli import main
-from isomatch.evaluation.ledger import appending, read_rows
 from isomatch.geodesics import Sampling
+from isomatch.lab.evaluation.ledger import appending, read_rows
+from isomatch.storage.array_file import write_arrays
+from isomatch.storage.files import write_csv
 from shapes import icosphere
 
 N = 600

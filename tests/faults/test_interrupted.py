@@ -89,7 +89,8 @@ def test_an_earlier_result_stays_as_it_is(folder, tmp_path):
 
 TWICE = """
 import os, signal, time
-from isomatch import __main__, _files
+from isomatch import __main__
+from isomatch.storage import files
 
 abandon = _files.abandon_files
 _files.abandon_files = lambda: (abandon(), os.kill(os.getpid(), signal.SIGTERM))

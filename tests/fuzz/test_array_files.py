@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from mutations import fuzzed, mutated
 
 from isomatch import Config, Correspondence, DistanceBasis, MatchResult, Outcome, Quality
-from isomatch.datasets import tosca
-from isomatch.datasets.shape_files import arrays, read_landmarks
 from isomatch.errors import FormatError, IsomatchError
-from isomatch.evaluation import read_published_curves
 from isomatch.geodesics import Sampling
+from isomatch.lab.evaluation import read_published_curves
+from isomatch.lab.sets import tosca
+from isomatch.lab.sets.shape_files import arrays, read_landmarks
 from isomatch.matching import Alternative
 from isomatch.statistics import CorrespondedShapes, ShapeModel
 from zoo import grid

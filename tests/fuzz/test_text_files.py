@@ -11,10 +11,10 @@ from scipy.io import savemat
 
 from isomatch import Config, Correspondence, Mesh, read_landmarks
 from isomatch.cli.inputs import read_config
-from isomatch.datasets import tosca
-from isomatch.datasets.shape_files import read_indices
 from isomatch.errors import IsomatchError
-from isomatch.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
+from isomatch.lab.evaluation.ledger import FILE, IDENTITY, identity_of, read_rows
+from isomatch.lab.sets import tosca
+from isomatch.lab.sets.shape_files import read_indices
 from zoo import grid
 
 

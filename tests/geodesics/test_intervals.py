@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from isomatch.datasets import creature, cut
+from isomatch.datasets import creature
 from isomatch.geodesics import MissingRegion, distance_engine, geodesic_distances
+from isomatch.lab.damage import cut
 from isomatch.surfaces import Mesh
 from shapes import flat_grid, icosphere
 

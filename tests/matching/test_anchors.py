@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Graph, Outcome, PointCloud, SettingError, match, prepare
-from isomatch.datasets import relabelled
 from isomatch.datasets.organs import organ, organ_truth
+from isomatch.lab.sets import relabelled
 from isomatch.matching import prepare_pair
 from isomatch.matching.anchors import slid, starts_from_anchors
 from shapes import box, cylinder, disguised, flat_grid, icosphere

@@ -7,14 +7,15 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, SettingError, match, prepare
 from isomatch.correspondence import Embedding
-from isomatch.datasets import creature, ground_truth, relabelled
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.sets import relabelled
 from isomatch.matching import Hints, ShapePair, prepare_pair
 from isomatch.matching.elastic.elastic_fit import ElasticFit, Step
 from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.elastic.far import far_from_isometric
 from isomatch.matching.elastic.mirror import with_mirror
-from isomatch.matching.settings import ElasticSettings
+from isomatch.settings import ElasticSettings
 
 NONE = np.zeros((0, 2), dtype=np.int64)
 

@@ -8,7 +8,7 @@ import pytest
 from isomatch import Config, Outcome
 from isomatch.matching.parts.evidence import Evidence
 from isomatch.matching.parts.result import _contradicts
-from isomatch.matching.settings import PartSettings
+from isomatch.settings import PartSettings
 
 SETTINGS = PartSettings()
 BOUND = SETTINGS.poor_doubt

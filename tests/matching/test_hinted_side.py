@@ -6,8 +6,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, ground_truth, holes
+from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
+from isomatch.lab.damage import holes
 from shapes import icosphere
 
 SIDES = "direct", "other"

@@ -19,8 +19,9 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.datasets import creature, cut, ground_truth, weld
+from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
+from isomatch.lab.damage import cut, weld
 from isomatch.matching import Hints, prepare_pair
 from shapes import box, disguised, icosphere
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, cut, ground_truth, holes, limb_removed, relabelled
+from isomatch.datasets import creature, ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.lab.damage import cut, holes, limb_removed
+from isomatch.lab.sets import relabelled
 from isomatch.matching import Hints, prepare_pair
 from isomatch.matching.parts import part_of
 from isomatch.matching.parts.landmark_distances import LandmarkDistances
@@ -15,7 +17,7 @@ from isomatch.matching.parts.match_part import match_part
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_refinement import WholeCoordinates
 from isomatch.matching.quality import covered_share
-from isomatch.matching.settings import PartSettings
+from isomatch.settings import PartSettings
 
 
 @pytest.fixture(scope="module")

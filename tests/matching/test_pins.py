@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Graph, Mesh, Outcome, PointCloud, SettingError, match, prepare
-from isomatch.datasets import creature, ground_truth, holes
+from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
-from isomatch.evaluation import torn_edges
+from isomatch.lab.damage import holes
+from isomatch.lab.evaluation import torn_edges
 from shapes import icosphere
 
 

@@ -153,14 +153,6 @@ def test_open_sheet_is_prepared():
     assert np.isfinite(shape.signatures).all()
 
 
-def test_old_names_of_attributes_warn(shape):
-    for old, new in (("mesh", "surface"), ("mesh_vertex", "user_vertex"), ("spread", "sample_vertices")):
-        with pytest.warns(DeprecationWarning, match=rf"PreparedShape\.{old} is now {new}; .* removed in"):
-            assert getattr(shape, old) is getattr(shape, new)
-    with pytest.raises(AttributeError, match="has no attribute 'nose'"):
-        _ = shape.nose
-
-
 def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):
     """A mesh with a vertex that no face uses: values on the body have a row too few for it."""
     mesh = Mesh(np.vstack([[9, 9, 9], example[0].mesh.vertices]), example[0].mesh.faces + 1)

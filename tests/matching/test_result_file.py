@@ -19,7 +19,7 @@ from isomatch import (
     match,
     prepare,
 )
-from isomatch.baselines import BASELINES
+from isomatch.lab.baselines import BASELINES
 from shapes import icosphere
 
 LevelSettings = type(Config().levels)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isomatch.matching import OutcomeSettings, SelectionSettings
 from isomatch.matching.select import contenders, ranked, select, survivors
+from isomatch.settings import OutcomeSettings, SelectionSettings
 
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
 

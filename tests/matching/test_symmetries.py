@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Mesh, Outcome, match, prepare
-from isomatch.datasets import creature, relabelled
-from isomatch.matching import SymmetrySettings, prepare_pair
+from isomatch.datasets import creature
+from isomatch.lab.sets import relabelled
+from isomatch.matching import prepare_pair
 from isomatch.matching.search import symmetric_variants
+from isomatch.settings import SymmetrySettings
 from shapes import box, cylinder, disguised, icosphere
 from zoo import torus
 

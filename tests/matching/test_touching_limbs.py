@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Correspondence, Outcome, check, match, prepare
-from isomatch.datasets import BenchmarkPair, creature, damaged_pair, ground_truth, relabelled, weld
-from isomatch.evaluation import counted, geodesic_errors
-from isomatch.matching import PreparationSettings
+from isomatch.datasets import creature, ground_truth
+from isomatch.lab.damage import damaged_pair, weld
+from isomatch.lab.evaluation import counted, geodesic_errors
+from isomatch.lab.sets import BenchmarkPair, relabelled
+from isomatch.settings import PreparationSettings
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, MatchResult, Mesh, PointCloud, match
-from isomatch.baselines import BASELINES
 from isomatch.correspondence import PrecisePoints
-from isomatch.datasets import cut, ground_truth
-from isomatch.evaluation import geodesic_errors
+from isomatch.datasets import ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.lab.baselines import BASELINES
+from isomatch.lab.damage import cut
+from isomatch.lab.evaluation import geodesic_errors
 from isomatch.matching import expected_errors, prepare_pair
 from isomatch.matching.vertex_confidence import doubt_of
 from shapes import icosphere

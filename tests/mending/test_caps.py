@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from isomatch import Mesh, check
-from isomatch.datasets import creature, cut, holes
+from isomatch.datasets import creature
+from isomatch.lab.damage import cut, holes
 from isomatch.mending import capped
 from isomatch.mending.caps import boundary_loops
 from shapes import icosphere

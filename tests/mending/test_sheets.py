@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from isomatch.datasets import creature, weld
+from isomatch.datasets import creature
 from isomatch.geodesics import geodesic_distances
+from isomatch.lab.damage import weld
 from isomatch.mending import check, repair, separate_sheets
 from isomatch.surfaces import Mesh
 from zoo import any_mesh, grid, zoo

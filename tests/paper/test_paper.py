@@ -11,9 +11,9 @@ import pytest
 
 from isomatch import IsomatchError, distance_basis, geodesic_distances
 from isomatch.cli import main
-from isomatch.datasets import benchmark_set, example_pair
-from isomatch.evaluation import METHODS, BenchmarkRun, Method, read_rows, true_landmarks
-from isomatch.paper import (
+from isomatch.datasets import example_pair
+from isomatch.lab.evaluation import METHODS, BenchmarkRun, Method, read_rows, true_landmarks
+from isomatch.lab.paper import (
     ITEMS,
     Setting,
     basis_error,
@@ -23,6 +23,7 @@ from isomatch.paper import (
     princeton_curves,
     region_colours,
 )
+from isomatch.lab.sets import benchmark_set
 from shapes import icosphere
 
 QUICK = ("--quick", "--points", "150", "--jobs", "1")

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray, numbers_of
-from isomatch._cached import cached_property
 from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.parts import Part, placed, turned, unplaced
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,9 +8,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._memory import require_memory
 from isomatch.errors import DescriptorError
+from isomatch.runtime.memory import require_memory
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights"]

@@ -8,8 +8,8 @@ from itertools import count
 
 import numpy as np
 
-from isomatch._arrays import AnyArray
 from isomatch.assets.attribute import Attribute, Kind
+from isomatch.values.arrays import AnyArray
 
 _UV_NAMES = {
     "uv", "st", "uvs", "uvmap", "texcoord",

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._files import opened, replaced
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.formats.registry import FORMATS, checked, format_of
 from isomatch.assets.seams import merged_corners
 from isomatch.errors import DescriptorError, FormatError
+from isomatch.storage.files import opened, replaced
 from isomatch.surfaces import Mesh, PointCloud
 
 

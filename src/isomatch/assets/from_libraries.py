@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
+from isomatch.values.arrays import AnyArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats.gltf_looks import UNTINTED, base_colours
+from isomatch.values.arrays import AnyArray, FloatArray
 
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import IntArray, array_of
-from isomatch._cached import cached_property
 from isomatch.errors import MeshError
+from isomatch.values.arrays import IntArray, array_of
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, IntArray
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.polygons import Polygons
 from isomatch.surfaces import first_equal, welded
+from isomatch.values.arrays import AnyArray, BoolArray, IntArray
 
 
 @dataclass(frozen=True)

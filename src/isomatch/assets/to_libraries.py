@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray
-from isomatch._packages import package
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute_names import told_apart, unused_name
 from isomatch.assets.pictures import texture_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
+from isomatch.loading.packages import package
+from isomatch.values.arrays import AnyArray
 
 
 def to_trimesh(asset: Asset) -> Any:

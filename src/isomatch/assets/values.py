@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from isomatch._files import opened, replaced
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats import freesurfer, gifti
 from isomatch.errors import FormatError
+from isomatch.storage.files import opened, replaced
 
 
 class ValuesFormat(NamedTuple):

@@ -8,10 +8,6 @@ from typing import get_args
 import numpy as np
 from numpy.typing import DTypeLike
 
-from isomatch._arrays import FloatArray
-from isomatch._interruption import in_background
-from isomatch._settings import generator
-from isomatch._threads import serial_blas
 from isomatch.assets import SurfaceLike
 from isomatch.bases.choices import BasisMethod, Weighting
 from isomatch.bases.distance_basis import DistanceBasis
@@ -29,7 +25,11 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
+from isomatch.runtime.interruption import in_background
+from isomatch.runtime.threads import serial_blas
 from isomatch.surfaces import Mesh, PointCloud
+from isomatch.values.arrays import FloatArray
+from isomatch.values.settings import generator
 
 MOST_COLUMNS = 800  # tried to reach a tolerance
 

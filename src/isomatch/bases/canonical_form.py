@@ -8,9 +8,6 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.linalg import eigh
 
-from isomatch._arrays import FloatArray
-from isomatch._memory import require_memory
-from isomatch._threads import serial_blas
 from isomatch.assets import SurfaceLike
 from isomatch.bases.choices import Weighting
 from isomatch.bases.distance_basis import orthonormalised
@@ -26,6 +23,9 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
+from isomatch.runtime.memory import require_memory
+from isomatch.runtime.threads import serial_blas
+from isomatch.values.arrays import FloatArray
 
 EmbeddingMethod = Literal["nystrom", "exact", "fmds"]
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 from scipy.linalg import qr
 
-from isomatch._array_file import ArrayFormat, Stored, save_arrays
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics import Sampling
+from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
+from isomatch.values.arrays import FloatArray, IntArray
 
 FORMAT = ArrayFormat(
     what="a distance basis",

@@ -6,10 +6,10 @@ from typing import get_args
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.bases.choices import Weighting
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import DistanceEngine, MetricSpace, distance_engine
+from isomatch.values.arrays import FloatArray
 
 
 def basis_domain(

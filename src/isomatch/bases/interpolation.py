@@ -6,12 +6,12 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csc_array, diags_array
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
 from isomatch.bases.laplace_basis import LaplaceBasis, laplace_basis
 from isomatch.bases.laplacian import factorised, stiffness_and_masses
 from isomatch.geodesics import Sampling
 from isomatch.surfaces import Surface
+from isomatch.values.arrays import FloatArray, IntArray
 
 # μ at unit area
 FIDELITY = 1e6  # above 1e4 the interpolant is practically exact at the samples

@@ -9,16 +9,16 @@ import numpy as np
 from scipy.linalg import eigh, solve_triangular
 from scipy.sparse import csc_array, csr_array
 
-from isomatch._arrays import AnyArray, FloatArray, single
-from isomatch._memory import require_memory
-from isomatch._settings import generator
-from isomatch._threads import row_product, serial_blas
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
+from isomatch.runtime.memory import require_memory
+from isomatch.runtime.threads import row_product, serial_blas
 from isomatch.surfaces import Mesh, Surface
+from isomatch.values.arrays import AnyArray, FloatArray, single
+from isomatch.values.settings import generator
 
 Precision = Literal["double", "single"]
 

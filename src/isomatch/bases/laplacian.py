@@ -10,12 +10,12 @@ import robust_laplacian
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray, single
-from isomatch._compiled import compiled
 from isomatch.bases.domain import require_areas
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics import MetricSpace
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray, single
 
 WIDTH = 16  # right-hand sides solved for at once in single precision: 64 bytes of each row
 

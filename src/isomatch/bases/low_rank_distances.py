@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._compiled import compiled
-from isomatch._threads import n_threads, parallel_map
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import n_threads, parallel_map
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 FEWEST_FOR_THREADS = 50_000  # pairs; for fewer, starting threads costs more time than it saves
 

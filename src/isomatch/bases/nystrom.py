@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from isomatch._arrays import FloatArray
-from isomatch._memory import require_memory
 from isomatch.bases.distance_basis import NULL_VALUE, DistanceBasis, orthonormalised
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError
 from isomatch.geodesics import DistanceEngine, Sampling
+from isomatch.runtime.memory import require_memory
+from isomatch.values.arrays import FloatArray
 
 
 def nystrom_basis(sampling: Sampling, weights: FloatArray, rank: int, engine: str) -> DistanceBasis:

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import KDTree
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._threads import parallel_map, serial_blas
 from isomatch.bases.distance_basis import DistanceBasis, orthonormalised
 from isomatch.bases.laplacian import factorised, stiffness_and_masses
 from isomatch.bases.nystrom import leading_eigenpairs
 from isomatch.geodesics import DistanceEngine, Sampling
+from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.surfaces import Mesh, PointCloud, Surface
+from isomatch.values.arrays import FloatArray, IntArray
 
 RIDGE = 1e-9  # of the mean variance; keeps the system well conditioned when samples nearly coincide
 NODES_PER_VECTOR = 12  # predicted columns per basis vector; twice as many lower the error by less than 1 %

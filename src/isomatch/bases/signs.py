@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
+from isomatch.values.arrays import FloatArray
 
 
 def fix_signs(vectors: FloatArray, weights: FloatArray) -> FloatArray:

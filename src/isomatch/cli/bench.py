@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from isomatch import evaluation
 from isomatch.cli.terminal import TALK, Talk, part, say
+from isomatch.lab import evaluation
 
 
 def bench(

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import bases, matching
+from isomatch import bases, shapes
 from isomatch.assets import FORMATS
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
@@ -21,7 +21,7 @@ Verb = Literal["distance", "basis", "match"]
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: bases.basis_domain(mesh, n_columns=N_COLUMNS),
-    "match": lambda mesh: matching.body_of(mesh, isomatch.Config().preparation),
+    "match": lambda mesh: shapes.body_of(mesh, isomatch.Config().preparation),
 }
 
 

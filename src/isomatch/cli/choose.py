@@ -11,11 +11,11 @@ from typing import Any
 
 import isomatch
 from isomatch import matching
-from isomatch._files import opened
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part
 from isomatch.errors import FormatError, SettingError
+from isomatch.storage.files import opened
 
 BEFORE = "the map before, "
 

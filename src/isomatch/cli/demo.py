@@ -10,9 +10,10 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import datasets, evaluation
+from isomatch import datasets
 from isomatch.cli.outputs import ResultFolder, say_files
 from isomatch.cli.terminal import TALK, Talk, part, say, say_table
+from isomatch.lab import evaluation
 
 N_JUDGED = 500  # source vertices, drawn with seed 0, whose images are compared with the ground truth
 

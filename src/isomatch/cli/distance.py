@@ -11,14 +11,14 @@ from cyclopts.validators import LimitedChoice
 
 import isomatch
 from isomatch import geodesics
-from isomatch._array_file import write_arrays
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._files import is_whole_number, write_text
 from isomatch.cli.inputs import read_pairs, surface_of
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
 from isomatch.errors import FormatError
 from isomatch.geodesics import engine_names
+from isomatch.storage.array_file import write_arrays
+from isomatch.storage.files import is_whole_number, write_text
+from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 16  # columns between two announcements of progress
 WHICH = Group("Which distances (one of them)", validator=LimitedChoice(1, 1))

@@ -9,12 +9,13 @@ import numpy as np
 from cyclopts import Parameter
 
 import isomatch
-from isomatch import correspondence, datasets, evaluation
-from isomatch._arrays import IntArray
-from isomatch._files import text_lines
+from isomatch import correspondence
 from isomatch.cli.inputs import read_pairs
 from isomatch.cli.terminal import TALK, Talk, say_table
 from isomatch.errors import FormatError
+from isomatch.lab import evaluation, sets
+from isomatch.storage.files import text_lines
+from isomatch.values.arrays import IntArray
 
 CURVE = (0.01, 0.02, 0.05, 0.1, 0.25)  # √(target area)
 
@@ -105,7 +106,7 @@ def _truth(path: Path, n_target: int) -> IntArray:
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:
-    marks = [datasets.read_indices(path) for path in (of_source, of_target)]
+    marks = [sets.read_indices(path) for path in (of_source, of_target)]
     if len(marks[0]) != len(marks[1]):
         raise FormatError(
             f"{of_source}: {len(marks[0])} marks, but {of_target} has {len(marks[1])}; give files whose lines correspond"

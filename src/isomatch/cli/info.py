@@ -9,9 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 import threadpoolctl
 
 import isomatch
-from isomatch._memory import GIB, memory_budget
-from isomatch._threads import n_threads
 from isomatch.cli.terminal import say_json, say_table
+from isomatch.runtime.memory import GIB, memory_budget
+from isomatch.runtime.threads import n_threads
 
 NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")

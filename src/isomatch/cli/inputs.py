@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import NoReturn
 
 import isomatch
-from isomatch._arrays import IntArray
-from isomatch._files import read_integers
 from isomatch.errors import FormatError, IsomatchError, SettingError
+from isomatch.storage.files import read_integers
+from isomatch.values.arrays import IntArray
 
 
 def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:

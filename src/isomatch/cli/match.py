@@ -11,7 +11,6 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch._files import write_text
 from isomatch.cli.inputs import naming_files, read_config, read_outcomes
 from isomatch.cli.outputs import (
     ResultFolder,
@@ -25,7 +24,8 @@ from isomatch.cli.outputs import (
 )
 from isomatch.cli.terminal import TALK, Talk, json_text, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
-from isomatch.matching import Hypotheses, Orientation, Refinement, Resolution, Start
+from isomatch.settings import Hypotheses, Orientation, Refinement, Resolution, Start
+from isomatch.storage.files import write_text
 
 
 def match(

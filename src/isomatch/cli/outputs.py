@@ -11,10 +11,10 @@ from typing import Any
 
 import isomatch
 from isomatch import view
-from isomatch._arrays import FloatArray
-from isomatch._files import claimed, made_folder, staged, write_text
 from isomatch.assets import Attribute
 from isomatch.cli.terminal import json_text, say, say_table
+from isomatch.storage.files import claimed, made_folder, staged, write_text
+from isomatch.values.arrays import FloatArray
 
 RESULT = "result.json"
 
@@ -66,7 +66,7 @@ class ResultFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
-        """Create the folder and claim its files, see `isomatch._files.claimed`; an earlier result has to be forced."""
+        """Create the folder and claim its files (`storage.files.claimed`); an earlier result has to be forced."""
         new = [] if force else [*map(Path, self.files.values()), *self._alternatives]
         with made_folder(self.folder), claimed(self.result, new):
             yield
@@ -152,7 +152,7 @@ def _described(result: isomatch.MatchResult) -> dict[str, Any]:
 
 @contextmanager
 def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
-    """Claim single files, see `isomatch._files.claimed`; those that exist have to be forced."""
+    """Claim single files, see `isomatch.storage.files.claimed`; those that exist have to be forced."""
     with ExitStack() as claims:
         for path in filter(None, paths):
             claims.enter_context(claimed(path, [] if force else [path]))

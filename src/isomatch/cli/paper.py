@@ -54,7 +54,7 @@ def paper(
     talk : Talk
         What is told.
     """
-    from isomatch.paper import ITEMS, Setting, reproduce  # matplotlib is slow to import
+    from isomatch.lab.paper import ITEMS, Setting, reproduce  # matplotlib is slow to import
 
     names = list(ITEMS) if name == "all" else [name]
     records: list[dict[str, Any]] = []

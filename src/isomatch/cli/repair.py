@@ -8,9 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import isomatch
-from isomatch._array_file import write_arrays
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import say
+from isomatch.storage.array_file import write_arrays
 
 
 def repair(

@@ -10,11 +10,11 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
-from isomatch._files import read_csv, text_lines
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, say, say_table
 from isomatch.errors import FormatError, IsomatchError
+from isomatch.storage.files import read_csv, text_lines
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 

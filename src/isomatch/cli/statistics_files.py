@@ -12,12 +12,12 @@ import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import view
-from isomatch._arrays import FloatArray
-from isomatch._files import claimed, made_folder, write_csv, write_text
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
+from isomatch.storage.files import claimed, made_folder, write_csv, write_text
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 RECORD = "statistics.json"
 DEVIATIONS = 2
@@ -39,7 +39,7 @@ class StatisticsFolder:
 
     @contextmanager
     def claimed(self, force: bool) -> Iterator[None]:
-        """Create and claim the folder, see `isomatch._files.claimed`; an earlier result has to be forced."""
+        """Create and claim the folder, see `isomatch.storage.files.claimed`; an earlier result has to be forced."""
         record = self.folder / RECORD
         with made_folder(self.folder), claimed(record, [] if force else [record]):
             yield

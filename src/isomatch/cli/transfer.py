@@ -8,10 +8,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch._files import replaced
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, say
+from isomatch.storage.files import replaced
 from isomatch.transfer import Labelling, Side
 
 

@@ -11,9 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._files import claimed
-from isomatch._memory import require_memory
 from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED, inconsistency, trust_in, turned_shapes
 from isomatch.collections.cycles import N_SAMPLES, CycleJob, Repair
@@ -24,7 +21,11 @@ from isomatch.collections.run import Event
 from isomatch.collections.states import is_contradicted
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Config, Outcome
+from isomatch.matching import Outcome
+from isomatch.runtime.memory import require_memory
+from isomatch.settings import Config
+from isomatch.storage.files import claimed
+from isomatch.values.arrays import FloatArray
 
 MOST_ROUNDS = 3
 TILE = 8  # shapes on either side of a tile of pairs

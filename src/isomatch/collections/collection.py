@@ -13,9 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from isomatch._cached import cached_property
-from isomatch._files import write_text
-from isomatch._settings import generator
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps
@@ -25,7 +22,10 @@ from isomatch.collections.shapes import Entry, entries_of, unusable_names
 from isomatch.collections.states import state_of, was_contradicted
 from isomatch.collections.template import medoid
 from isomatch.errors import FormatError, InputError, SettingError
-from isomatch.matching import Config
+from isomatch.settings import Config
+from isomatch.storage.files import write_text
+from isomatch.values.cached import cached_property
+from isomatch.values.settings import generator
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 CONTRADICTED = 0.1  # √area: a mean error from which a map counts as a failure; right maps reach half of it
 SHARPNESS = 1.3 ** np.arange(15)  # 1 to 39, in 1/√area

@@ -9,15 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._limits import peak_memory
 from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.jobs import loaded_shape, row_of
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Outcome, PreparedShape, match_both
+from isomatch.matching import Outcome, match_both
+from isomatch.runtime.limits import peak_memory
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
 
 N_SAMPLES = 100  # spacing 0.1 √area: enough for a mean distance
 LEAST_KNOWN = 0.5  # share of the samples that two maps must both match to be compared

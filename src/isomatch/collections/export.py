@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from isomatch._files import claimed, made_folder
 from isomatch.assets import read_mesh, write_mesh
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.shapes import BETWEEN
 from isomatch.collections.tables import write_table
 from isomatch.errors import FormatError, InputError
+from isomatch.storage.files import claimed, made_folder
 
 
 def export(

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from typing import Any
 
-from isomatch._files import claimed, read_csv, write_csv
 from isomatch.collections.collection import Collection
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
@@ -15,6 +14,7 @@ from isomatch.collections.page import write_page
 from isomatch.collections.tables import write_table
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
+from isomatch.storage.files import claimed, read_csv, write_csv
 
 COLUMNS = ("name", "key", "inverted_before", "inverted", "extended", "error")
 AT_ONCE = 4  # surfaces of a task

@@ -12,7 +12,6 @@ from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
 
-from isomatch._limits import peak_memory
 from isomatch.assets import surface_from
 from isomatch.collections.layout import Layout, key_of
 from isomatch.collections.map_file import PairMaps, Record
@@ -20,7 +19,10 @@ from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
 from isomatch.errors import FormatError
-from isomatch.matching import Config, MatchResult, Outcome, PreparedShape, match_both, prepare
+from isomatch.matching import MatchResult, Outcome, match_both
+from isomatch.runtime.limits import peak_memory
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, prepare
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 

@@ -9,10 +9,10 @@ from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 
-from isomatch._files import UNFINISHED, remove_unfinished
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import BETWEEN
-from isomatch.matching import Config
+from isomatch.settings import Config
+from isomatch.storage.files import UNFINISHED, remove_unfinished
 
 OLD = 3600.0  # seconds; files are written in a few
 

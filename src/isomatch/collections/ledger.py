@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from isomatch._files import claimed
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
 from isomatch.errors import FormatError, UnwritableFileError
+from isomatch.storage.files import claimed
 
 PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
 _TABLES = """

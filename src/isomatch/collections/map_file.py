@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._array_file import ArrayFormat, Stored, save_arrays
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MapError
+from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 
 Record = dict[str, Any]
 """What is known of a shape or a pair, as plain values."""

@@ -10,11 +10,11 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
-from isomatch._files import write_text
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Rows
 from isomatch.collections.reports import has_report
 from isomatch.collections.tables import MOST_SHOWN, table_of
+from isomatch.storage.files import write_text
 
 SHOWN = ("misfit", "rival", "residual", "stretch", "distortion_mean", "coverage", "matched", "seconds")
 

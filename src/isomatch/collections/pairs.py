@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 from itertools import combinations, pairwise
 from pathlib import Path
 
-from isomatch._files import read_csv
 from isomatch.errors import InputError
+from isomatch.storage.files import read_csv
 
 Pair = tuple[str, str]
 """Names of two shapes; both directions are matched."""

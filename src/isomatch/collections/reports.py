@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isomatch._files import writing
 from isomatch.assets import mesh_from
 from isomatch.collections.collection import Collection
 from isomatch.collections.jobs import row_of
@@ -23,6 +22,7 @@ from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome, Quality
+from isomatch.storage.files import writing
 from isomatch.view import write_report
 
 ALSO = 3  # the worst of the pairs that are not in doubt

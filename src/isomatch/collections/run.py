@@ -9,7 +9,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from isomatch._files import writing
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
@@ -17,6 +16,7 @@ from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import SIDE, Pair, pairs_of, tiles_of
 from isomatch.collections.shapes import Entry
 from isomatch.collections.workers import Task, Workers, workers_of
+from isomatch.storage.files import writing
 
 if TYPE_CHECKING:
     from isomatch.collections.collection import Collection

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from glob import glob
 from pathlib import Path
 
-from isomatch._files import read_csv
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
+from isomatch.storage.files import read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 

@@ -6,11 +6,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from isomatch._files import replaced, write_csv
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import Pair
 from isomatch.matching import Outcome, Quality
+from isomatch.storage.files import replaced, write_csv
 
 MOST_SHOWN = 200  # pairs on the page
 MEASURES = tuple(each.name for each in fields(Quality))

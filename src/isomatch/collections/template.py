@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from isomatch._arrays import FloatArray
-from isomatch.matching import PreparedShape
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray
 
 N_EIGENVALUES = 30  # after the first: the coarse form
 N_QUANTILES = 20

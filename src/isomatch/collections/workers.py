@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
-from isomatch._packages import package
-from isomatch._threads import n_threads
-from isomatch._workers import begin_worker, worker_processes
 from isomatch.errors import InputError
+from isomatch.loading.packages import package
+from isomatch.runtime.threads import n_threads
+from isomatch.runtime.workers import begin_worker, worker_processes
 
 QUEUED = 2  # tasks sent for each worker: the next one is there when the last one ends
 ASKED = 2.0  # seconds until the number of workers of a cluster is asked for again

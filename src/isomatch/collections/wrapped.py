@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch._files import replaced
 from isomatch.assets import mesh_from, write_mesh
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import IsomatchError
+from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 

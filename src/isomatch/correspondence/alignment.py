@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest_neighbours import nearest_of_few
 from isomatch.correspondence.signed_points import SignedPoints
+from isomatch.values.arrays import FloatArray, IntArray
 
 NULL_DIRECTION = (
     1e-9  # rounding: singular values below this share of the largest leave the rotation undetermined

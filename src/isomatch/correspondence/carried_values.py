@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import DescriptorError
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, array_of, numbers_of
 
 _FILLS = {"f": np.nan, "c": np.nan, "i": -1, "b": False, "U": "", "S": b""}  # by the kind of an array's type
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
 from isomatch.errors import MapError, some
 from isomatch.surfaces import PrecisePoints
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of, numbers_of
 
 UNMATCHED = -1
 

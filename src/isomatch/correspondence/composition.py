@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, IntArray
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
+from isomatch.values.arrays import BoolArray, IntArray
 
 TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 

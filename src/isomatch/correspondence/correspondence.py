@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray, array_of
 from isomatch.assets import SurfaceLike, mesh_from, surface_from
 from isomatch.bases import LaplaceBasis, laplace_basis
 from isomatch.correspondence.carried_values import pulled_back, pushed_forward
@@ -19,6 +18,7 @@ from isomatch.correspondence.functional_maps import FunctionalMap, fit_functiona
 from isomatch.correspondence.map_files import read_map, write_map
 from isomatch.errors import DescriptorError, FormatError, MapError
 from isomatch.surfaces import Mesh, PrecisePoints, picture, surface_in_use
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray, array_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import Float32Array, FloatArray, IntArray, single
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
 
 FORBIDDEN = 50.0  # more than any assignment costs
 

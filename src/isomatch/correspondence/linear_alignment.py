@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest_neighbours import nearest_rows
 from isomatch.correspondence.signed_points import SignedPoints
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 def alignments_from_points(

@@ -8,9 +8,15 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from isomatch._array_file import FIRST_VERSION, ArrayFormat, Stored, require_known_version, save_arrays
-from isomatch._files import opened, read_integers, replaced
 from isomatch.errors import FormatError
+from isomatch.storage.array_file import (
+    FIRST_VERSION,
+    ArrayFormat,
+    Stored,
+    require_known_version,
+    save_arrays,
+)
+from isomatch.storage.files import opened, read_integers, replaced
 
 DIRECTION = "source -> target"
 FORMAT = ArrayFormat(

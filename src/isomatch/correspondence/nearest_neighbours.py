@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import Float32Array, FloatArray, IntArray, single
-from isomatch._compiled import compiled
-from isomatch._threads import parallel_map
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import parallel_map
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray, single
 
 TINY = np.float32(1e-30)
 ROWS = 1024  # queries at once among few candidates

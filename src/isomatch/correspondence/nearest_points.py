@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._compiled import compiled
-from isomatch._threads import parallel_map
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
+from isomatch.values.arrays import FloatArray, IntArray
 
 CHUNK = 2048  # points at once; fixed, so that results do not depend on the number of threads
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch._arrays import IntArray, single
-from isomatch._threads import parallel_map, row_product
 from isomatch.correspondence.functional_maps import Embedding, SampledBasis
 from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.runtime.threads import parallel_map, row_product
+from isomatch.values.arrays import IntArray, single
 
 RIDGE = 1e-6  # of the number of equations; above the rounding of normal equations in single precision
 

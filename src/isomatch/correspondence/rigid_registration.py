@@ -7,13 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._cached import cached_property
-from isomatch._compiled import compiled
 from isomatch.bases import factorised, stiffness_and_masses
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.errors import SettingError
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
 TURNS, STILL, SMALLEST = (

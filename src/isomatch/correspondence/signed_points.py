@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isomatch._arrays import FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence.nearest_neighbours import VertexCells, nearest_in_cells
 from isomatch.correspondence.nearest_points import nearest_points
 from isomatch.surfaces import PrecisePoints
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from scipy.optimize import minimize
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDS = 100  # of mending; most pairs have no inverted face after fewer
 RINGS = 2  # of vertices around inverted faces, that move with them: a region

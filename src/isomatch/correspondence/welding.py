@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import IntArray
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.correspondence import Correspondence
+from isomatch.values.arrays import IntArray
 
 
 def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: IntArray) -> Correspondence:

@@ -9,13 +9,13 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.untangling import Untangling
 from isomatch.correspondence.welding import welded_map
 from isomatch.errors import MapError
 from isomatch.surfaces import Mesh, PrecisePoints, first_equal
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_GUIDES = 30  # vertices with an image, with which a component without any moves
 

@@ -1,5 +1,5 @@
 """Shapes with known correspondence: procedural creatures, the shipped pair, published sets on disk; and damage."""
 
-from isomatch._first_use import names_at_first_use
+from isomatch.loading.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._cached import cached_property
 from isomatch.datasets.anatomy import body
 from isomatch.datasets.implicit import Skin
 from isomatch.datasets.posing import Pose, natural_pose, posed
@@ -15,6 +13,8 @@ from isomatch.datasets.tessellation import tessellate
 from isomatch.datasets.truth import Truth, closest_points
 from isomatch.errors import InputError, SettingError
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+from isomatch.values.cached import cached_property
 
 FEWEST_VERTICES = 1500
 

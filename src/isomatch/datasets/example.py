@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._array_file import write_arrays
 from isomatch.datasets.creatures import Creature, creature
+from isomatch.storage.array_file import write_arrays
 from isomatch.surfaces import Mesh
 
 FILE = files("isomatch.datasets") / "shipped" / "creature_pair.npz"

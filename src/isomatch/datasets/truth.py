@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 CHUNK = 50_000  # points handled at once, to bound memory
 

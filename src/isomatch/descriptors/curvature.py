@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._threads import row_product
 from isomatch.bases import LaplaceBasis
+from isomatch.runtime.threads import row_product
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._threads import row_product
 from isomatch.bases import LaplaceBasis
+from isomatch.runtime.threads import row_product
+from isomatch.values.arrays import FloatArray
 
 
 def wave_kernel_signature(

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.units import ordinary_unit, require_finite
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 Solver = Callable[[int], FloatArray]
 """Distances from a vertex of a connected mesh to all its vertices, (n,)."""

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import AnyArray, FloatArray
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.errors import SettingError
 from isomatch.geodesics.dijkstra import Dijkstra
@@ -17,6 +16,7 @@ from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatri
 from isomatch.geodesics.heat import Heat
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.values.arrays import AnyArray, FloatArray
 
 ENGINES: dict[type, tuple[type[Any], ...]] = {
     Mesh: (FastMarching, Exact, Heat, Dijkstra),

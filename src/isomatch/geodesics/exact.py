@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from isomatch import mending
-from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
 from isomatch.geodesics.component_engine import ComponentEngine, Solver
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 _REFUSED = ("repeated_index_faces", "duplicate_faces", "non_manifold_edges", "non_manifold_vertices")
 

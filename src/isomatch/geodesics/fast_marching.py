@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.geodesics.front import march, march_bounded, march_to
 from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.stencil import stencil_of
 from isomatch.geodesics.units import ordinary_unit, require_finite
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 class FastMarching(ColumnEngine):

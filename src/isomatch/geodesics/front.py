@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
-from isomatch._compiled import compiled
-from isomatch._threads import n_threads, parallel_map
 from isomatch.geodesics.stencil import Stencil
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.threads import n_threads, parallel_map
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 
 MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
 MOST_FOCUS = 0.3  # a front converges at most to a focus 1 / 0.3 steps ahead

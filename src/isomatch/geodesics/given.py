@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.errors import MeshError, some
 from isomatch.geodesics.protocol import ColumnEngine
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 DistanceFunction = Callable[[IntArray], ArrayLike]
 """Maps sources (m,) to distance columns (m, n)."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, MissingDependencyError
 from isomatch.geodesics.component_engine import ComponentEngine, Solver
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 
 class Heat(ComponentEngine):

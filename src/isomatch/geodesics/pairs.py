@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray
 from isomatch.errors import MeshError, some
 from isomatch.geodesics.protocol import DistanceEngine
+from isomatch.values.arrays import FloatArray
 
 BLOCK = 64  # columns held at a time
 

@@ -8,9 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._memory import require_memory
 from isomatch.errors import MeshError, some
+from isomatch.runtime.memory import require_memory
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 @runtime_checkable

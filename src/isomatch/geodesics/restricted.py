@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 class RestrictedEngine(ColumnEngine):

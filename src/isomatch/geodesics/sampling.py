@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._compiled import compiled
-from isomatch._memory import require_memory
-from isomatch._settings import generator
 from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.engines import MetricSpace
 from isomatch.geodesics.protocol import DistanceEngine
+from isomatch.loading.compiled import compiled
+from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, PointCloud
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.settings import generator
 
 
 @dataclass(frozen=True, eq=False)

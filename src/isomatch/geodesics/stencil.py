@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, Float32Array, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 
 UNFOLD_STEPS = 40  # most faces crossed in search of a vertex that splits an obtuse angle
 RIGHT_ANGLE = 1e-9  # angles whose cosine is smaller in magnitude count as right, which need no split

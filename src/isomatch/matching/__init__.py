@@ -1,5 +1,5 @@
 """From two surfaces to a map: prepare → starts → search → select → refine → result."""
 
-from isomatch._first_use import names_at_first_use
+from isomatch.loading.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

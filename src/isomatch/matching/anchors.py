@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import assign_points, nearest_rows
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.symmetries import EXACTLY, farthest_rows
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import EXACTLY, farthest_rows
+from isomatch.values.arrays import IntArray
 
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:

@@ -8,22 +8,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import IntArray
-from isomatch._interruption import in_background
-from isomatch._threads import serial_blas
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
 from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
-from isomatch.matching.config import Config
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
 from isomatch.matching.match import match_prepared, require_landmarks_for_pins
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.parts import part_of
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
 from isomatch.matching.search import Hypothesis
-from isomatch.matching.stage_timer import Progress, StageTimer, two_arguments
+from isomatch.runtime.interruption import in_background
+from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
+from isomatch.runtime.threads import serial_blas
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import IntArray
 
 THERE = 0.75  # of the time, with the preparation
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
 from isomatch.matching.hints import Hints
-from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.search import Hypothesis
 from isomatch.matching.starts import start_from_known, starts_from_pose
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import orientation_of
+from isomatch.values.arrays import IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 TINY = 1e-6
 

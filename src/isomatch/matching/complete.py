@@ -7,8 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._threads import parallel_map, serial_blas
 from isomatch.correspondence import Correspondence, Embedding
 from isomatch.errors import SettingError
 from isomatch.matching.candidates import Candidate, Judge, extended
@@ -34,9 +32,11 @@ from isomatch.matching.search import (
     symmetric_variants,
 )
 from isomatch.matching.select import Selection, contenders, ranked, select
-from isomatch.matching.stage_timer import StageTimer
-from isomatch.matching.symmetries import describe_symmetries
 from isomatch.matching.vertex_confidence import doubt_of, expected_errors
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map, serial_blas
+from isomatch.shapes import describe_symmetries
+from isomatch.values.arrays import IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching.hints import (
     FEWEST_POINTS,
@@ -17,7 +16,8 @@ from isomatch.matching.hints import (
     checked_landmarks,
 )
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 class ComponentHints:

@@ -11,9 +11,9 @@ from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.hints import FEWEST_POINTS
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MAP_ARRAYS, MatchResult
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.shapes import PreparedShape
 
 SIDES = "source", "target"
 

@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 
-from isomatch._arrays import FloatArray
-from isomatch._threads import parallel_map
 from isomatch.errors import NotConvergedError
 from isomatch.matching.carrier import Carrier
 from isomatch.matching.component_hints import ComponentHints
@@ -21,12 +19,14 @@ from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import measure_quality, outcome_of
 from isomatch.matching.result import MatchResult
-from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.vertex_confidence import expected_errors
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 FAR_APART = 1e6  # cost of components that are no partners
 

@@ -7,7 +7,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts import part_of, part_result
 from isomatch.matching.result import MatchResult
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.runtime.stage_timer import StageTimer
 
 
 def match_connected(pair: ShapePair, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from isomatch._arrays import IntArray
 from isomatch.matching.candidates import Judge, extended
-from isomatch.matching.config import Orientation
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.search import hypotheses_from_hints, search
 from isomatch.matching.select import ranked
+from isomatch.settings import Orientation
+from isomatch.values.arrays import IntArray
 
 
 def first_map(

@@ -8,11 +8,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.errors import DescriptorError, LandmarkError, MapError, some
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 
 FEWEST_POINTS = 3  # corresponding points determine three columns of an alignment, and fewer no map
 

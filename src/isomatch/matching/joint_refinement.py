@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray, single
-from isomatch._threads import parallel_map, row_product
 from isomatch.correspondence import (
     Embedding,
     PrecisePoints,
@@ -18,7 +16,9 @@ from isomatch.correspondence import (
 from isomatch.matching.candidates import Candidate, energy_of, extended
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.select import survivors
+from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.surfaces import vertex_normals
+from isomatch.values.arrays import FloatArray, IntArray, single
 
 EVERYWHERE = slice(None)
 

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from isomatch._interruption import in_background
-from isomatch._threads import serial_blas
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
-from isomatch.matching.config import Config
 from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints, checked_landmarks
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.pins import pinned
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
-from isomatch.matching.stage_timer import Progress, StageTimer
+from isomatch.runtime.interruption import in_background
+from isomatch.runtime.stage_timer import Progress, StageTimer
+from isomatch.runtime.threads import serial_blas
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
 
 
 def match(

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray, single
-from isomatch._cached import cached_property
-from isomatch._threads import parallel_map
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
-from isomatch.matching.config import Config
-from isomatch.matching.prepare import prepare
-from isomatch.matching.prepared_shape import PreparedShape
-from isomatch.matching.smooth_shape import SmoothShape
-from isomatch.matching.stage_timer import MATCHING, Progress, StageTimer
+from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, SmoothShape, prepare
+from isomatch.values.arrays import FloatArray, IntArray, single
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)

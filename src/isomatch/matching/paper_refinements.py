@@ -7,12 +7,12 @@ from operator import itemgetter
 import numpy as np
 from scipy.linalg import polar
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding, signed_procrustes
 from isomatch.matching.candidates import energy_of
-from isomatch.matching.orientation import orientation_of
 from isomatch.matching.pair import ShapePair
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import orientation_of
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:

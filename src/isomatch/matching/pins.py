@@ -8,15 +8,15 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.result import MatchResult
-from isomatch.matching.settings import RefinementSettings
+from isomatch.settings import RefinementSettings
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
 LEAST = 0.1  # singular value of the kernel among pins that is inverted; pins too close to be told apart move as one

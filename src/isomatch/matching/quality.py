@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.config import Config, Orientation
 from isomatch.matching.hints import Hints
-from isomatch.matching.orientation import orientation_of
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
 from isomatch.matching.select import Selection
+from isomatch.settings import Config, Orientation
+from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_NAMED = 5  # landmarks in a note
 COVERAGE_RADIUS = Config().outcome.coverage_radius

@@ -13,16 +13,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from isomatch._array_file import ArrayFormat, Stored, save_arrays
-from isomatch._arrays import FloatArray
-from isomatch._cached import cached_property
-from isomatch._settings import Settings
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
-from isomatch.matching.config import MatchSettings
 from isomatch.matching.outcome import Outcome
+from isomatch.settings import MatchSettings
+from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+from isomatch.values.cached import cached_property
+from isomatch.values.settings import Settings
 
 MAP_ARRAYS = {
     "vertices": Stored("integer", ("n",)),
@@ -167,7 +167,7 @@ def _settings(name: str, values: dict[str, Any]) -> MatchSettings:
             made: Any = kind.from_dict(values)
             return cast(MatchSettings, made)
     raise FormatError(
-        f"its settings {name!r} are not known; first import the method that made it, such as isomatch.baselines.BASELINES"
+        f"its settings {name!r} are not known; import the method that made it first, as by isomatch.lab.baselines"
     )
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, iterative_closest_points
 from isomatch.matching.anchors import starts_from_anchors
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.starts import starts_from_extremities, starts_from_hints
+from isomatch.runtime.threads import parallel_map
+from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 

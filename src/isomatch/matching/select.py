@@ -8,9 +8,8 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch.matching.config import Orientation
-from isomatch.matching.settings import OutcomeSettings, SelectionSettings
+from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
+from isomatch.values.arrays import FloatArray
 
 
 class Evidence(Protocol):

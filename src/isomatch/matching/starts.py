@@ -8,15 +8,15 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
 from isomatch.errors import SettingError
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
-from isomatch.matching.settings import SearchSettings
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import SearchSettings
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Surface
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray, str]]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray, single
-from isomatch._compiled import compiled
-from isomatch._threads import row_product
 from isomatch.correspondence import PrecisePoints
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.loading.compiled import compiled
 from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.matching.smooth_shape import SmoothShape
+from isomatch.runtime.threads import row_product
+from isomatch.shapes import SmoothShape
+from isomatch.values.arrays import FloatArray, IntArray, single
 
 TINY = 1e-12
 

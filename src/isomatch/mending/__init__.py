@@ -1,5 +1,5 @@
 """Defects of meshes: found, repaired, closed and cut apart."""
 
-from isomatch._first_use import names_at_first_use
+from isomatch.loading.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

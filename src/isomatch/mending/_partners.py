@@ -9,8 +9,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.surfaces import EdgeTable, Mesh, corner_links, edge_table, linked, meetings
+from isomatch.values.arrays import FloatArray, IntArray
 
 LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
 HEALING_ROUNDS = 3

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Meetings, Mesh, first_equal, linked, meetings
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 NEARLY_CLOSED = 0.1
 """A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share of its area."""

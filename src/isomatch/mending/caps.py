@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import IntArray
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray
 
 
 def capped(mesh: Mesh) -> Mesh:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._compiled import compiled
 from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
 from isomatch.surfaces import Mesh, fans, first_equal, linked, meetings, unsound_faces
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
 def check(mesh: SurfaceLike) -> MeshReport:

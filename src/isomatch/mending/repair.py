@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import IntArray
 from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import MeshReport
 from isomatch.surfaces import Mesh, first_equal, unsound_faces
+from isomatch.values.arrays import IntArray
 
 MENDED = (
     "non_finite_vertices",

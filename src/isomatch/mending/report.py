@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.errors import some
+from isomatch.values.arrays import FloatArray, IntArray
 
 ZERO_AREA_RATIO = 1e-10
 """A face has zero area if its smallest altitude is at most this fraction of its longest edge."""

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.mending._partners import Partners, sides_of
 from isomatch.surfaces import Mesh, edge_table, first_equal, linked, meetings, unsound_faces
+from isomatch.values.arrays import FloatArray, IntArray
 
 MOST_PROBED = 8  # vertices of each seam of which the copies are tested for being far apart
 

@@ -14,8 +14,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 Index: TypeAlias = int | np.int64
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.resolution._collapse import (
     N_BUCKETS,
@@ -17,6 +16,7 @@ from isomatch.resolution._collapse import (
     link_corners,
 )
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 SHARES = (0.4, 0.6, 0.8, 1.0)  # of the edges that a round may collapse; after little progress, the next
 LEAST_PROGRESS = 0.02  # of the vertices, in a round

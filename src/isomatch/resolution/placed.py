@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray, read_only
-from isomatch._cached import cached_property
-from isomatch._compiled import compiled
-from isomatch._threads import parallel_map
+from isomatch.loading.compiled import compiled
 from isomatch.resolution._collapse import Index, difference, link_corners, other_vertices
+from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, nearest_in_triangle
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray, read_only
+from isomatch.values.cached import cached_property
 
 MOST_TRIED = 32  # vertices of each group, where steps to the nearest of all may start
 CHUNK = 8192  # points at once; fixed, so that results do not depend on the number of threads

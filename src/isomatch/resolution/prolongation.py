@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._cached import cached_property
-from isomatch._compiled import compiled
-from isomatch._threads import parallel_map
 from isomatch.errors import InputError, MeshError
+from isomatch.loading.compiled import compiled
 from isomatch.resolution._collapse import difference
 from isomatch.resolution.decimation import Decimated, normalised
 from isomatch.resolution.placed import CHUNK, PlacedMesh, VertexGroups, nearest_in_face, sort_corners
+from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Mesh, PrecisePoints, vertex_normals
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 LEAST_COSINE = 0.5  # between the normals of a vertex and of a face; what is missing costs, NORMAL_WEIGHT
 NORMAL_WEIGHT = 0.2  # times the area of a coarse vertex, beside squared distances

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._files import replaced, write_text
 from isomatch.assets import write_mesh
 from isomatch.errors import InputError, MissingDependencyError
 from isomatch.statistics.shape_model import ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.storage.files import replaced, write_text
+from isomatch.values.arrays import FloatArray
 
 
 def write_shapeworks(folder: str | Path, shapes: CorrespondedShapes, aligned: FloatArray) -> None:

@@ -9,10 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.stats import f, false_discovery_control
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._settings import generator
-from isomatch._threads import serial_blas
 from isomatch.errors import InputError, SettingError
+from isomatch.runtime.threads import serial_blas
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.settings import generator
 
 TestMethod = Literal["permutation", "parametric"]
 

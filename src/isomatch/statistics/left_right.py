@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from isomatch._arrays import IntArray
 from isomatch.errors import MapError
 from isomatch.matching import Outcome, match
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray
 
 
 def left_right_map(mesh: Mesh, *, seed: int = 0) -> IntArray:

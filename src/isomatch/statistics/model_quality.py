@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._settings import generator
-from isomatch._threads import serial_blas
+from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.shape_model import ShapeModel
+from isomatch.values.arrays import FloatArray
+from isomatch.values.settings import generator
 
 MOST_LEFT_OUT = 100  # shapes that are left out in turn; the standard error of their mean is then small
 N_SAMPLES = 1000  # Styner et al. 2003 draw 10 000; with 1000 the mean is known to about 1 %

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._files import replaced
 from isomatch.statistics.model_quality import ModelCurve
 from isomatch.statistics.shape_distances import shape_tree
 from isomatch.statistics.shape_model import ShapeModel
+from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 from isomatch.view import arranged_panels, camera_of, colour_scale, surface_image
 
 if TYPE_CHECKING:

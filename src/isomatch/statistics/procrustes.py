@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._memory import require_memory
-from isomatch._threads import serial_blas
 from isomatch.errors import MeshError, NotConvergedError, SettingError
+from isomatch.runtime.memory import require_memory
+from isomatch.runtime.threads import serial_blas
+from isomatch.values.arrays import FloatArray
 
 Scale = Literal["keep", "remove"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import squareform
 
-from isomatch._arrays import FloatArray, numbers_of
 from isomatch.errors import InputError, SettingError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 from isomatch.statistics.procrustes import generalised_procrustes
 from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.values.arrays import FloatArray, numbers_of
 
 N_SAMPLES = 100
 

@@ -10,14 +10,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._array_file import ArrayFormat, Stored, save_arrays
-from isomatch._arrays import FloatArray, IntArray, numbers_of
-from isomatch._cached import cached_property
-from isomatch._threads import serial_blas
 from isomatch.errors import FormatError, MeshError, SettingError
+from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 Weighting = Literal["area", "uniform"]
 

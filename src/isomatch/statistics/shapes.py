@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray, numbers_of
-from isomatch._cached import cached_property
 from isomatch.assets import FORMATS, read_mesh
 from isomatch.errors import FormatError, MeshError, MissingFileError, some
 from isomatch.statistics.procrustes import aligned_to
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
+from isomatch.values.arrays import AnyArray, IntArray
 
 
 def first_equal(points: AnyArray) -> IntArray:

@@ -9,7 +9,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from isomatch._arrays import AnyArray
+from isomatch.values.arrays import AnyArray
 
 if TYPE_CHECKING:
     from isomatch.surfaces.surface import Surface

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

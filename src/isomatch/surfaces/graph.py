@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
-from isomatch._cached import cached_property
 from isomatch.errors import MeshError, some
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import linked
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

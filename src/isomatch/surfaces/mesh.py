@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray, array_of, numbers_of, read_only
-from isomatch._cached import cached_property
-from isomatch._compiled import compiled
 from isomatch.errors import MeshError, some
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
+from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,10 +7,10 @@ from io import BytesIO
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces.mesh import Mesh, vertex_normals
 from isomatch.surfaces.raster import rasterise
+from isomatch.values.arrays import FloatArray
 
 SIZE = 240  # pixels of the longer side
 LIGHT = np.array([-0.4, 0.5, 0.77])  # right, up, towards the viewer

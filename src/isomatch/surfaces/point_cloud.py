@@ -9,11 +9,11 @@ import robust_laplacian
 import scipy
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray, numbers_of
-from isomatch._cached import cached_property
 from isomatch.errors import MeshError, SettingError, some
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import lengths, linked
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.cached import cached_property
 
 FEWEST_POINTS = 4  # fewer have no local triangulation
 

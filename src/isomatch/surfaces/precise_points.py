@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 class PrecisePoints(NamedTuple):

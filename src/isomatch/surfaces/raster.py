@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

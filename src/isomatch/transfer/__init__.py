@@ -1,5 +1,5 @@
 """Transfer: what one surface file carries, written onto another by the map between them."""
 
-from isomatch._first_use import names_at_first_use
+from isomatch.loading.first_use import names_at_first_use
 
 __all__ = names_at_first_use(__name__)

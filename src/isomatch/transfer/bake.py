@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray
 from isomatch.assets import Asset, base_colours, pixels_of, png_of, with_texture
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import PrecisePoints, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
+from isomatch.values.arrays import AnyArray, FloatArray
 
 CHUNK = 2**18  # texels at once
 GREY = 0.5  # of what is unmatched

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._cached import cached_property
 from isomatch.assets import Asset, Attribute
 from isomatch.correspondence import UNMATCHED, Correspondence, welded_map
 from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)

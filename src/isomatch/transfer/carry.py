@@ -9,7 +9,6 @@ from typing import get_args
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.assets import Asset, Attribute, Domain, Kind, with_materials_of, with_skin_of
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
@@ -17,6 +16,7 @@ from isomatch.transfer.bridge import Bridge, columns
 from isomatch.transfer.choices import Labelling, Side
 from isomatch.transfer.corner_values import interpolated_at_corners, is_seamless
 from isomatch.transfer.rotations import rotations
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 _SYNONYMS = {"color": "colour", "texture": "uv", "skin": "weights"}
 GREY = 0.5  # colour of what is unmatched

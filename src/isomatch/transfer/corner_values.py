@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.assets import Asset, Attribute
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, first_equal
 from isomatch.transfer.bridge import Bridge, columns, rows_of_corners
+from isomatch.values.arrays import FloatArray, IntArray
 
 ACROSS = (
     1e-6  # times the extent of the surface: farther from its image, a corner was kept on its side of a seam

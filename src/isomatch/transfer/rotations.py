@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.transfer.bridge import Bridge
+from isomatch.values.arrays import FloatArray
 
 
 def rotations(bridge: Bridge) -> FloatArray:

@@ -7,10 +7,10 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 AZIMUTH, ELEVATION = np.radians(32.0), np.radians(14.0)  # from the broad side, and above the horizon
 FLAT = 0.1  # thickness over width below which a shape is a sheet, and is seen from above

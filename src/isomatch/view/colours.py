@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 
 MOST_VIVID = 0.17  # Oklab chroma that screens can show in most hues
 LESS_GREY = (

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib import colormaps
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray, numbers_of
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError
 from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 
 BUILT_IN = ("position", "stretch", "expected error")  # the first two are there of every map
 N_STOPS = 9  # colours of a ramp between which a browser interpolates

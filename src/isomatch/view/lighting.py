@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from isomatch._arrays import FloatArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Raster
+from isomatch.values.arrays import FloatArray
 
 KEY_LIGHT = np.array([-0.45, 0.65, 0.62])  # right, up, towards the viewer
 FILL_LIGHT = np.array([0.75, 0.05, 0.45])

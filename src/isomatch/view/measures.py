@@ -8,7 +8,8 @@ from math import isfinite, isnan
 from operator import attrgetter
 from typing import Any
 
-from isomatch.matching import Config, MatchResult, Outcome
+from isomatch.matching import MatchResult, Outcome
+from isomatch.settings import Config
 
 
 @dataclass(frozen=True)

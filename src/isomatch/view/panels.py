@@ -9,7 +9,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from isomatch._arrays import FloatArray
+from isomatch.values.arrays import FloatArray
 
 Paint = Callable[[FloatArray], FloatArray]
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import IntArray, array_of
-from isomatch._files import write_text
 from isomatch.errors import LandmarkError
 from isomatch.matching import MatchResult, Outcome
+from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
 from isomatch.view.layers import expected_error, user_layers
 from isomatch.view.report_sections import (

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from isomatch.correspondence import Correspondence
-from isomatch.matching import Alternative, MatchResult, MatchSettings
+from isomatch.matching import Alternative, MatchResult
+from isomatch.settings import MatchSettings
 from isomatch.surfaces import Mesh
 from isomatch.view.measures import quality_measures
 from isomatch.view.stills import draw_map

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Correspondence
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.view.camera import camera_of, of_ordinary_size, seen_from, turn_to_target, used_vertices
 from isomatch.view.colours import UNMATCHED_GREY, position_colours, to_screen
 from isomatch.view.layers import Layer, stretch

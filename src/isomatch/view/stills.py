@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray
-from isomatch._files import replaced
 from isomatch.correspondence import Correspondence
+from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
 from isomatch.view.camera import camera_of, of_ordinary_size, turn_to_target
 from isomatch.view.colours import from_screen, position_colours
 from isomatch.view.surface_image import SurfaceView

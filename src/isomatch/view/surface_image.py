@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, rasterise
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.view.camera import camera_of, of_ordinary_size, seen_from
 from isomatch.view.colours import UNMATCHED_GREY, from_screen, to_screen
 from isomatch.view.lighting import light

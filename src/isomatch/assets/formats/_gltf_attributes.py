@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.attribute_names import guessed_kind, unused_name
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, transforms
 from isomatch.assets.parts import Part
+from isomatch.values.arrays import AnyArray, IntArray
 
 _KINDS: dict[str, tuple[str, Kind]] = {
     "NORMAL": ("normal", "normal"),

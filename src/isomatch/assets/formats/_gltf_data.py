@@ -12,9 +12,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray
-from isomatch._files import opened
 from isomatch.errors import FormatError, MeshError
+from isomatch.storage.files import opened
+from isomatch.values.arrays import AnyArray, FloatArray
 
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.assets.attribute_names import unused_name
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.parts import product
+from isomatch.values.arrays import FloatArray, IntArray
 
 Matrix = tuple[tuple[float, ...], ...]
 TRIANGLES, STRIP, FAN = 4, 5, 6

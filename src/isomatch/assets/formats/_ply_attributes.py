@@ -9,12 +9,12 @@ from itertools import takewhile
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._ply_body import Table
 from isomatch.assets.formats._ply_header import Element, Property
 from isomatch.assets.formats._ply_rows import Cells, cells
+from isomatch.values.arrays import AnyArray, IntArray
 
 _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("normal", "normal", ("nx", "ny", "nz")),

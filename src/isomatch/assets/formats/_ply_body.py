@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
-from isomatch._compiled import compiled
 from isomatch.assets.formats._ply_header import Element, Header
 from isomatch.assets.formats._text import TextLines, read_lines
 from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import AnyArray, IntArray
 
 ROWS_AT_ONCE = 10_000  # that are read row by row, with two integers for each list
 LONGEST_TYPE = 2**31 - 1  # bytes of a numpy type

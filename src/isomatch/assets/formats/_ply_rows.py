@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, IntArray
 from isomatch.assets.formats._ply_header import Property
 from isomatch.assets.formats._text import interleaved, interleaved_lines, numbered
+from isomatch.values.arrays import AnyArray, IntArray
 
 _LETTERS = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float",

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from isomatch._files import writing
 from isomatch.errors import FormatError, IsomatchError
+from isomatch.storage.files import writing
 
 
 @contextmanager

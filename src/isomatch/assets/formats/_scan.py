@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
-from isomatch._compiled import compiled
+from isomatch.loading.compiled import compiled
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 SPACE, NEWLINE, RETURN, BACKSLASH, SLASH, HASH = b" \n\r\\/#"
 PLUS, MINUS, POINT, ZERO, CAPITAL_E, SMALL_E = b"+-.0Ee"

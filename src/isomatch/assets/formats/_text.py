@@ -8,11 +8,11 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
-from isomatch._cached import cached_property
 from isomatch.assets.formats._scan import POWERS, count_plain_lines, field_of_words, normalise, parse, select
 from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch.values.cached import cached_property
 
 EXPORT_AGAIN = "correct the line or export the file again"
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._packages import package
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.polygons import Polygons
+from isomatch.loading.packages import package
 
 SURFACES = (
     ".pial",

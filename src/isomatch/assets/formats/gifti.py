@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._packages import package
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import guessed_kind
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError
+from isomatch.loading.packages import package
 
 _POINTS, _TRIANGLES, _LABEL, _SHAPE, _VECTOR, _RGB, _RGBA = 1008, 1009, 1002, 2005, 1007, 2002, 2003
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import told_apart
@@ -35,6 +34,7 @@ from isomatch.assets.parts import Part
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

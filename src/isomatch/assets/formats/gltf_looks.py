@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from isomatch._arrays import IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, new_document
+from isomatch.values.arrays import IntArray
 
 UNTINTED = (1.0, 1.0, 1.0, 1.0)
 _LISTS = ("images", "samplers", "textures", "materials")

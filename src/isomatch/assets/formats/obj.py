@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import MeshError, some
 from isomatch.surfaces import Mesh, welded
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "s"}
 """The keyword of each attribute that is written before the faces that it holds for."""

@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import (
@@ -20,6 +19,7 @@ from isomatch.assets.formats._text import (
 )
 from isomatch.assets.polygons import Polygons, spans, triangulate
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
 
 # Normals, colours and texture coordinates follow the position on a vertex line, so all variants are read alike.
 _HEADER = re.compile(r"\s*(?:ST)?(?P<color>C?)(?P<normal>N?)OFF(?![A-Za-z])\s*(?P<rest>.*)")

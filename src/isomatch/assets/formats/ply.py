@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from isomatch._arrays import AnyArray, FloatArray, IntArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain
 from isomatch.assets.formats._ply_attributes import Columns, read_columns, write_columns
@@ -18,6 +17,7 @@ from isomatch.assets.formats._text import is_whole
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
 

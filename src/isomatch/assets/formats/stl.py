@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh, welded
+from isomatch.values.arrays import FloatArray
 
 _HEADER_SIZE = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from isomatch._packages import package
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.from_libraries import held_by
 from isomatch.assets.to_libraries import to_meshio, to_pyvista
 from isomatch.errors import MeshError
+from isomatch.loading.packages import package
 
 _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import Embedding, nearest_rows
 from isomatch.matching.elastic.elastic_shape import ElasticShape, Samples
-from isomatch.matching.settings import ElasticSettings
+from isomatch.settings import ElasticSettings
 from isomatch.surfaces import vertex_normals
+from isomatch.values.arrays import FloatArray, IntArray
 
 RIDGE = 1e-9
 LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._cached import cached_property
 from isomatch.correspondence import nearest_rows
-from isomatch.matching.prepared_shape import PreparedShape
-from isomatch.matching.settings import ElasticSettings
+from isomatch.settings import ElasticSettings
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)

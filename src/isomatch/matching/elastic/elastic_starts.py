@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
 from isomatch.correspondence import IntervalCost, assign_points, pin_first
 from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
-from isomatch.matching.symmetries import farthest_rows
+from isomatch.shapes import PreparedShape, farthest_rows
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 def anchor_starts(

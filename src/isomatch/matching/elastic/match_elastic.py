@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
 from isomatch.matching.elastic.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.elastic.mirror import with_mirror
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.settings import ElasticSettings
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import ElasticSettings
+from isomatch.values.arrays import IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Embedding
-from isomatch.matching.config import Config
 from isomatch.matching.elastic.elastic_fit import ElasticFit, coarse_steps
 from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
 
 NONE = np.zeros((0, 2), dtype=np.int64)
 

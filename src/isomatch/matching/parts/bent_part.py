@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._cached import cached_property
 from isomatch.correspondence import PrecisePoints, RigidRegistration, nearest_with_normals, with_normals
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement
 from isomatch.resolution import Prolongation, decimate
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 SHORTEST = 1e-9  # edge, in √area, so that logarithms are finite

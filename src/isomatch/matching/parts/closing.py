@@ -7,9 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._cached import cached_property
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
@@ -21,10 +18,13 @@ from isomatch.matching.parts.evidence import Evidence
 from isomatch.matching.parts.part_fits import PartFit, PartFits
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.role import Part
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.quality import contradicted_landmarks, covered_share
 from isomatch.matching.result import Alternative, MatchResult
-from isomatch.matching.stage_timer import StageTimer
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 

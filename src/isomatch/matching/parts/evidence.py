@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from isomatch.matching.outcome import Outcome
-from isomatch.matching.settings import PartSettings
+from isomatch.settings import PartSettings
 
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 

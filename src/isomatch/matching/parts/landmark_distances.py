@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._cached import cached_property
 from isomatch.matching.parts.part_pair import TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import PartSignatures
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 
 @dataclass(frozen=True, eq=False)

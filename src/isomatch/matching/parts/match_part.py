@@ -9,19 +9,19 @@ from operator import attrgetter
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._cached import cached_property
-from isomatch._threads import parallel_map
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.config import Config
 from isomatch.matching.parts.bent_part import BentPart
 from isomatch.matching.parts.evidence import Evidence
 from isomatch.matching.parts.part_fits import PartFit, PartFits
 from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
 from isomatch.matching.parts.part_starts import PartStarts, self_maps
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.select import nearest_to_hints
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
 
 TWISTED = 10.0  # factor on the score of a map whose orientation is less than half of the clearest
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch._arrays import IntArray
-from isomatch._cached import cached_property
 from isomatch.matching.parts.bent_part import BentPart, PartBending
 from isomatch.matching.parts.part_pair import PartPair
 from isomatch.matching.parts.part_refinement import PartRefinement, PartSamples, WholeCoordinates
 from isomatch.matching.parts.part_starts import PartStart, completed, composed
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
 N_ROUGH, N_FINE = (

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._cached import cached_property
 from isomatch.correspondence import IntervalCost
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
-from isomatch.matching.config import Config
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
-from isomatch._cached import cached_method, cached_property
 from isomatch.correspondence import Embedding, SampledBasis
-from isomatch.matching.config import Config
 from isomatch.matching.parts.landmark_distances import LandmarkDistances
 from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
 from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_method, cached_property
 
 EXTRA_FUNCTIONS = 3
 

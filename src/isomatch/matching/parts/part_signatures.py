@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isomatch._arrays import FloatArray
-from isomatch._cached import cached_method, cached_property
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.prepared_shape import PreparedShape
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray
+from isomatch.values.cached import cached_method, cached_property
 
 N_ENERGIES = 20
 REACH = 4.0  # a function of eigenvalue λ feels a boundary at a distance of about REACH / √λ

@@ -7,16 +7,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from isomatch._arrays import FloatArray, IntArray
-from isomatch._cached import cached_method
-from isomatch._threads import parallel_map
 from isomatch.correspondence import Alignment, assign_points, pin_first, trilaterate
-from isomatch.matching.config import Config
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.parts.part_pair import PartPair, areas_of_samples
 from isomatch.matching.parts.part_signatures import WholeSignatures
-from isomatch.matching.prepared_shape import PreparedShape
 from isomatch.matching.search import Hypothesis, flips
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_method
 
 BALL_TOLERANCE = 0.15
 MOST_BALL = 0.7

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from isomatch._arrays import BoolArray, FloatArray, IntArray
 from isomatch.correspondence import PrecisePoints
 from isomatch.matching.complete import complete_result, match_complete
 from isomatch.matching.hints import Hints
@@ -24,10 +23,11 @@ from isomatch.matching.quality import (
     image_positions,
 )
 from isomatch.matching.result import MatchResult, Quality
-from isomatch.matching.stage_timer import StageTimer
 from isomatch.matching.starts import nearest_in_pose
-from isomatch.matching.symmetries import describe_symmetries
 from isomatch.matching.vertex_confidence import expected_errors
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.shapes import describe_symmetries
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 SURE = Outcome.CONVERGED, Outcome.PARTIAL
 

@@ -1,5 +1,0 @@
-"""Other methods for comparison, with the signature and the result of `match` wherever that is possible."""
-
-from isomatch._first_use import names_at_first_use
-
-__all__ = names_at_first_use(__name__)

@@ -1,0 +1,143 @@
+"""The task of a baseline: from two prepared shapes and checked hints to a `MatchResult`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Self
+
+from numpy.typing import ArrayLike
+
+from isomatch.assets import SurfaceLike
+from isomatch.correspondence import Embedding, SpectralPair, fit_functional_map
+from isomatch.matching import (
+    Hints,
+    MatchResult,
+    ShapePair,
+    contradicted_landmarks,
+    expected_errors,
+    measure_quality,
+    outcome_of,
+    prepare_pair,
+)
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import Config, MatchSettings
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import FloatArray, IntArray
+
+NOT_JUDGED = (
+    "a baseline tries no other map: misfit and rival are not defined, and symmetric maps are not noticed"
+)
+
+
+AT_FULL_RESOLUTION = Config(resolution="full")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Two prepared shapes, and what is known of their map.
+
+    Parameters
+    ----------
+    pair : ShapePair
+        The shapes.
+    hints : Hints
+        What the user gave, in vertices of the bodies.
+    seed : int
+        Seed of the preparation.
+    timer : StageTimer
+        Times the stages.
+    """
+
+    pair: ShapePair
+    hints: Hints
+    seed: int
+    timer: StageTimer = field(repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        source: SurfaceLike | PreparedShape,
+        target: SurfaceLike | PreparedShape,
+        landmarks: ArrayLike | None,
+        initial_map: ArrayLike | None,
+        initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
+        seed: int,
+    ) -> Self:
+        """Prepare the shapes that are not prepared yet, and check the hints as `match` does.
+
+        Raises
+        ------
+        MeshError
+            If a surface cannot be used.
+        LandmarkError, MapError, DescriptorError
+            If a hint does not fit the shapes, or leaves fewer than 3 points on both bodies.
+        SettingError
+            If the shapes were prepared with different settings.
+        """
+        timer = StageTimer()
+        timer.start("prepare")
+        prepared = any(isinstance(shape, PreparedShape) for shape in (source, target))
+        pair = prepare_pair(source, target, None if prepared else AT_FULL_RESOLUTION, seed)
+        hints = Hints.of(pair, landmarks, initial_map, initial_descriptors)
+        return cls(pair, hints, seed, timer)
+
+    @property
+    def shapes(self) -> tuple[PreparedShape, PreparedShape]:
+        """Source and target."""
+        return self.pair.source, self.pair.target
+
+    @property
+    def spectra(self) -> SpectralPair:
+        """Their Laplace–Beltrami bases."""
+        return self.pair.spectra
+
+    def functions_at_most(self, wanted: int) -> int:
+        """Return a number of Laplace–Beltrami functions: the one wanted, but no more than both shapes have."""
+        return min(wanted, self.pair.n_functions)
+
+    def functional_map_at(self, points: IntArray, k: int) -> FloatArray:
+        """Fit a functional map of the first k functions to corresponding vertices (q, 2), source and target."""
+        return self.functional_map_from(points[:, 0], self.pair.target.laplace.vectors[points[:, 1], :k])
+
+    def functional_map_from(self, source_vertex: IntArray, target_functions: FloatArray) -> FloatArray:
+        """Fit a functional map to values (q, k) of the target's first k functions at the images of source vertices."""
+        k = target_functions.shape[1]
+        return fit_functional_map(self.pair.source.laplace.vectors[source_vertex, :k], target_functions)
+
+    def orthogonal_icp(self, functional_map: FloatArray, k: int, steps: int) -> FloatArray:
+        """Refine by iterative closest points in the spectral domain, see `SpectralPair.orthogonal_icp`."""
+        return self.spectra.orthogonal_icp(functional_map, k, steps, self.pair.source.laplace.weights)
+
+    def spectral_result(self, functional_map: FloatArray, config: MatchSettings, origin: str) -> MatchResult:
+        """Make the result in which images are nearest points in the spectral domain under a functional map."""
+        return self.result(self.spectra.embedding(functional_map), config, origin)
+
+    def result(self, embedding: Embedding, config: MatchSettings, origin: str) -> MatchResult:
+        """Map every source vertex to the nearest point of the target in a common space, and measure the map.
+
+        The outcome depends on residual, stretch and orientation, with the bounds of `match`.
+        """
+        source, target = self.shapes
+        self.timer.start("points")
+        points = target.index.points(embedding.target, embedding.source)
+        self.timer.start("quality")
+        quality = measure_quality(self.pair, points, self.hints)
+        return MatchResult(
+            map=source.correspondence(target, points),
+            outcome=outcome_of(self.pair, quality, config.orientation, self.hints.any),
+            quality=quality,
+            expected_error=source.lift_smooth(expected_errors(self.pair, points)),
+            alternatives=(),
+            timings=self.timer.stop(),
+            notes=(
+                *self.pair.notes,
+                *self.hints.notes,
+                NOT_JUDGED,
+                *contradicted_landmarks(self.pair, points, self.hints),
+            ),
+            engine=source.distances.engine,
+            origin=origin,
+            reason="",
+            config=config,
+            seed=self.seed,
+        )

@@ -1,0 +1,61 @@
+"""The page of all items in a folder: for each its picture, the claims and the measurements."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from isomatch.storage.files import write_text
+
+PAGE = "index.md"
+ELSEWHERE = (
+    "item",
+    "origin",
+    "title",
+    "verdicts",
+    "holds",
+    "quick",
+    "isomatch",
+    "files",
+)  # shown in other places
+
+
+def write_page(out: Path, names: Iterable[str]) -> None:
+    """Write ``index.md`` with the items whose ``NAME.json`` is in the folder, in the order given."""
+    records = [
+        json.loads((out / f"{name}.json").read_text(encoding="utf-8"))
+        for name in names
+        if (out / f"{name}.json").exists()
+    ]
+    head = (
+        "# Figures and table of *Geodesic Distance Descriptors*, reproduced\n\nWritten by `isomatch paper`.\n"
+    )
+    write_text(out / PAGE, head + "".join(map(_section, records)))
+
+
+def _section(record: dict[str, Any]) -> str:
+    name = record["item"]
+    quick = " --quick" if record["quick"] else " --data DIR"
+    rows = "".join(
+        f"| {verdict['claim']} | {verdict['measured']} | {'yes' if verdict['holds'] else '**no**'} |\n"
+        for verdict in record["verdicts"]
+    )
+    facts = "; ".join(
+        f"{key}: {_plain(value)}"
+        for key, value in record.items()
+        if key not in ELSEWHERE and value not in ({}, [], "")
+    )
+    return (
+        f"\n## {name}: {record['origin']}\n\n{record['title']}. `isomatch paper {name}{quick} -o OUT`; numbers: "
+        f"[{name}.csv]({name}.csv).\n\n![{record['title']}]({name}.png)\n\n"
+        f"| claim | measured | holds |\n|---|---|---|\n{rows}\n{facts[:1].upper()}{facts[1:]}.\n"
+    )
+
+
+def _plain(value: Any) -> str:
+    """Write a value of a record in words, with the entries of lists and mappings."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} ({_plain(one)})" for key, one in value.items())
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

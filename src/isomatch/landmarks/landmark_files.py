@@ -1,0 +1,220 @@
+"""Files of points that were marked on shapes: text, 3D Slicer and MeshLab."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from isomatch.errors import FormatError
+from isomatch.storage.files import is_whole_number, opened, text_lines
+
+PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
+POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
+AXES = "x", "y", "z"
+NAMES, VERTICES = ("name", "label", "id"), ("vertex", "index")
+SLICER = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
+
+
+@dataclass(frozen=True)
+class MarkedPoint:
+    """One marked point: a vertex index, or a position."""
+
+    name: str
+    at: tuple[float, ...]
+    where: str
+    slicer: bool = False
+
+
+def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
+    """Read pairs of points, of the source and of the target."""
+    if _reader(path):
+        raise FormatError(
+            f"{path}: has the points of one shape only; give the file of the target's points too"
+        )
+    columns: list[list[int]] | None = None
+    pairs = []
+    for where, cells, line in _cells(path):
+        if columns is None and _is_header(cells):
+            columns = _pair_columns([cell.lower() for cell in cells], where)
+            continue
+        if columns is None and len(cells) not in (2, 6):
+            raise FormatError(f"{where}: {line[:80]!r} is not a landmark; {PAIRS}")
+        half = len(cells) // 2
+        chosen = columns or [list(range(half)), list(range(half, 2 * half))]
+        a, b = (_place(cells, side, where, line, PAIRS) for side in chosen)
+        pairs.append((MarkedPoint("", a, where), MarkedPoint("", b, where)))
+    return pairs
+
+
+def _pair_columns(header: list[str], where: str) -> list[list[int]]:
+    for found in (
+        [[side] for side in ("source", "target")],
+        [[f"{side}_{axis}" for axis in AXES] for side in ("source", "target")],
+    ):
+        if all(name in header for names in found for name in names):
+            return [[header.index(name) for name in names] for names in found]
+    raise FormatError(
+        f"{where}: the header {', '.join(header)[:80]!r} has neither the columns source, target nor source_x, source_y, "
+        "source_z, target_x, target_y, target_z"
+    )
+
+
+def marked_points(path: Path) -> list[MarkedPoint]:
+    """Read points that were marked on one shape."""
+    reader = _reader(path)
+    return reader(path) if reader else _text_points(path)
+
+
+def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
+    readers = {".json": _slicer_markups, ".fcsv": _slicer_fiducials, ".pp": _meshlab_points}
+    return readers.get(path.suffix.lower())
+
+
+def _text_points(path: Path) -> list[MarkedPoint]:
+    points = []
+    place: list[int] | None = None
+    name: int | None = None
+    for where, cells, line in _cells(path):
+        if place is None and _is_header(cells):
+            header = [cell.lower() for cell in cells]
+            name = next((header.index(each) for each in NAMES if each in header), None)
+            vertex = [header.index(each) for each in VERTICES if each in header]
+            place = [header.index(each) for each in AXES if each in header]
+            if len(place) != 3:
+                place = vertex[:1]
+            if not place:
+                raise FormatError(f"{where}: the header {line[:80]!r} has neither x, y, z nor vertex")
+            continue
+        chosen = list(range(len(cells))) if place is None else place
+        if len(chosen) not in (1, 3):
+            raise FormatError(f"{where}: {line[:80]!r} is not a point; {POINTS}")
+        at = _place(cells, chosen, where, line, POINTS)
+        points.append(MarkedPoint(cells[name] if name is not None and name < len(cells) else "", at, where))
+    return points
+
+
+def _slicer_markups(path: Path) -> list[MarkedPoint]:
+    with opened(path) as file:
+        text = file.read()
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"{path}:{getattr(error, 'lineno', 1)}: is not JSON ({error})") from None
+    points = []
+    try:
+        for markup in content["markups"]:
+            system = markup.get("coordinateSystem", "LPS")
+            for i, point in enumerate(markup["controlPoints"], start=1):
+                if point.get("positionStatus", "defined") == "defined":
+                    at = _in_lps(point["position"], system)
+                    points.append(
+                        MarkedPoint(str(point.get("label", "")), at, f"{path}: point {i}", slicer=True)
+                    )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise FormatError(
+            f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
+        ) from None
+    return points
+
+
+def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
+    columns, system, points = ["id", "x", "y", "z"], "RAS", []
+    with opened(path) as file:
+        lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
+        where = f"{path}:{number}"
+        if line.startswith("#"):
+            key, _, value = line[1:].partition("=")
+            if key.strip() == "CoordinateSystem":
+                system = value.strip()
+            elif key.strip() == "columns":
+                columns = [each.strip() for each in value.split(",")]
+            continue
+        if not line.strip():
+            continue
+        row = dict(zip(columns, _split(line, where)))
+        try:
+            at = _in_lps([float(row[axis]) for axis in AXES], system)
+        except (KeyError, ValueError):
+            raise FormatError(
+                f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
+            ) from None
+        points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, slicer=True))
+    return points
+
+
+def _in_lps(position: Any, system: Any) -> tuple[float, ...]:
+    at = np.array([float(each) for each in position])
+    if at.shape != (3,) or not np.isfinite(at).all():
+        raise ValueError("a position has three finite numbers")
+    if str(system) not in ("LPS", "RAS", "0", "1"):
+        raise ValueError(f"coordinate system {system!r} is neither LPS nor RAS")
+    return tuple((SLICER * at if str(system) in ("RAS", "0") else at).tolist())
+
+
+def _meshlab_points(path: Path) -> list[MarkedPoint]:
+    with opened(path) as file:
+        text = file.read()
+    try:
+        root = ElementTree.fromstring(re.sub(rb"<!DOCTYPE[^>]*>", b"", text))
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        line = getattr(error, "position", (1, 0))[0]
+        raise FormatError(f"{path}:{line}: is not XML ({error})") from None
+    points = []
+    for i, point in enumerate(root.iter("point"), start=1):
+        if point.get("active", "1") == "0":
+            continue
+        where = f"{path}: point {i}"
+        cells = [point.get(axis, "") for axis in AXES]
+        points.append(
+            MarkedPoint(
+                point.get("name", ""),
+                _place(cells, [0, 1, 2], where, " ".join(cells), "write x, y, z"),
+                where,
+            )
+        )
+    return points
+
+
+def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
+    """Cells of each line of a text, with where it is and the line itself."""
+    for number, line in text_lines(path):
+        where = f"{path}:{number}"
+        yield where, _split(line, where), line
+
+
+def _split(line: str, where: str) -> list[str]:
+    separator = next((each for each in "\t;," if each in line), None)
+    if separator is None:
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    except csv.Error as error:
+        raise FormatError(f"{where}: {error}") from None
+
+
+def _is_header(cells: list[str]) -> bool:
+    """Tell whether a line names columns: no cell begins like a number."""
+    return all(re.match(r"[A-Za-z_]", cell) for cell in cells)
+
+
+def _place(cells: list[str], columns: list[int], where: str, line: str, remedy: str) -> tuple[float, ...]:
+    """Return the vertex index, or the position, in some cells."""
+    chosen = [cells[column] if column < len(cells) else "" for column in columns]
+    numbers: list[float] = []
+    for cell in chosen:
+        number = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
+        if not (is_whole_number(cell) if len(chosen) == 1 else re.fullmatch(number, cell, re.ASCII)):
+            raise FormatError(f"{where}: {line[:80]!r} is not a landmark; {remedy}")
+        numbers.append(int(cell) if len(chosen) == 1 else float(cell))
+    if not np.isfinite(numbers).all():
+        raise FormatError(f"{where}: {line[:80]!r} is not finite; {remedy}")
+    return tuple(numbers)

@@ -1,4 +1,0 @@
-from isomatch.paper.item import Item, Reproduction, Setting, Verdict
-from isomatch.paper.reproduce import ITEMS, reproduce
-
-__all__ = ["ITEMS", "Item", "Reproduction", "Setting", "Verdict", "reproduce"]

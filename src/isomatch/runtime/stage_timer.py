@@ -1,0 +1,141 @@
+"""The stages of a computation: their seconds, and their announcement as they start."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import sys
+import time
+from collections.abc import Callable
+from threading import Lock
+from typing import Any, TypeAlias
+
+from isomatch.runtime.interruption import tell
+
+logger = logging.getLogger(__name__)
+
+Progress: TypeAlias = Callable[[str, float], Any] | Callable[[str], Any]
+"""Called with the name of a stage as it starts, and with the share of all work that is done, if it takes two arguments.
+
+The share rises from 0 to 1 and never falls. It is an estimate from typical times. What the function raises ends the
+computation and reaches the caller as it is.
+"""
+
+MATCHING = {
+    "prepare": 0.0,
+    "components": 0.5,
+    "search": 0.55,
+    "selection": 0.62,
+    "refinement": 0.65,
+    "quality": 0.8,
+    "elastic match": 0.82,
+    "polish": 0.85,
+    "carry": 0.95,
+    "pins": 0.98,
+}
+"""Share of the time of a match that is typically over when each stage starts."""
+
+PREPARATION = {"body": 0.0, "levels": 0.02, "distances": 0.3, "functions": 0.5, "samples": 0.85}
+"""The same for the preparation of a shape."""
+
+
+def two_arguments(progress: Progress) -> Callable[[str, float], Any]:
+    """Make a function of a stage alone one of stage and share."""
+    try:
+        inspect.signature(progress).bind("stage", 0.0)
+    except TypeError:
+        return lambda stage, share: progress(stage)  # type: ignore[call-arg]
+    except ValueError:  # it is built in and tells no signature
+        pass
+    return progress  # type: ignore[return-value]
+
+
+class StageTimer:
+    """Times stages, one after the other.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with the name of each stage as it starts, and the share of the work that is done.
+    begins : dict of str to float
+        Share at which each stage typically begins.
+    """
+
+    def __init__(self, progress: Progress | None = None, begins: dict[str, float] = MATCHING) -> None:
+        self._progress = two_arguments(progress) if progress else None
+        self._begins = begins
+        self._share = 0.0
+        self._telling = Lock()
+        self._seconds: dict[str, float] = {}
+        self._stage: str | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin the total now."""
+        self._since = self._begun = time.perf_counter()
+
+    def start(self, stage: str) -> None:
+        """End the stage under way and begin another."""
+        self._finish()
+        self._stage = stage
+        logger.info("%s", stage)
+        self.reach(stage, self._begins.get(stage, 0.0))
+
+    def reach(self, what: str, share: float) -> None:
+        """Tell what is done now, and the share of the work that is over; from any thread."""
+        if self._progress:
+            tell(self._tell, self._progress, what, share)
+
+    def _tell(self, progress: Callable[[str, float], Any], what: str, share: float) -> None:
+        with self._telling:  # when it is told: a slow listener hears of it later
+            self._share = max(self._share, share)
+            progress(what, self._share)
+
+    def stop(self) -> dict[str, float]:
+        """End the last stage; give the seconds of each, and of all as ``"total"``."""
+        self._finish()
+        return {**self._seconds, "total": time.perf_counter() - self._begun}
+
+    def _finish(self) -> None:
+        now = time.perf_counter()
+        if self._stage:
+            self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._since
+        self._since = now
+
+
+class _Line:
+    """One line on standard error with stage, share and seconds, which each call writes anew."""
+
+    def __init__(self) -> None:
+        self._since = 0.0
+
+    def __call__(self, stage: str, share: float) -> None:
+        now = time.perf_counter()
+        if share == 0.0 or not self._since:
+            self._since = now
+        end = "\n" if share == 1.0 else ""
+        sys.stderr.write(f"\r{share:4.0%} {now - self._since:6.1f} s  {stage:24.24}{end}")
+        sys.stderr.flush()
+
+
+_line = _Line()
+
+
+def show_progress(stage: str, share: float) -> None:
+    """Show stage, share and elapsed time in one line on standard error, which works in terminals and notebooks.
+
+    Parameters
+    ----------
+    stage : str
+        What is being done.
+    share : float
+        Share of the work that is done; 0 starts the clock, 1 ends the line.
+
+    Examples
+    --------
+    >>> from isomatch import match
+    >>> from isomatch.datasets import example_pair
+    >>> source, target = example_pair()
+    >>> result = match(source.mesh, target.mesh, progress=show_progress)
+    """
+    _line(stage, share)

@@ -1,0 +1,41 @@
+from isomatch.settings.anchors import AnchorSettings
+from isomatch.settings.components import ComponentSettings
+from isomatch.settings.config import (
+    Config,
+    Hypotheses,
+    MatchSettings,
+    Orientation,
+    Refinement,
+    Resolution,
+    Start,
+)
+from isomatch.settings.elastic import ElasticSettings
+from isomatch.settings.levels import LevelSettings
+from isomatch.settings.outcome import OutcomeSettings
+from isomatch.settings.parts import PartSettings
+from isomatch.settings.preparation import PreparationSettings
+from isomatch.settings.refining import RefinementSettings
+from isomatch.settings.search import SearchSettings
+from isomatch.settings.selection import SelectionSettings
+from isomatch.settings.symmetry import SymmetrySettings
+
+__all__ = [
+    "AnchorSettings",
+    "ComponentSettings",
+    "Config",
+    "ElasticSettings",
+    "Hypotheses",
+    "LevelSettings",
+    "MatchSettings",
+    "Orientation",
+    "OutcomeSettings",
+    "PartSettings",
+    "PreparationSettings",
+    "Refinement",
+    "RefinementSettings",
+    "Resolution",
+    "SearchSettings",
+    "SelectionSettings",
+    "Start",
+    "SymmetrySettings",
+]

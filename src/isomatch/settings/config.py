@@ -1,0 +1,246 @@
+"""Every setting of a match: the everyday ones, and those of the stages, which are passed down."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, Protocol, Self
+
+from isomatch.bases import Weighting
+from isomatch.errors import FormatError, SettingError
+from isomatch.geodesics import engine_names
+from isomatch.settings import (
+    AnchorSettings,
+    ComponentSettings,
+    ElasticSettings,
+    LevelSettings,
+    OutcomeSettings,
+    PartSettings,
+    PreparationSettings,
+    RefinementSettings,
+    SearchSettings,
+    SelectionSettings,
+    SymmetrySettings,
+)
+from isomatch.storage.files import opened
+from isomatch.values.settings import Settings, setting
+
+Orientation = Literal["preserve", "reverse", "any"]
+Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
+Hypotheses = Literal["all", "given"]
+Start = Literal["auto", "pose"]
+Resolution = Literal["auto", "full", "fast"]
+PartRole = Literal["auto", "source", "target", "both", "none"]
+Scale = Literal["auto", "same", "area", "free"]
+
+
+class MatchSettings(Protocol):
+    """What the settings of every method, `match` or a baseline, have in common."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Whether the map should preserve the orientation of the faces."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the settings as plain values."""
+
+    def changed(self) -> dict[str, Any]:
+        """Return the settings that differ from their defaults."""
+
+
+LARGEST_FILE = 2**14  # bytes; all settings together take a fifth of it
+
+
+@dataclass(frozen=True)
+class Config(Settings):
+    """Settings of `prepare` and `match`; the defaults are those that the benchmarks recommend.
+
+    Parameters
+    ----------
+    n_columns : int
+        Number p of distance columns for each shape.
+    rank : int
+        Rank k of the distance basis, and length of the descriptor.
+    n_functions : int
+        Laplace–Beltrami functions for each shape.
+    weights : {"area", "uniform"}
+        Inner product of the distance basis; the paper uses "uniform".
+    engine : str, optional
+        How geodesic distances are computed, by a name of `engine_names`; by default fast marching on meshes, Dijkstra on
+        point clouds and graphs.
+    n_search : int
+        Vertices of each shape on which hypotheses are tried and compared.
+    n_refine : int
+        Source vertices on which the refinement iterates before its last, full step.
+    hypotheses : {"all", "given"}
+        Choose among automatic hypotheses and those given, or only among those given and flips of the map from landmarks.
+        With "all", an automatic one wins where it fits better than the hints; of maps that tie, the one nearest to the
+        hints wins, even if it is a mirror image.
+    search_rivals : bool, optional
+        With ``hypotheses="given"``: whether automatic hypotheses are searched all the same, as rivals, so that the
+        quality reports when one of them fits better. It takes as long as an automatic match. By default they are for
+        the refinements "joint" and "smooth", and not for those of the paper.
+    refinement : {"none", "laplace_icp", "joint", "smooth"}
+        After the alignment of distance descriptors: nothing (the paper's plain method); post-processing like the
+        paper's; or spectral upsampling joint with signatures, positions and normals. "smooth" is "joint" with more
+        steps, for a map that is smooth and nearly one to one.
+    orientation : {"preserve", "reverse", "any"}
+        Whether the map preserves the orientation of the faces, reverses it (a mirror image), or does whichever fits
+        better.
+    start : {"auto", "pose"}
+        Whether shapes are roughly aligned in space, so that the map to nearest points is a hypothesis too: that of the
+        shapes as they are, and that of both centred and scaled to equal area. Of maps that fit equally well, the one
+        nearest to it wins. With ``hypotheses="given"``, no others may win but those from hints.
+    pin : float, optional
+        Landmarks hold: those farther from their targets than this, in √area, are moved there, and the map around follows
+        smoothly. 0 holds all exactly. By default they only lead.
+    part : {"auto", "source", "target", "both", "none"}
+        Which shape is a part of the other, or whether both are parts. "auto" takes shapes with a long boundary for parts.
+        Parts are matched where automatic hypotheses, a joint refinement and the orientation "preserve" are asked for,
+        without hints or with landmarks.
+    scale : {"auto", "same", "area", "free"}
+        Units of a part and a whole: near those of the files, exactly those, such that both have the same area, or
+        anything. Complete shapes are always scaled to the same area.
+    resolution : {"auto", "full", "fast"}
+        "auto" matches large meshes on fewer vertices, polishes the map on more and carries it to all; "full" uses all
+        vertices throughout; "fast" uses still fewer than "auto". Maps always name the user's vertices.
+    preparation : PreparationSettings
+    levels : LevelSettings
+    symmetry : SymmetrySettings
+    search : SearchSettings
+    anchors : AnchorSettings
+    selection : SelectionSettings
+    refining : RefinementSettings
+    parts : PartSettings
+    components : ComponentSettings
+    elastic : ElasticSettings
+    outcome : OutcomeSettings
+        Fine settings of each stage.
+
+    Examples
+    --------
+    >>> Config(rank=30, n_columns=60).search.n_hypotheses
+    14
+    >>> Config.from_dict({"rank": 30, "search": {"n_hypotheses": 20}}).search.n_hypotheses
+    20
+    """
+
+    n_columns: int = setting(100, "Shamai & Kimmel 2017: p = 2 k", least=8)
+    rank: int = setting(50, "Shamai & Kimmel 2017: k = 50", least=4)
+    n_functions: int = setting(200, "Melzi et al. 2019: 200 functions at 5 000 vertices", least=20)
+    weights: Weighting = setting("area", "docs/paper.md, deviations: area weights")
+    engine: str | None = setting(
+        None, "docs/benchmarks.md, engines: fast marching is most accurate for its time"
+    )
+    n_search: int = setting(400, "measured: 400 as good as 600 on 17 pairs; 300 fails on 2 of 50", least=100)
+    n_refine: int = setting(
+        1000, "measured on 50 pairs: 1.63 against 1.59 with all vertices, twice as fast", least=100
+    )
+    hypotheses: Hypotheses = setting(
+        "all", "a hint can be wrong; an automatic hypothesis that fits better wins"
+    )
+    search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
+    refinement: Refinement = setting(
+        "joint",
+        "docs/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
+    )
+    orientation: Orientation = setting(
+        "preserve",
+        "docs/benchmarks.md, ablation, earlier: either orientation fails on 3 of 14",
+    )
+    start: Start = setting("auto", "shapes need not be aligned")
+    pin: float | None = setting(None, "landmarks lead; clicked ones are no more exact than the map", least=0)
+    part: PartRole = setting("auto", "docs/robustness.md: a cut or a hole is found by its boundary")
+    scale: Scale = setting("auto", "FAUST remeshed: bodies of one person differ by up to 1.2")
+    resolution: Resolution = setting("auto", "docs/performance.md, resolution")
+    preparation: PreparationSettings = setting(PreparationSettings())
+    levels: LevelSettings = setting(LevelSettings())
+    symmetry: SymmetrySettings = setting(SymmetrySettings())
+    search: SearchSettings = setting(SearchSettings())
+    anchors: AnchorSettings = setting(AnchorSettings())
+    selection: SelectionSettings = setting(SelectionSettings())
+    refining: RefinementSettings = setting(RefinementSettings())
+    parts: PartSettings = setting(PartSettings())
+    components: ComponentSettings = setting(ComponentSettings())
+    elastic: ElasticSettings = setting(ElasticSettings())
+    outcome: OutcomeSettings = setting(OutcomeSettings())
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.engine is not None and self.engine not in engine_names():
+            raise SettingError(
+                f"engine = {self.engine!r} is not one of {', '.join(map(repr, engine_names()))}"
+            )
+        if self.n_refine < 2 * self.n_functions:
+            raise SettingError(
+                f"n_refine = {self.n_refine} is below 2 n_functions = {2 * self.n_functions}: too few for the fit"
+            )
+        if self.rank > self.n_columns:
+            raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
+        most = max(*self.selection.sizes, self.selection.extension_functions, self.search.flipped_functions)
+        if most > self.n_search // 2:
+            raise SettingError(
+                f"n_search = {self.n_search} is below 2 × {most}, the functions fitted on the search vertices; ask for "
+                "more vertices, or fewer functions in search.flipped_functions, selection.sizes or "
+                "selection.extension_functions"
+            )
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> Self:
+        """Read settings from a TOML file, stages as tables.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`) or is not TOML.
+        SettingError
+            If a setting is unknown, or its value is not allowed.
+        """
+        with opened(Path(path)) as file:
+            text = file.read(LARGEST_FILE + 1)
+        if len(text) > LARGEST_FILE:
+            raise FormatError(
+                f"{path}: more than {LARGEST_FILE} bytes are not settings; give a TOML file of settings"
+            )
+        try:
+            values = tomllib.loads(text.decode("utf-8"))
+        except (ValueError, RecursionError) as error:  # no text, no TOML, or nested too deeply
+            raise FormatError(f"{path}: not a TOML file ({error}); correct it or write it again") from None
+        try:
+            return cls.from_dict(values)
+        except SettingError as error:
+            raise SettingError(f"{path}: {error}") from None
+
+    @property
+    def looks_further(self) -> bool:
+        """Whether maps of other kinds, of parts or elastic ones, are sought where they seem to be called for."""
+        return self.refinement in ("joint", "smooth") and self.orientation == "preserve"
+
+    @property
+    def searches_rivals(self) -> bool:
+        """Whether automatic hypotheses are searched as rivals of those given."""
+        return self.refinement in ("joint", "smooth") if self.search_rivals is None else self.search_rivals
+
+    def differs_in_preparation(self, other: Config) -> str | None:
+        """Name the first setting of `prepare` in which two configurations differ; None if there is none."""
+        names = (
+            "n_columns",
+            "rank",
+            "n_functions",
+            "weights",
+            "engine",
+            "n_search",
+            "n_refine",
+            "resolution",
+            "preparation",
+            "levels",
+            "symmetry",
+        )
+        return next((name for name in names if getattr(self, name) != getattr(other, name)), None)
+
+    def for_size(self, n: int) -> Self:
+        """Reduce what a shape of n vertices cannot provide."""
+        columns = min(self.n_columns, n // 2)
+        rank = min(self.rank, columns // 2 if columns < self.n_columns else self.rank)
+        return replace(self, n_columns=columns, rank=rank, n_functions=max(20, min(self.n_functions, n // 4)))

@@ -1,0 +1,68 @@
+"""Settings of one shape: extremities, signatures, curvature, what is mended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from isomatch.values.settings import Settings, setting
+
+DistanceUnit = Literal["average", "user"]
+
+
+@dataclass(frozen=True)
+class PreparationSettings(Settings):
+    """Fine settings of `prepare`: extremities, signatures and curvature of one shape.
+
+    Parameters
+    ----------
+    extremity_spacing : float
+        Extremities nearer to each other than this, in √area, count as one: fingers must not displace hands.
+    n_extremities : int
+        Most extremities of a shape.
+    signature_functions, signature_step : int
+        Laplace–Beltrami functions of the wave kernel signature, and which of its hundred energies are kept: every fifth.
+    curvature_functions : tuple of int
+        Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
+    wave_weight, curvature_weight : float
+        Root mean square of either part of the signatures.
+    energy_curvature_functions : int
+        Functions of the smoothed surface whose curvature the energy of a map compares.
+    graph_average_distance : float
+        Average distance between two points of a graph of unit size, in place of an area.
+    distance_unit : {"average", "user"}
+        Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
+    block_diagonal : bool
+        Whether descriptor columns of different sign are never mixed by an alignment.
+    sheet_distance : float
+        Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
+        apart along the surface, in √area; ``inf`` leaves them together.
+    least_component, most_components : float, int
+        Share of the area from which a component of a mesh, beside the largest, is matched by itself, and how many such
+        components at most.
+    """
+
+    extremity_spacing: float = setting(
+        0.25, "changed with others: at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
+    )
+    n_extremities: int = setting(8, "docs/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
+    signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
+    signature_step: int = setting(
+        5,
+        "docs/benchmarks.md, sensitivity; the filters are seven energies wide, so neighbours repeat each other",
+        least=1,
+    )
+    curvature_functions: tuple[int, ...] = setting(
+        (50, 100, 200), "docs/benchmarks.md, sensitivity; coarse to fine, by doubling", least=4
+    )
+    wave_weight: float = setting(0.6, "measured on 9 pairs: 0.6 2.43, 0.8 2.41", least=0)
+    curvature_weight: float = setting(0.4, "measured on 9 pairs: 0.4 2.43, 0.6 2.70", least=0)
+    energy_curvature_functions: int = setting(
+        100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
+    )
+    graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
+    distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
+    block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
+    sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
+    least_component: float = setting(0.001, "an eye has a thousandth of the area of a body", least=1e-6)
+    most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)

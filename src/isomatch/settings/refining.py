@@ -1,0 +1,74 @@
+"""Settings of the joint refinement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from isomatch.errors import SettingError
+from isomatch.values.settings import Settings, setting
+
+
+@dataclass(frozen=True)
+class RefinementSettings(Settings):
+    """Settings of the refinements.
+
+    Parameters
+    ----------
+    sizes_without_positions, sizes_with_positions, final_sizes : tuple of int
+        Functions in the steps of the three stages of the joint refinement; positions and normals take part in the last
+        two. After each stage, maps that fit much worse than the best are given up.
+    polished_sizes : tuple of int
+        Functions in the steps that polish the map of a large mesh, on more vertices.
+    position_unit : float
+        Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
+    normal_weight : float
+        Weight of normals.
+    registration_steps, smooth_registration_steps : int
+        Steps of the non-rigid registration that ends "joint", and that ends "smooth".
+    distance_steps : int
+        Iterations of the plain descriptor alignment on the refinement vertices; two on all vertices follow.
+    laplace_first : tuple of int
+        Functions from which "laplace_icp" grows; each is tried.
+    laplace_choice : int
+        Functions at which the best of these is chosen.
+    laplace_step : int
+        Functions added in each step.
+    laplace_steps_at_once : int
+        If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
+        many iterations: the paper as it is written.
+    pin_slope, pin_width : float, (float, float)
+        Width of the bump by which the map follows landmarks that are held, over the distance by which they are moved; and
+        the least and the greatest width, in √area.
+    """
+
+    sizes_without_positions: tuple[int, ...] = setting(
+        (20, 40, 70, 100, 140), "Melzi et al. 2019, in larger steps", least=4, empty=True
+    )
+    sizes_with_positions: tuple[int, ...] = setting(
+        (50, 75, 100), "ablation: no positions and normals", least=4, empty=True
+    )
+    final_sizes: tuple[int, ...] = setting(
+        (125, 150, 200), "ablation: no positions and normals", least=4, empty=True
+    )
+    polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
+    position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
+    normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    registration_steps: int = setting(4, "ablation: no registration", least=0)
+    smooth_registration_steps: int = setting(8, "docs/benchmarks.md, smoothness", least=0)
+    distance_steps: int = setting(15, "chosen, not measured", least=0)
+    laplace_first: tuple[int, ...] = setting(
+        (15, 20, 30, 40), "docs/paper.md: the best of four heals most", least=2
+    )
+    laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
+    laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
+    laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
+
+    pin_slope: float = setting(2.0, "docs/hints.md: 1.5 to 3 alike; steeper turns faces over", least=1)
+    pin_width: tuple[float, ...] = setting((0.1, 0.2), "docs/hints.md", least=0.01)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.sizes_without_positions or self.sizes_with_positions or self.final_sizes):
+            raise SettingError(
+                "the three stages of the joint refinement are all empty; give one of them a size"
+            )

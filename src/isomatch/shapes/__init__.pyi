@@ -1,0 +1,18 @@
+from isomatch.shapes.body import Body, body_of
+from isomatch.shapes.orientation import orientation_of
+from isomatch.shapes.prepare import prepare
+from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.shapes.smooth_shape import SmoothShape
+from isomatch.shapes.symmetries import EXACTLY, describe_symmetries, farthest_rows
+
+__all__ = [
+    "EXACTLY",
+    "Body",
+    "PreparedShape",
+    "SmoothShape",
+    "body_of",
+    "describe_symmetries",
+    "farthest_rows",
+    "orientation_of",
+    "prepare",
+]

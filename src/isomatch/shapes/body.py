@@ -1,0 +1,175 @@
+"""What is matched of a shape: its largest component, repaired, of unit area, and others like it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from isomatch.errors import MeshError
+from isomatch.geodesics import distance_engine, ordinary_unit
+from isomatch.mending import check, repair, separate_sheets
+from isomatch.settings import PreparationSettings
+from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
+from isomatch.values.arrays import BoolArray, IntArray
+
+FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
+LEFT_UNMATCHED = "are left unmatched"
+SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The part of a shape that is matched.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        The largest connected component; a mesh welded, its glued sheets separated, wound outward; centred, of unit
+        area.
+    scale : float
+        What a length of 1 is worth in the units of the shape.
+    body_vertex : (n,) array of int
+        Body vertex of each vertex of the shape; −1 for those left out.
+    user_vertex : (n_body,) array of int
+        Vertex of the shape of each body vertex; where sheets were separated, several have the same.
+    left_out : float
+        Share of the area in other components, or of the vertices in those of them that could be matched by themselves,
+        if that is larger: the vertices of debris do not count.
+    notes : tuple of str
+        What was left out or repaired.
+    share : float
+        Share of the area of the shape that the body has.
+    others : tuple of Body
+        Of a mesh, the further components that can be matched by themselves, largest first.
+    """
+
+    surface: Surface
+    scale: float
+    body_vertex: IntArray
+    user_vertex: IntArray
+    left_out: float
+    notes: tuple[str, ...]
+    share: float = 1.0
+    others: tuple[Body, ...] = ()
+
+
+def body_of(shape: Surface, settings: PreparationSettings) -> Body:
+    """Take the largest component, mend it, and give it unit area; or to a graph, which has none, an average distance.
+
+    Raises
+    ------
+    MeshError
+        If the shape cannot be used.
+    """
+    whole, unit, new_index, old_index, notes = _repaired(shape, settings.sheet_distance)
+    if not whole.n_vertices:
+        raise MeshError("no vertices, so there is nothing to match; give a shape with vertices")
+    labels = whole.components
+    shares = np.bincount(labels, whole.vertex_areas) / whole.area
+    sizes = np.bincount(labels)
+    largest = int(shares.argmax())
+    others = np.arange(len(shares)) != largest
+    if others.any():
+        notes.append(
+            f"{others.sum()} smaller components with {shares[others].sum():.1%} of the area and "
+            f"{sizes[others].sum() / len(labels):.1%} of the vertices {LEFT_UNMATCHED}: no path leads to them, so they "
+            "have no geodesic distance to the rest"
+        )
+    if sizes[largest] < FEWEST_VERTICES:
+        raise MeshError(
+            f"the largest component has {sizes[largest]} vertices, at least {FEWEST_VERTICES} are needed; "
+            "subdivide the mesh, or weld its triangles if they share no vertices"
+        )
+
+    def component(label: int) -> Body:
+        surface, length = _normalised(whole, labels == label, settings.graph_average_distance)
+        vertices = np.flatnonzero(labels == label)
+        to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
+        to_body[vertices] = np.arange(len(vertices))
+        share = float(shares[label])
+        return Body(surface, length * unit, to_body[new_index], old_index[vertices], 0.0, (), share)
+
+    own = others & (sizes >= FEWEST_VERTICES)
+    matchable = np.flatnonzero(own & (shares >= settings.least_component) & isinstance(whole, Mesh))
+    largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
+    return replace(
+        component(largest),
+        left_out=float(max(shares[others].sum(), sizes[own].sum() / len(labels))),
+        notes=tuple(notes),
+        others=tuple(component(label) for label in largest_first[: settings.most_components]),
+    )
+
+
+def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, IntArray, IntArray, list[str]]:
+    """Mend a mesh and separate glued sheets.
+
+    Returns it in a unit in which no area overflows or vanishes, that unit, and index maps both ways.
+
+    Nothing is mended of points and graphs.
+    """
+    if isinstance(shape, PointCloud):
+        unit, everything = ordinary_unit(shape), np.arange(shape.n_vertices)
+        return PointCloud(shape.vertices / unit, shape.n_neighbours), unit, everything, everything, []
+    if isinstance(shape, Graph):
+        everything = np.arange(shape.n_vertices)
+        return shape, 1.0, everything, everything, []
+    report = check(shape)
+    if report.fatal:
+        raise MeshError("; ".join(report.fatal))
+    repaired = repair(shape, report=report)
+    new_index, old_index, notes = repaired.new_index, repaired.vertex_index, list(repaired.changes)
+    if any(len(getattr(report, defect)) for defect in SIGNS_OF_SHEETS):
+        glued = repair(shape, remove_duplicates=False, orient=False)
+        apart = separate_sheets(glued.mesh, sheet_distance)
+        if apart.seams:
+            repaired = repair(apart.mesh, weld=False)
+            new_index = np.append(repaired.new_index, -1)[glued.new_index]
+            old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
+            notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, glued.vertex_index)]
+    unit = float(np.abs(repaired.mesh.vertices).max())
+    return repaired.mesh.moved(repaired.mesh.vertices / unit), unit, new_index, old_index, notes
+
+
+def _seams_described(seams: tuple[IntArray, ...], vertex_index: IntArray) -> str:
+    largest, count = max(seams, key=len), sum(map(len, seams))
+    return (
+        f"separated sheets that were glued together at {count} {'vertex' if count == 1 else 'vertices'}, in {len(seams)} "
+        f"{'seam' if len(seams) == 1 else 'seams'}; the largest has {len(largest)}, one of them vertex "
+        f"{vertex_index[largest[len(largest) // 2]]}; if they belong together, set preparation.sheet_distance = inf"
+    )
+
+
+def sound_body(mesh: Mesh) -> Body:
+    """Take a connected mesh as it is; nothing is mended, and no vertex left out."""
+    everything = np.arange(mesh.n_vertices)
+    surface, length = _normalised(mesh, np.ones(mesh.n_vertices, dtype=bool), 1.0)
+    return Body(surface, length, everything, everything, 0.0, ())
+
+
+def _normalised(whole: Surface, kept: BoolArray, graph_average_distance: float) -> tuple[Surface, float]:
+    """Cut out some vertices and give them unit area; returns also what a length of 1 is worth."""
+    if isinstance(whole, Graph):
+        number = np.cumsum(kept) - 1
+        inside = kept[whole.edges[:, 0]]
+        weights = whole.vertex_areas[kept] / whole.vertex_areas[kept].sum()
+        edges, lengths = number[whole.edges[inside]], whole.edge_lengths[inside]
+        part = Graph(len(weights), edges, lengths, weights)
+        some = np.linspace(0, len(weights) - 1, 20).astype(np.int64)
+        length = float((distance_engine(part).distances_from(some) @ weights).mean()) / graph_average_distance
+        if not 0 < length < np.inf:
+            raise MeshError(
+                "the lengths of the edges are all 0, or too large to add, so distances tell no vertices apart; "
+                "give lengths of ordinary size"
+            )
+        return Graph(len(weights), edges, lengths / length, weights), length
+    part_of = (
+        whole.submesh(kept)[0]
+        if isinstance(whole, Mesh)
+        else PointCloud(whole.vertices[kept], whole.n_neighbours)
+    )
+    length = float(np.sqrt(part_of.area))
+    points = (part_of.vertices - np.average(part_of.vertices, axis=0, weights=part_of.vertex_areas)) / length
+    if isinstance(part_of, Mesh):
+        return part_of.moved(points), length
+    return PointCloud(points, part_of.n_neighbours), length

@@ -1,0 +1,272 @@
+"""`PreparedShape`: everything that can be computed from one shape alone, for any number of matches."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from isomatch.bases import DistanceBasis, refined_laplace_basis
+from isomatch.correspondence import SampledBasis, SignedPoints
+from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
+from isomatch.errors import MeshError, NotConvergedError, SettingError
+from isomatch.mending import capped, check
+from isomatch.resolution import Prolongation
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import Config
+from isomatch.shapes.body import LEFT_UNMATCHED, Body, sound_body
+from isomatch.shapes.levels import Level
+from isomatch.shapes.orientation import orientation_of
+from isomatch.shapes.prepared_file import read_prepared, write_prepared
+from isomatch.shapes.smooth_shape import SmoothShape
+from isomatch.shapes.symmetries import Symmetry, find_symmetries
+from isomatch.values.arrays import Float32Array, FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PreparedShape(SmoothShape):
+    """One shape, ready to be matched.
+
+    All vertices below are vertices of the *body*, except in ``body_vertex`` and ``user_vertex``.
+
+    Parameters
+    ----------
+    surface, body, body_vertex, user_vertex, laplace, sample_vertices, config, detail
+        As for ``SmoothShape``.
+    scale : float
+        What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
+        over ``graph_average_distance``.
+    distances : DistanceBasis
+        Geodesic distance basis of the body, rank k.
+    column_vertices : (p,) array of int
+        Farthest point samples from which distances were computed.
+    columns : (p, n_body) array of float32
+        Geodesic distances from each of them.
+    extremities : (q,) array of int
+        Extremal points of the body.
+    extremity_columns : (q, n_body) array of float
+        Geodesic distances from each of them.
+    requested : Config
+        The settings asked for.
+    seed : int
+        The seed used.
+    left_out : float
+        Share of the area in components other than the body, or of the vertices in those of at least 50 vertices, if that
+        is larger.
+    notes : tuple of str
+        What was repaired or left out.
+    timings : dict of str to float
+        Seconds of each stage of the preparation.
+    share : float
+        Share of the area of the shape that the body has.
+    others : tuple of Body
+        Further components of a mesh that can be matched by themselves, largest first; not prepared.
+    finer : Level, optional
+        A finer level, on which maps of complete shapes are polished.
+    refining : Prolongation, optional
+        Between the finer level and the body.
+    """
+
+    scale: float
+    distances: DistanceBasis
+    column_vertices: IntArray
+    columns: Float32Array
+    extremities: IntArray
+    extremity_columns: FloatArray
+    requested: Config
+    seed: int
+    left_out: float
+    notes: tuple[str, ...]
+    timings: dict[str, float]
+    share: float = 1.0
+    others: tuple[Body, ...] = ()
+    finer: Level | None = None
+    refining: Prolongation | None = None
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
+
+        Raises
+        ------
+        UnwritableFileError
+            If the file cannot be written.
+        """
+        write_prepared(Path(path), self)
+
+    @classmethod
+    def load(cls, path: str | Path, config: Config | None = None) -> PreparedShape:
+        """Read what `save` wrote; matches are the same to the last bit.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+        config : Config, optional
+            Settings of the matches to come: a shape prepared otherwise is refused here.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing (`MissingFileError`), damaged, holds something else, or was written by an isomatch that
+            prepared shapes in another way.
+        SettingError
+            If the shape was prepared with other settings than ``config``.
+        """
+        found: PreparedShape = read_prepared(Path(path), cls)
+        if config:
+            found.require_prepared_for(config, str(path))
+        return found
+
+    def require_prepared_for(self, config: Config, what: str) -> None:
+        """Raise `SettingError`, about ``what``, if the shape was prepared with other settings than a match asks for."""
+        in_full = config.resolution == "full" and self.detail is None and not self.others
+        used_config = replace(self.requested, resolution="full") if in_full else self.requested
+        if name := used_config.differs_in_preparation(config):
+            used, asked = getattr(self.requested, name), getattr(config, name)
+            raise SettingError(
+                f"{what} was prepared with {name} = {used!r}, the match asks for {asked!r}; prepare both shapes "
+                "with the settings of the match"
+            )
+
+    @property
+    def seconds(self) -> float:
+        """Time the preparation took."""
+        return self.timings["total"]
+
+    def __repr__(self) -> str:
+        return f"PreparedShape({self.surface!r}, {self.distances!r}, {self.laplace!r})"
+
+    @cached_property
+    def average_distance(self) -> FloatArray:
+        """(n_body,) average geodesic distance of each vertex to the surface."""
+        return self.distances @ self.body.vertex_areas
+
+    @cached_property
+    def intrinsic_scale(self) -> float:
+        """The unit in which distances of two shapes are compared: by default the average between two points."""
+        if self.config.preparation.distance_unit == "user":
+            return 1.0 / self.scale
+        return float(self.body.vertex_areas @ self.average_distance)
+
+    def distance(self, a: IntArray, b: IntArray) -> FloatArray:
+        """Low-rank geodesic distances between vertices of two lists (q,), in √area; O(k) a pair."""
+        return np.where(a == b, 0.0, np.maximum(self.distances.distance(a, b), 0.0))
+
+    def mean_distance(self, a: IntArray, b: IntArray) -> float:
+        """Mean of these distances."""
+        return float(self.distance(a, b).mean())
+
+    def distances_between(self, vertices: IntArray) -> FloatArray:
+        """Low-rank geodesic distances between m vertices, (m, m), in √area."""
+        distances: FloatArray = np.maximum(self.distances.between(vertices, vertices), 0.0)
+        distances /= np.sqrt(self.body.area)
+        np.fill_diagonal(distances, 0.0)
+        return distances
+
+    @cached_property
+    def boundary_length(self) -> float:
+        """Length of the boundary of the body, in √area; 0 of points and graphs."""
+        if self.triangles is None:
+            return 0.0
+        i, j = self.triangles.boundary_edges.T
+        return float(np.linalg.norm(self.triangles.vertices[i] - self.triangles.vertices[j], axis=1).sum())
+
+    @cached_property
+    def longest_boundary(self) -> float:
+        """Length of the longest connected piece of the boundary of the body, in √area; 0 where there is none."""
+        return float(check(self.triangles).boundary_lengths[0]) if self.boundary_length else 0.0
+
+    @cached_property
+    def one_sided(self) -> bool:
+        """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
+        return self.triangles is not None and len(check(self.triangles).inconsistent_edges) > 0
+
+    @cached_property
+    def capped(self) -> PreparedShape:
+        """The body as a shape of its own, of which its vertices are the first. If one hole is long, all are closed."""
+        from isomatch.shapes.prepare import prepared_body  # which imports this file
+
+        if self.triangles is None or self.longest_boundary <= self.config.parts.long_boundary:
+            same = np.arange(self.body.n_vertices)
+            alone = replace(self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
+            alone = replace(alone, others=(), detail=None, finer=None, refining=None)
+            kept = OF_BODY if self.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
+            alone.__dict__.update({name: getattr(self, name) for name in kept})
+            return alone
+        closed, config = capped(self.triangles), replace(self.requested, resolution="full")
+        return prepared_body(closed, sound_body(closed), config, self.seed, StageTimer())
+
+    @cached_property
+    def components(self) -> tuple[PreparedShape, ...]:
+        """The body and the further components, each as a prepared shape of the same surface that leaves nothing out.
+
+        Those that cannot be prepared are missing.
+        """
+        from isomatch.shapes.prepare import prepared_body  # which imports this file
+
+        notes = tuple(note for note in self.notes if LEFT_UNMATCHED not in note)
+        found = [replace(self, left_out=0.0, notes=notes, others=())]
+        for body in self.others:
+            with suppress(MeshError, NotConvergedError):
+                found.append(prepared_body(self.surface, body, self.requested, self.seed, StageTimer()))
+        return tuple(found)
+
+    @cached_property
+    def polishable(self) -> SmoothShape:
+        """The shape on which maps are polished: itself, if it has no finer level."""
+        if self.finer is None or self.refining is None:
+            return self
+        body = self.finer.surface
+        between = self.refining.on_coarse.interpolation(self.body.n_vertices)
+        laplace = refined_laplace_basis(body, self.laplace, between)
+        return SmoothShape(
+            surface=self.surface,
+            body=body,
+            body_vertex=self.finer.body_vertex,
+            user_vertex=self.finer.user_vertex,
+            laplace=laplace,
+            sample_vertices=self.refining.nearest_members[self.sample_vertices],
+            config=self.config,
+            detail=self.finer.detail,
+        )
+
+    @cached_property
+    def points(self) -> SignedPoints:
+        """Geodesic distance descriptors of the body, in units of the intrinsic scale, as a signed point cloud."""
+        descriptor = geodesic_distance_descriptor(self.distances)
+        signs = descriptor.signature
+        if not self.config.preparation.block_diagonal:
+            signs = np.ones_like(signs)
+        return SignedPoints(descriptor.coordinates / np.sqrt(self.intrinsic_scale), signs)
+
+    @cached_property
+    def curvature(self) -> FloatArray:
+        """(n_body,) signed mean curvature of the smoothed body, of mean 0 and variance 1 in the areas.
+
+        0 where there are no triangles.
+        """
+        if self.triangles is None:
+            return np.zeros(self.body.n_vertices)
+        curvature = mean_curvature(
+            self.triangles, self.laplace, self.config.preparation.energy_curvature_functions
+        )
+        return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
+
+    @cached_property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Maps of the shape onto itself, by rows of its search vertices."""
+        settings = self.config.symmetry
+        vertices = self.sample_vertices[: self.config.n_search]
+        basis = SampledBasis(self.laplace.vectors, vertices)
+        k = min(self.config.selection.normal_functions, len(self.laplace.values))
+        return find_symmetries(
+            self.points.at(vertices, self.config.search.start_columns),
+            self.distances_between(vertices),
+            lambda image_row: orientation_of(self, basis, self, vertices[image_row], k),
+            settings,
+        )

@@ -1,0 +1,41 @@
+"""Point signatures: wave kernel signatures and signed mean curvatures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from isomatch.bases import LaplaceBasis
+from isomatch.descriptors import mean_curvature, standardised, wave_kernel_signature
+from isomatch.settings import PreparationSettings
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+
+
+def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: PreparationSettings) -> FloatArray:
+    """Wave kernel signatures, and signed mean curvatures of a mesh, each column standardised by area.
+
+    Parameters
+    ----------
+    mesh : Mesh, optional
+        The surface, n vertices; None for points and graphs, which have no curvature.
+    laplace : LaplaceBasis
+        Its Laplace–Beltrami functions.
+    settings : PreparationSettings
+        Numbers of functions, and the weight of either part.
+
+    Returns
+    -------
+    (n, 23) array of float
+        20 logarithms of the wave kernel signature, which evens out its scale, and 3 curvatures, which distinguish
+        bumps from dents, as a chest from a back. (n, 20) without a mesh.
+    """
+    kernel = wave_kernel_signature(laplace, k=settings.signature_functions)[:, :: settings.signature_step]
+    wave = np.log(np.maximum(kernel, np.finfo(np.float64).tiny))
+    parts = [(wave, settings.wave_weight)]
+    if mesh is not None:
+        sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
+        curvatures = np.column_stack([mean_curvature(mesh, laplace, k) for k in sizes])
+        parts.append((curvatures, settings.curvature_weight))
+    return np.hstack(
+        [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]
+    )

@@ -1,0 +1,220 @@
+"""A body at one resolution with its smooth functions: what the joint refinement needs of a shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch.bases import LaplaceBasis
+from isomatch.correspondence import UNMATCHED, Correspondence, PrecisePoints, SurfaceIndex, VertexCells
+from isomatch.errors import DescriptorError, MeshError
+from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.resolution import Prolongation
+from isomatch.runtime.threads import row_product
+from isomatch.settings import Config
+from isomatch.shapes.levels import Detail, identity_transfer
+from isomatch.shapes.signatures import point_signatures
+from isomatch.surfaces import Mesh, Surface, vertex_normals
+from isomatch.values.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, single
+from isomatch.values.cached import cached_property
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SmoothShape:
+    """A body at one resolution, its Laplace–Beltrami functions, and the way back to the user's vertices.
+
+    Parameters
+    ----------
+    surface : Mesh, PointCloud or Graph
+        The user's shape, untouched.
+    body : Mesh, PointCloud or Graph
+        What is matched: the largest connected component, n_body vertices; a mesh welded and wound outward; centred, of
+        unit area. Lengths below are in its units.
+    body_vertex : (n,) array of int
+        Body vertex of each vertex of ``surface``, the nearest one if the body is coarser; −1 for those left out.
+    user_vertex : (n_body,) array of int
+        Vertex of ``surface`` of each body vertex, or the nearest one; where glued sheets were separated, several have
+        the same.
+    laplace : LaplaceBasis
+        Laplace–Beltrami basis of the body, K functions.
+    sample_vertices : (r,) array of int
+        Vertices evenly spread in space; every prefix is.
+    config : Config
+        The settings used; smaller than those asked for where a small shape cannot provide them.
+    detail : Detail, optional
+        The body at the user's resolution, if ``body`` is coarser.
+    """
+
+    surface: Surface
+    body: Surface
+    body_vertex: IntArray
+    user_vertex: IntArray
+    laplace: LaplaceBasis
+    sample_vertices: IntArray
+    config: Config
+    detail: Detail | None = None
+
+    @property
+    def triangles(self) -> Mesh | None:
+        """The body, if it is made of triangles and so has an inside, normals and curvature."""
+        return self.body if isinstance(self.body, Mesh) else None
+
+    @property
+    def mesh_body(self) -> Mesh:
+        """The body, where nothing but triangles will do.
+
+        Raises
+        ------
+        MeshError
+            If it is made of points or is a graph.
+        """
+        if not isinstance(self.body, Mesh):
+            raise MeshError(f"{self.surface!r} has no triangles; give a Mesh")
+        return self.body
+
+    @property
+    def faces(self) -> IntArray:
+        """(m, 3) triangles of the body; none of points or a graph."""
+        return self.body.faces if isinstance(self.body, Mesh) else np.zeros((0, 3), dtype=np.int64)
+
+    @cached_property
+    def signatures(self) -> FloatArray:
+        """(n_body, 23) point signatures, or (n_body, 20) of points and graphs; see `point_signatures`."""
+        return point_signatures(self.triangles, self.laplace, self.config.preparation)
+
+    @cached_property
+    def functions(self) -> Float32Array:
+        """(n_body, K) Laplace–Beltrami functions in single precision."""
+        return single(self.laplace.vectors)
+
+    @cached_property
+    def position_coefficients(self) -> FloatArray:
+        """(K, 3) coefficients of the positions of the body in the Laplace–Beltrami functions."""
+        return self.laplace.coefficients(self.mesh_body.vertices)
+
+    def smoothed(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Positions of the body in its first k functions, and the normals of this smooth surface: (n_body, 3) each."""
+        if k not in self._smoothed:
+            vertices = row_product(self.functions[:, :k], self.position_coefficients[:k])
+            self._smoothed[k] = vertices, vertex_normals(vertices, self.faces)
+        return self._smoothed[k]
+
+    @cached_property
+    def _smoothed(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        return {}
+
+    @cached_property
+    def index(self) -> SurfaceIndex:
+        """Triangles and cells of the body, for nearest vertices and points.
+
+        With c cells a query costs c distances by matrix product and those of about eight cells of n / c vertices, four
+        times slower each: least for c = √(32 n).
+        """
+        centres = self.sample_vertices[: int(np.sqrt(32 * self.body.n_vertices))]
+        number = np.zeros(self.body.n_vertices, dtype=np.int64)
+        number[centres] = np.arange(len(centres))
+        owner = number[distance_along_edges_to_nearest(self.body, centres)[1]]
+        return SurfaceIndex(self.faces, VertexCells.of(centres, owner))
+
+    @cached_property
+    def transfer(self) -> Prolongation:
+        """Between the body in full and this one, both meshes."""
+        return self.detail.transfer if self.detail else identity_transfer(self.mesh_body)
+
+    def lift(self, values: AnyArray, missing: float = np.nan) -> AnyArray:
+        """Carry values (n_body, ...) on the body to the user's vertices (n, ...), by nearest vertices.
+
+        Vertices off the body get ``missing``: nan, which makes integers floats, or a number such as −1 for labels.
+        """
+        values = _require_rows(values, self.body.n_vertices, "body vertices")
+        return _lifted(values, self.body_vertex, missing)
+
+    def lift_smooth(self, values: FloatArray) -> FloatArray:
+        """Carry values (n_body,) of a smooth function to the user's vertices (n,); nan for vertices off the body."""
+        if self.detail:
+            values = self.detail.transfer.on_coarse.interpolated(values[:, None])[:, 0]
+        return _lifted(values, (self.detail or self).body_vertex)
+
+    def restrict(self, values: AnyArray) -> AnyArray:
+        """Carry values (n, ...) on the user's vertices to the body (n_body, ...)."""
+        rows = _require_rows(values, self.surface.n_vertices, "vertices of the shape")
+        restricted: AnyArray = rows[self.user_vertex]
+        return restricted
+
+    def correspondence(
+        self, target: SmoothShape, image: IntArray | PrecisePoints, matched: BoolArray | None = None
+    ) -> Correspondence:
+        """Express a map of bodies, (n_body,) target vertices or as many points, in the users' own vertices.
+
+        Where ``matched`` (n_body,) is given and false, a vertex has no image. Between bodies that are coarser than the
+        user's, the map is interpolated.
+        """
+        points = image if isinstance(image, PrecisePoints) else PrecisePoints.at_vertices(image)
+        if matched is None:
+            matched = np.ones(len(points.corners), dtype=bool)
+        points, matched = self._in_full(target, points, matched)
+        source_body, target_body = self.detail or self, target.detail or target
+        there = target_body.user_vertex[points.corners]
+        there[~matched] = UNMATCHED
+        corners = _lifted(there, source_body.body_vertex, UNMATCHED)
+        weights = _lifted(points.barycentric, source_body.body_vertex)
+        weights[corners[:, 0] == UNMATCHED] = [1.0, 0.0, 0.0]
+        return Correspondence(
+            corners[:, 0],
+            target.surface.n_vertices,
+            corners,
+            weights,
+            self.surface.content_hash,
+            target.surface.content_hash,
+        )
+
+    def _in_full(
+        self, target: SmoothShape, points: PrecisePoints, matched: BoolArray
+    ) -> tuple[PrecisePoints, BoolArray]:
+        """Carry a map of coarse bodies to those in full.
+
+        A vertex of the source in full lies in a triangle of the coarse one. The images of its corners are interpolated,
+        but neither across a tear nor where there is none, and the nearest point of the target in full is taken.
+        """
+        if self.detail is None and target.detail is None:
+            return points, matched
+        places = PrecisePoints.at_vertices(np.arange(self.body.n_vertices))
+        if self.detail:
+            places = self.detail.transfer.on_coarse
+        owner = places.corners[:, 0]
+        if target.detail is None and target.triangles is None:
+            return PrecisePoints(points.corners[owner], points.barycentric[owner]), matched[owner]
+        positions = points.interpolated(target.transfer.coarse.mesh.vertices)
+        if self.detail:
+            here = self.detail.transfer.coarse.mesh.vertices
+            apart, stretched = (_from_first_corner(x, places.corners) for x in (here, positions))
+            usual = np.median(stretched[:, 1:] / np.maximum(apart[:, 1:], np.finfo(float).tiny))
+            apart_too_far = stretched > np.sqrt(self.config.outcome.torn) * usual * apart
+            left_out = apart_too_far | ~matched[places.corners]
+            left_out[:, 0] = False
+            weights = np.where(left_out, 0.0, places.barycentric)
+            places = PrecisePoints(places.corners, weights / weights.sum(axis=1, keepdims=True))
+        return target.transfer.near_fine(places.interpolated(positions), points.corners[owner]), matched[
+            owner
+        ]
+
+
+def _from_first_corner(points: FloatArray, corners: IntArray) -> FloatArray:
+    """Distances (m, 3) of corners from the first of them."""
+    lengths: FloatArray = np.linalg.norm(points[corners] - points[corners[:, :1]], axis=2)
+    return lengths
+
+
+def _lifted(values: AnyArray, body_vertex: IntArray, missing: float = np.nan) -> AnyArray:
+    kind = np.result_type(values, np.float64) if missing != missing else values.dtype
+    padded = np.concatenate([values, np.full((1, *values.shape[1:]), missing)]).astype(kind)
+    lifted: AnyArray = padded[body_vertex]  # −1, for vertices left out, picks the last row
+    return lifted
+
+
+def _require_rows(values: AnyArray, n: int, what: str) -> AnyArray:
+    rows = np.asarray(values)
+    if rows.shape[:1] != (n,):
+        raise DescriptorError(f"values of shape {rows.shape} do not have one row for each of {n} {what}")
+    return rows

@@ -1,0 +1,312 @@
+"""Files are opened with a named error, claimed while they are made, and replaced only by complete new contents."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import logging
+import os
+import re
+import sys
+import time
+from array import array
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from io import BytesIO, StringIO, TextIOWrapper
+from pathlib import Path
+from secrets import token_hex
+from shutil import rmtree
+from stat import S_ISREG
+from threading import Lock
+from typing import BinaryIO, NoReturn
+
+import numpy as np
+
+from isomatch.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+from isomatch.values.arrays import IntArray
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: BinaryIO) -> None:
+        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def _lock(file: BinaryIO) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+_LOCKED = (
+    errno.EACCES,
+    errno.EAGAIN,
+    errno.EDEADLK,
+)  # what the systems say of a lock that another process holds
+UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
+logger = logging.getLogger(__name__)
+
+
+def opened(path: Path) -> BinaryIO:
+    """Open a file to read its bytes.
+
+    Raises
+    ------
+    MissingFileError
+        If there is none.
+    FormatError
+        If it cannot be opened, such as a folder, a pipe, a device or a file of another user.
+    """
+    try:
+        if not S_ISREG(path.stat().st_mode):  # a pipe could block, a device never end
+            raise FormatError(
+                f"{path}: cannot be opened (not a regular file); write its contents to a file first"
+            )
+        return path.open("rb")
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: no such file; check the name and the folder") from None
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
+
+
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Read the lines of a UTF-8 text with their numbers from 1, without ``#`` comments, blank lines and outer blanks."""
+    with opened(path) as file:
+        data = BytesIO(file.read())
+    for number, line in enumerate(TextIOWrapper(data, "utf-8-sig", errors="replace"), start=1):
+        text = line.partition("#")[0].strip()
+        if text:
+            yield number, text
+
+
+def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:
+    """Read a text of ``width`` integers on each line, separated by a comma or blanks, (rows, width).
+
+    ``refuse`` raises the error about a line, given its number and text, that holds anything else.
+    """
+    found = array("q")
+    for number, line in text_lines(path):
+        words = line.replace(",", " ").split()
+        if len(words) != width or not all(map(is_whole_number, words)):
+            refuse(number, line)
+        found.extend(map(int, words))
+    return np.array(found, dtype=np.int64).reshape(-1, width)
+
+
+def is_whole_number(word: str) -> bool:
+    """Whether a word is an integer of at most 18 ASCII digits; `int` also takes 1_0 and other digits."""
+    return re.fullmatch(r"[+-]?[0-9]{1,18}", word) is not None
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[BinaryIO]:
+    """Open a new file beside an earlier one, which it replaces when the block ends without an error.
+
+    A link keeps pointing at the file it names; one that names nothing is itself replaced.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the file cannot be written, or if there is something else of that name, such as a device.
+    """
+    with writing(path):
+        _require_replaceable(path)
+        final = path.resolve() if path.exists() else path
+        with _passing(final.with_name(UNFINISHED.format(token_hex(8)))) as unfinished:
+            with _changing:
+                file = unfinished.open("xb")
+            with file:
+                yield file
+                file.flush()
+                os.fsync(
+                    file.fileno()
+                )  # otherwise a power failure could leave an empty file of the final name
+            with _changing:
+                unfinished.replace(final)
+
+
+@contextmanager
+def staged(folder: Path, last: str) -> Iterator[Path]:
+    """Give a new folder inside another; its files move there when the block ends without an error.
+
+    Of earlier files, the one named ``last`` is removed first, and its successor moves last.
+    """
+    with writing(folder), _passing(folder / UNFINISHED.format(token_hex(8))) as unfinished:
+        with _changing:
+            unfinished.mkdir()
+        yield unfinished
+        with _changing:
+            (folder / last).unlink(missing_ok=True)
+            for file in sorted(unfinished.iterdir(), key=lambda file: file.name == last):
+                file.replace(folder / file.name)
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Create a folder and those it is in; those that were not there before and stay empty are removed in the end."""
+    with ExitStack() as made:
+        for one in (*reversed(folder.parents), folder):
+            if not one.exists():
+                made.enter_context(_passing(one))
+                with _changing:
+                    one.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
+        yield
+
+
+_passed: list[Path] = []  # what must not remain, in the order of its creation
+_changing = Lock()
+
+
+@contextmanager
+def _passing(path: Path) -> Iterator[Path]:
+    """Remove a file, or a folder that is empty or unfinished, in the end, however that comes."""
+    with _changing:
+        _passed.append(path)
+    try:
+        yield path
+    finally:
+        with _changing:
+            _remove(path)
+            _passed.remove(path)
+
+
+def _remove(path: Path) -> None:
+    if not path.is_dir():
+        path.unlink(missing_ok=True)
+    elif path.suffix == ".unfinished":
+        rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):  # it is not empty
+            path.rmdir()
+
+
+def remove_unfinished(paths: Iterable[Path], age: float) -> None:
+    """Remove what killed processes left unfinished, if it is older than so many seconds."""
+    for path in paths:
+        with suppress(FileNotFoundError):
+            if time.time() - path.stat().st_mtime >= age:
+                _remove(path)
+
+
+def abandon_files() -> None:
+    """Remove everything unfinished, for a process that ends at once; no thread creates or completes more."""
+    _changing.acquire()
+    for path in reversed(_passed):
+        with suppress(OSError):
+            _remove(path)
+
+
+def write_text(path: Path, text: str) -> None:
+    r"""Write a text file, see `replaced`.
+
+    It is UTF-8. Bytes of file names that are not UTF-8 become escapes such as ``\udcff``, which JSON understands.
+    """
+    with replaced(path) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """Read a table whose first line names the columns; a cell that a line lacks is empty.
+
+    Raises
+    ------
+    FormatError
+        If there is no such file (`MissingFileError`), or it is no table.
+    """
+    with opened(path) as file:
+        text = StringIO(file.read().decode("utf-8-sig", errors="replace"), newline="")
+    try:
+        return list(csv.DictReader(text, restval=""))
+    except csv.Error as error:
+        raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
+    """Write a table with a line of names, see `replaced`; values of other columns are left out."""
+    text = StringIO(newline="")
+    writer = csv.DictWriter(text, columns, extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+@contextmanager
+def claimed(path: Path, new: Iterable[Path] = ()) -> Iterator[None]:
+    """Keep every other process that claims a file waiting outside: it is refused while the block runs.
+
+    The operating system releases the claim of a process that is killed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; of several that belong together, the one that stands for all. Its folder must exist.
+    new : iterable of Path
+        Files that must not exist yet. A link counts, whatever it names.
+
+    Raises
+    ------
+    UnwritableFileError
+        If another process has claimed the file, it is something else, such as a device, one of ``new`` exists, or the
+        folder cannot be written.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    with writing(path):
+        _require_replaceable(path)
+        with _changing:
+            file = _locked(lock, path)
+            _passed.append(lock)
+    try:
+        for one in new:
+            if os.path.lexists(one):
+                raise UnwritableFileError(
+                    f"{one}: already exists and would be replaced; choose another name with -o, or pass --force"
+                )
+        yield
+    finally:
+        with _changing:
+            try:
+                lock.unlink(missing_ok=True)  # before the lock is released, so that it is ours
+            except PermissionError:  # Windows does not remove open files
+                file.close()
+                with suppress(PermissionError):
+                    lock.unlink(missing_ok=True)
+            file.close()
+            _passed.remove(lock)
+
+
+def _require_replaceable(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise UnwritableFileError(f"{path}: is not a file and is left as it is; choose another name")
+
+
+def _locked(lock: Path, path: Path) -> BinaryIO:
+    """Open and lock a file that no other process holds and that has not been removed meanwhile."""
+    while True:
+        file = lock.open("ab")
+        try:
+            _lock(file)
+        except OSError as error:
+            if error.errno in _LOCKED:
+                file.close()
+                raise UnwritableFileError(
+                    f"{path}: is being written by another run; wait until that ends, or choose another name with -o"
+                ) from None
+            logger.warning("%s: cannot be locked (%s); let no other run write there", path, error.strerror)
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                return file
+        file.close()
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name the file in the errors of the system."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, IsomatchError):
+            raise
+        reason = error.strerror or str(error) or type(error).__name__
+        raise UnwritableFileError(
+            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
+        ) from None

@@ -1,0 +1,1 @@
+"""Types of arrays, checked settings, and values that are computed once."""
