@@ -24,7 +24,7 @@ from isomatch.cli.outputs import (
 )
 from isomatch.cli.terminal import TALK, Talk, json_text, part, say
 from isomatch.errors import LandmarkError, MapError, NotConvergedError
-from isomatch.settings import Hypotheses, Orientation, Refinement, Resolution, Start
+from isomatch.settings import Hypotheses, Orientation, RefinementName, Resolution, Start
 from isomatch.storage.files import write_text
 
 
@@ -39,7 +39,7 @@ def match(
     pin: float | None = None,
     hypotheses: Hypotheses | None = None,
     initial_map: Path | None = None,
-    refinement: Refinement | None = None,
+    refinement: RefinementName | None = None,
     orientation: Orientation | None = None,
     start: Start | None = None,
     resolution: Resolution | None = None,

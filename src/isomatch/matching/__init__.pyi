@@ -1,35 +1,57 @@
 from isomatch.matching.both import BothDirections, match_both
-from isomatch.matching.first_map import first_map
+from isomatch.matching.confidence import expected_errors
+from isomatch.matching.coordinates import joint_coordinates
+from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.hints import Hints
-from isomatch.matching.match import match
+from isomatch.matching.judge import Evidence, Solution, judged, measured_evidence, outcome_of
+from isomatch.matching.match import match, stages_of
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.quality import (
-    COVERAGE_RADIUS,
-    contradicted_landmarks,
-    covered_share,
-    measure_quality,
-    outcome_of,
-)
+from isomatch.matching.quality import COVERAGE_RADIUS, contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.refinements import REFINEMENTS
+from isomatch.matching.relations.elastic import Elastic
+from isomatch.matching.relations.isometry import Isometry
+from isomatch.matching.relations.part import Part
 from isomatch.matching.result import Alternative, MatchResult, Quality
-from isomatch.matching.vertex_confidence import expected_errors
+from isomatch.matching.screening import first_map
+from isomatch.matching.search import default_starts
+from isomatch.matching.stages import Joint, Refinement, Relation, Stages, Start
 
 __all__ = [
     "COVERAGE_RADIUS",
+    "REFINEMENTS",
     "Alternative",
     "BothDirections",
+    "Candidate",
+    "Elastic",
+    "Evidence",
+    "Fit",
     "Hints",
+    "Hypothesis",
+    "Isometry",
+    "Joint",
     "MatchResult",
     "Outcome",
+    "Part",
     "Quality",
+    "Refinement",
+    "Relation",
     "ShapePair",
+    "Solution",
+    "Stages",
+    "Start",
     "contradicted_landmarks",
     "covered_share",
+    "default_starts",
     "expected_errors",
     "first_map",
+    "joint_coordinates",
+    "judged",
     "match",
     "match_both",
     "measure_quality",
+    "measured_evidence",
     "outcome_of",
     "prepare_pair",
+    "stages_of",
 ]

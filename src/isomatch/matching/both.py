@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
-from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
+from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
-from isomatch.matching.match import match_prepared, require_landmarks_for_pins
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.judge import judged
+from isomatch.matching.match import require_landmarks_for_pins, solve_prepared, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
-from isomatch.matching.parts import part_of
+from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import MatchResult
-from isomatch.matching.search import Hypothesis
+from isomatch.matching.solve import part_role, solve_complete
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import serial_blas
@@ -91,26 +91,30 @@ def _both(
     pair: ShapePair, given: Given, timer: StageTimer, timer_back: StageTimer, seed: int
 ) -> BothDirections:
     pair_back, given_back = replace(pair, source=pair.target, target=pair.source), _turned(pair, given)
-    alone = pair.oriented and (pair.source.others or pair.target.others)
+    stages, alone = stages_of(pair), pair.oriented and (pair.source.others or pair.target.others)
     hints = None if alone else Hints.of(pair, *given)
-    if hints is None or hints.any or pair.config.hypotheses == "given" or part_of(pair, hints):
-        there = match_prepared(pair, given, timer, seed)
+    searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
+    if hints is None or not searched or part_role(pair, hints, stages):
+        there = judged(solve_prepared(pair, given, stages, timer), timer, seed)
         timer_back.restart()
-        back = match_prepared(pair_back, given_back, timer_back, seed)
+        solution = solve_prepared(pair_back, given_back, stages, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
-        found = match_complete(pair, hints, timer)
-        there = complete_result(found, timer, seed)
+        relation = Isometry().on(pair, hints, stages)
+        found = relation.match(timer)
+        solution_there = solve_complete(relation, found, timer)
+        there = judged(solution_there, timer, seed)
         timer_back.restart()
-        known = _turned_hypotheses(found, pair_back)
-        found_back = match_complete(pair_back, Hints.of(pair_back, *given_back), timer_back, known)
-        back = complete_result(found_back, timer_back, seed)
-        back = replace(back, outcome=Outcome.least_sure((there.outcome, back.outcome)))
+        known = _turned_hypotheses(found, pair, pair_back)
+        relation_back = Isometry().on(pair_back, Hints.of(pair_back, *given_back), stages)
+        solution = solve_complete(relation_back, relation_back.match(timer_back, known), timer_back)
+        solution = solution.with_evidence(*solution_there.evidence)
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
             f"{len(known) - 1} rivals of it, turned around, and the outcome is at most as sure as there"
         )
-    return BothDirections(there, replace(back, notes=(note, *back.notes)))
+    solution = replace(solution, notes=(note, *solution.notes))
+    return BothDirections(there, judged(solution, timer_back, seed))
 
 
 def _turned(pair: ShapePair, given: Given) -> Given:
@@ -130,12 +134,12 @@ def _turned(pair: ShapePair, given: Given) -> Given:
     )
 
 
-def _turned_hypotheses(found: CompleteMatch, pair_back: ShapePair) -> list[Hypothesis]:
+def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    pair, settings = found.pair, pair_back.config.search
+    settings = pair_back.config.search
     fits = (found.selection.winner, *found.selection.rivals)
-    refined = [fit.candidate for fit in fits]
-    images = [fit.target_vertex[: len(pair.source_vertices)] for fit in fits]
+    refined = [fit.candidate for fit in fits if fit.candidate]
+    images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     others = [
         each for each in found.eligible if all(each.hypothesis is not fit.hypothesis for fit in refined)
     ]

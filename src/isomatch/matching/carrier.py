@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching.pair import ShapePair
-from isomatch.matching.result import MatchResult
+from isomatch.matching.judge import Solution
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
@@ -49,19 +48,19 @@ class Carrier:
     falloff: float
 
     @classmethod
-    def of(cls, matches: list[tuple[ShapePair, MatchResult]], falloff: float) -> Self | None:
+    def of(cls, maps: list[Solution], falloff: float) -> Self | None:
         """Follow the maps of some components; None if they join fewer than four points."""
-        main = matches[0][0]
+        main = maps[0].pair
         units = main.source.scale, main.target.scale
-        here = np.concatenate([_positions(pair.source, units[0]) for pair, _ in matches])
-        there = np.concatenate([_images(pair, result, units[1]) for pair, result in matches])
+        here = np.concatenate([_positions(found.pair.source, units[0]) for found in maps])
+        there = np.concatenate([_images(found, units[1]) for found in maps])
         known = np.isfinite(there).all(axis=1)
         here, there = here[known], there[known]
         if len(here) < 4:
             return None
         nearest = cKDTree(here).query(here, 2)[1][:, 1]
         before, after = (np.linalg.norm(x - x[nearest], axis=1) for x in (here, there))
-        side = -1.0 if matches[0][1].quality.orientation < 0 else 1.0
+        side = -1.0 if maps[0].quality.orientation < 0 else 1.0
         return cls(here, there, units, float(np.median(after / np.maximum(before, TINY))), side, falloff)
 
     def moved(self, source: PreparedShape) -> FloatArray:
@@ -125,7 +124,8 @@ def _positions(shape: PreparedShape, unit: float) -> FloatArray:
     return samples / unit
 
 
-def _images(pair: ShapePair, result: MatchResult, unit: float) -> FloatArray:
+def _images(found: Solution, unit: float) -> FloatArray:
     """Images of the samples of the source, (r, 3), nan where there is none."""
-    images = result.map.pull_back(cast(Mesh, pair.target.surface).vertices / unit)
-    return images[pair.source.user_vertex[pair.source.sample_vertices]]
+    source, target = found.pair.source, found.pair.target
+    images = found.map.pull_back(cast(Mesh, target.surface).vertices / unit)
+    return images[source.user_vertex[source.sample_vertices]]

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from isomatch.correspondence import UNMATCHED
 from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.hints import FEWEST_POINTS
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.judge import Evidence, Solution
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.result import MAP_ARRAYS, MatchResult
-from isomatch.runtime.stage_timer import StageTimer
+from isomatch.matching.result import MAP_ARRAYS
 from isomatch.shapes import PreparedShape
 
 SIDES = "source", "target"
@@ -24,20 +24,22 @@ class ComponentMatch:
 
     Parameters
     ----------
-    pair : ShapePair
-        The components, each as a prepared shape of the user's whole surface.
-    result : MatchResult
-        Their map, in the users' vertices.
+    solution : Solution
+        Their map, in the users' vertices; its pair are the components, each as a prepared shape of the whole surface.
     remark : str
         How the map was decided upon, if not by the components alone.
     hinted : bool
         Whether the user gave hints for them.
     """
 
-    pair: ShapePair
-    result: MatchResult
+    solution: Solution
     remark: str = ""
     hinted: bool = False
+
+    @property
+    def pair(self) -> ShapePair:
+        """The components."""
+        return self.solution.pair
 
     @property
     def share(self) -> float:
@@ -45,52 +47,51 @@ class ComponentMatch:
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
-def composed(
-    pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: ComponentHints, timer: StageTimer
-) -> MatchResult:
-    """Sum up the maps of all pairs of components; the first is the main one."""
+def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: ComponentHints) -> Solution:
+    """Sum up the maps of all pairs of components; the first is the main one.
+
+    The map is no surer than that of any component that is large, or has hints of its own.
+    """
     main, *others = matches
     bounds = pair.config.outcome
     counted = [
-        match.result.outcome
+        match.solution.evidence
         for match in matches
         if match is main or match.share > bounds.large_component or match.hinted
     ]
     unmatched = [_unpartnered(side, [getattr(match.pair, side) for match in matches], pair) for side in SIDES]
-    if max(left_out for left_out, _ in unmatched) > bounds.large_component:
-        counted.append(Outcome.PARTIAL)
-    notes = [*main.result.notes, *(_described(match) for match in others)]
+    large = max(left_out for left_out, _ in unmatched) > bounds.large_component
+    evidence = (*chain(*counted), Evidence(partial=large, ambiguous=tied))
+    notes = [*main.solution.notes, *(_described(match) for match in others)]
     if tied:
-        counted.append(Outcome.SYMMETRY_AMBIGUOUS)
         notes.append("the largest components may as well be exchanged: nothing tells which are partners")
     if lost := len(given.landmarks) - sum(len(given.landmarks_on(match.pair)) for match in matches):
         notes.append(
             f"{lost} of {len(given.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
             "and are left out"
         )
-    vertices, corners, weights = (getattr(main.result.map, name).copy() for name in MAP_ARRAYS)
-    errors = main.result.expected_error.copy()
+    vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
+    errors = main.solution.expected_error.copy()
     for match in others:
-        new = match.result.map.matched & (vertices == UNMATCHED)
+        new = match.solution.map.matched & (vertices == UNMATCHED)
         for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
-            array[new] = getattr(match.result.map, name)[new]
-        errors[new] = match.result.expected_error[new] * np.sqrt(
+            array[new] = getattr(match.solution.map, name)[new]
+        errors[new] = match.solution.expected_error[new] * np.sqrt(
             match.pair.target.share / main.pair.target.share
         )
-    whole = replace(main.result.map, vertices=vertices, faces=corners, barycentric=weights)
+    whole = replace(main.solution.map, vertices=vertices, faces=corners, barycentric=weights)
     quality = replace(
-        main.result.quality,
+        main.solution.quality,
         matched=float(whole.matched.mean()),
-        coverage=sum(match.pair.target.share * match.result.quality.coverage for match in matches),
+        coverage=sum(match.pair.target.share * match.solution.quality.coverage for match in matches),
     )
     return replace(
-        main.result,
+        main.solution,
         map=whole,
-        outcome=Outcome.least_sure(counted),
+        evidence=evidence,
         quality=quality,
         expected_error=errors,
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
-        timings=timer.stop(),
     )
 
 
@@ -118,7 +119,7 @@ def _named(shape: PreparedShape) -> str:
 
 
 def _described(match: ComponentMatch) -> str:
-    outcome = match.result.outcome.value + (f", {match.remark}" if match.remark else "")
+    outcome = match.solution.outcome.value + (f", {match.remark}" if match.remark else "")
     return f"{_named(match.pair.source)} is matched to {_named(match.pair.target)} of the target: {outcome}"
 
 

@@ -15,13 +15,14 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.carrier import Carrier
 from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.component_result import ComponentMatch, composed, numbers_without
-from isomatch.matching.connected import match_connected
+from isomatch.matching.confidence import expected_errors
 from isomatch.matching.hints import Hints
+from isomatch.matching.judge import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import measure_quality, outcome_of
-from isomatch.matching.result import MatchResult
-from isomatch.matching.vertex_confidence import expected_errors
+from isomatch.matching.quality import measure_quality
+from isomatch.matching.solve import solve
+from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
@@ -36,9 +37,9 @@ def match_components(
     landmarks: ArrayLike | None,
     initial_map: ArrayLike | None,
     initial_descriptors: tuple[ArrayLike, ArrayLike] | None,
+    stages: Stages,
     timer: StageTimer,
-    seed: int,
-) -> MatchResult:
+) -> Solution:
     """Match shapes of which at least one has further components that can be matched by themselves.
 
     The largest components are matched first. Their map carries the others along, which tells partners, and where each of
@@ -48,17 +49,18 @@ def match_components(
     """
     timer.start("components")
     parallel_map(lambda shape: shape.components, (pair.source, pair.target))
-    found = _Components(pair, ComponentHints(pair, landmarks, initial_map, initial_descriptors), timer, seed)
+    given = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
+    found = _Components(pair, given, stages, timer)
     matches, tied = found.large_ones()
     matches += found.carried_ones(matches)
-    return composed(pair, matches, tied, found.given, timer)
+    return composed(pair, matches, tied, given)
 
 
 class _Components:
     """The components of both shapes, and which of them are partners."""
 
-    def __init__(self, pair: ShapePair, given: ComponentHints, timer: StageTimer, seed: int) -> None:
-        self.pair, self.given, self.timer, self.seed = pair, given, timer, seed
+    def __init__(self, pair: ShapePair, given: ComponentHints, stages: Stages, timer: StageTimer) -> None:
+        self.pair, self.given, self.stages, self.timer = pair, given, stages, timer
         self.sources, self.targets = given.sides
         self.settings = pair.config.components
 
@@ -98,7 +100,7 @@ class _Components:
         """Match the components that have a partner near where the known map carries them."""
         rows = numbers_without(self.sources, [match.pair.source for match in known])
         columns = numbers_without(self.targets, [match.pair.target for match in known])
-        carrier = Carrier.of([(match.pair, match.result) for match in known], self.settings.falloff)
+        carrier = Carrier.of([match.solution for match in known], self.settings.falloff)
         if not (rows and columns and carrier):
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
@@ -135,8 +137,7 @@ class _Components:
         pair = ShapePair(self.sources[i], self.targets[j], self.pair.config)
         hints = self.given.on(pair)
         if carrier is None or hints.any:
-            result = match_connected(pair, hints, self.timer, self.seed)
-            return ComponentMatch(pair, result, hinted=hints.any)
+            return ComponentMatch(solve(pair, hints, self.stages, self.timer), hinted=hints.any)
         return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
@@ -146,27 +147,28 @@ class _Components:
         decides what symmetry leaves open, if the component is near enough to what carries it.
         """
         held = carrier.gap(pair.target) <= self.settings.held
-        result = self._placed(pair, carrier)
-        if result and result.outcome.sureness >= Outcome.PARTIAL.sureness:
+        placed = self._placed(pair, carrier)
+        if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
-                return ComponentMatch(pair, result, "it moves along rigidly")
-            result = replace(result, outcome=Outcome.SYMMETRY_AMBIGUOUS)
-            return ComponentMatch(pair, result, "nothing near it tells how it is turned")
+                return ComponentMatch(placed, "it moves along rigidly")
+            turned = placed.with_evidence(Evidence(ambiguous=True))
+            return ComponentMatch(turned, "nothing near it tells how it is turned")
         led = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
         hints = Hints.of(led, None, carrier.image(pair.source, pair.target), None)
-        result = match_connected(led, hints, self.timer, self.seed)
-        if result.outcome is Outcome.HINTS_CONTRADICTED:
-            result = replace(result, outcome=Outcome.LOW_CONFIDENCE)
-            return ComponentMatch(pair, result, "its map does not agree with its place")
-        measures = replace(result.quality, rival=np.inf, mirrored=np.inf)
-        decided = outcome_of(pair, measures, pair.config.orientation)
-        tied = decided is not result.outcome and not result.quality.rival < 1 / pair.config.outcome.tie
+        found = replace(solve(led, hints, self.stages, self.timer), pair=pair)
+        if found.outcome is Outcome.HINTS_CONTRADICTED:
+            doubted = replace(found, evidence=(Evidence(poor=True),))
+            return ComponentMatch(doubted, "its map does not agree with its place")
+        measures = replace(found.quality, rival=np.inf, mirrored=np.inf)
+        decided = measured_evidence(pair, measures, pair.config.orientation)
+        differs = outcome_of([decided]) is not found.outcome
+        tied = differs and not found.quality.rival < 1 / pair.config.outcome.tie
         if not (held and tied):
-            return ComponentMatch(pair, result)
-        result = replace(result, outcome=decided)
-        return ComponentMatch(pair, result, "symmetric by itself, decided by its place")
+            return ComponentMatch(found)
+        by_place = replace(found, evidence=(decided,))
+        return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
-    def _placed(self, pair: ShapePair, carrier: Carrier) -> MatchResult | None:
+    def _placed(self, pair: ShapePair, carrier: Carrier) -> Solution | None:
         """Map a component to the nearest points when it is carried along rigidly; None if it does not fit there."""
         moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
@@ -174,27 +176,21 @@ class _Components:
         if gap.mean() > self.settings.same_place:
             return None
         quality = measure_quality(pair, points, Hints.of(pair, None, None, None))
-        return MatchResult(
-            map=pair.source.correspondence(pair.target, points),
-            outcome=outcome_of(pair, quality, pair.config.orientation),
-            quality=quality,
-            expected_error=pair.source.lift_smooth(expected_errors(pair, points)),
-            alternatives=(),
-            timings={},
-            notes=(),
-            engine=pair.source.distances.engine,
+        return Solution(
+            pair,
+            pair.source.correspondence(pair.target, points),
+            quality,
+            (measured_evidence(pair, quality, pair.config.orientation),),
+            pair.source.lift_smooth(expected_errors(pair, points)),
             origin="place",
-            reason="",
-            config=pair.config,
-            seed=self.seed,
         )
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     """Weigh what speaks against an assignment: first few pairs, then the least sure, then misfits and unequal scales."""
     noise = matches[0].pair.config.selection.misfit_noise
-    misfits = [np.nan_to_num(match.result.quality.misfit, nan=np.inf) for match in matches]
-    sureness = min(match.result.outcome.sureness for match in matches)
+    misfits = [np.nan_to_num(match.solution.quality.misfit, nan=np.inf) for match in matches]
+    sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
     return -len(matches), -sureness, float(np.maximum(misfits, noise).mean() + spread)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 from numpy.typing import ArrayLike
 
@@ -10,11 +10,14 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
-from isomatch.matching.connected import match_connected
 from isomatch.matching.hints import Hints, checked_landmarks
+from isomatch.matching.judge import Solution, judged
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.pins import pinned
+from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import MatchResult
+from isomatch.matching.solve import solve
+from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer
 from isomatch.runtime.threads import serial_blas
@@ -31,6 +34,10 @@ def match(
     config: Config | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    *,
+    refinement: Refinement | None = None,
+    starts: Sequence[Start] | None = None,
+    relation: Relation | None = None,
 ) -> MatchResult:
     """Match two near-isometric surfaces.
 
@@ -54,6 +61,13 @@ def match(
         share of the work that is done, which rises from 0 to 1 and is an estimate. A function of the stage alone is
         called with that. What it raises ends the match and reaches the caller as it is. `show_progress` is such a
         function.
+    refinement : Refinement, optional
+        Takes the place of ``config.refinement``: your own subclass of `Refinement`.
+    starts : sequence of callable, optional
+        Where first maps come from, beside hints: functions of the pair that return arrays (q, 2) of vertices of both
+        bodies; with ``[yours, *default_starts]`` they are added to those of isomatch.
+    relation : Relation, optional
+        What is claimed of the shapes, such as `Isometry`, `Part` or `Elastic`; by default each one that fits them.
 
     Returns
     -------
@@ -91,12 +105,24 @@ def match(
         with serial_blas():
             timer.start("prepare")
             pair = prepare_pair(source, target, config, seed, timer)
+            stages = stages_of(pair, refinement, starts, relation)
             require_landmarks_for_pins(pair, landmarks)
-            result = match_prepared(pair, (landmarks, initial_map, initial_descriptors), timer, seed)
+            solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)
+            result = judged(solution, timer, seed)
         timer.reach("done", 1.0)
         return result
 
     return in_background(matched)
+
+
+def stages_of(
+    pair: ShapePair,
+    refinement: Refinement | None = None,
+    starts: Sequence[Start] | None = None,
+    relation: Relation | None = None,
+) -> Stages:
+    """Return the stages handed in, and where there is none, those of the settings of a pair."""
+    return Stages(refinement or REFINEMENTS[pair.config.refinement], starts, relation)
 
 
 def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> None:
@@ -105,24 +131,23 @@ def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> 
         raise SettingError(f"pin = {pair.config.pin}, but no landmarks were given that could be held")
 
 
-def match_prepared(
+def solve_prepared(
     pair: ShapePair,
     given: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
+    stages: Stages,
     timer: StageTimer,
-    seed: int,
-) -> MatchResult:
+) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
     landmarks, initial_map, _ = given
     tolerance = pair.config.pin
     if isinstance(initial_map, Correspondence):
         initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
-        result = match_components(pair, *given, timer, seed)
+        solution = match_components(pair, *given, stages, timer)
     else:
-        result = match_connected(pair, Hints.of(pair, *given), timer, seed)
+        solution = solve(pair, Hints.of(pair, *given), stages, timer)
     if tolerance is None or landmarks is None:
-        return result
+        return solution
     timer.start("pins")
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-    held = pinned(pair, result, checked_landmarks(landmarks, *sizes), tolerance)
-    return replace(held, timings=timer.stop())
+    return pinned(pair, solution, checked_landmarks(landmarks, *sizes), tolerance)

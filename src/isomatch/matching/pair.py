@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from isomatch.assets import SurfaceLike
 from isomatch.correspondence import Embedding, SampledBasis, SignedPoints, SpectralPair, nearest_of_few
 from isomatch.errors import MemoryBudgetError, MeshError, NotConvergedError
+from isomatch.matching.extremity_assignments import extremity_assignments
 from isomatch.runtime.stage_timer import MATCHING, Progress, StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
@@ -129,6 +131,16 @@ class ShapePair(SmoothPair):
             min(self.source.longest_boundary, self.target.longest_boundary) > self.config.parts.long_boundary
         )
 
+    @cached_property
+    def extremity_assignments(self) -> list[IntArray]:
+        """Extremal points assigned to extremal points, see `extremity_assignments`."""
+        return extremity_assignments(self.source, self.target, self.config.search)
+
+    @property
+    def limbless(self) -> bool:
+        """Whether a shape has too few extremities to tell a map, or both have a long boundary."""
+        return self.both_open or not self.extremity_assignments
+
     @property
     def sideless(self) -> bool:
         """Whether the target has symmetries but no inside, so that rotations cannot be told from mirror images."""
@@ -157,7 +169,7 @@ class ShapePair(SmoothPair):
         """Geodesic distances between the target's search vertices, in √area, (m_t, m_t)."""
         return self.target.distances_between(self.target_vertices)
 
-    def distances_between_maps(self, target_row: IntArray, others: list[IntArray]) -> FloatArray:
+    def distances_between_maps(self, target_row: IntArray, others: Sequence[IntArray]) -> FloatArray:
         """Mean geodesic distance between the images of a map (m_s,) and those of each of q others, (q,), in √area.
 
         Distances in space would take the back of a thin body for its front.
@@ -167,7 +179,7 @@ class ShapePair(SmoothPair):
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
         return means
 
-    def differs(self, target_row: IntArray, others: list[IntArray], least: float) -> bool:
+    def differs(self, target_row: IntArray, others: Sequence[IntArray], least: float) -> bool:
         """Tell whether a map (m_s,) differs from each of q others by more than a mean distance, in √area."""
         return bool((self.distances_between_maps(target_row, others) > least).all())
 

@@ -10,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
-from isomatch.matching.outcome import Outcome
+from isomatch.matching.judge import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.result import MatchResult
 from isomatch.settings import RefinementSettings
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
@@ -24,7 +23,7 @@ FUNCTION_WEIGHT = 0.3  # of the functions beside positions, in √area
 N_FUNCTIONS = 20  # they tell apart sheets that are near in space
 
 
-def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance: float) -> MatchResult:
+def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: float) -> Solution:
     """Bend a map so that landmarks hold.
 
     A landmark whose image is within the tolerance of its target stays where it is. That of any other becomes its target
@@ -34,7 +33,7 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
     ----------
     pair : ShapePair
         The two shapes.
-    result : MatchResult
+    solution : Solution
         Their map, in the users' vertices.
     landmarks : (m, 2) array of int
         Source and target vertices of the user.
@@ -43,16 +42,16 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
 
     Returns
     -------
-    MatchResult
-        With the map, its landmark error, and notes on what was moved. The other measures and the outcome are those of the
-        map before, but where that contradicted the landmarks, which now hold, confidence in it is low.
+    Solution
+        With the map, its landmark error, and notes on what was moved. The other measures and the evidence are those of
+        the map before, but where that contradicted the landmarks, which now hold, it fits badly.
 
     Notes
     -----
     Displacements are interpolated by heat kernels of the source, in coordinates of the target in which images are then
     the nearest points: positions, and a few Laplace–Beltrami functions, so that no other sheet is nearer.
     """
-    found, target = result.map, pair.target
+    found, target = solution.map, pair.target
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(pair.source.components, target.components):
@@ -74,12 +73,14 @@ def pinned(pair: ShapePair, result: MatchResult, landmarks: IntArray, tolerance:
         )
     ends = target.body_vertex[np.column_stack([found.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
-    quality = replace(result.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
-    outcome, bound = result.outcome, pair.config.outcome.contradiction
-    contradicted = quality.landmark_error > bound or quality.initial_map_error > bound
-    if outcome is Outcome.HINTS_CONTRADICTED and not contradicted:
-        outcome = Outcome.LOW_CONFIDENCE
-    return replace(result, map=found, outcome=outcome, quality=quality, notes=(*result.notes, *notes))
+    quality = replace(solution.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
+    return replace(
+        solution,
+        map=found,
+        quality=quality,
+        evidence=held_evidence(solution.evidence, quality, pair.config.outcome.contradiction),
+        notes=(*solution.notes, *notes),
+    )
 
 
 class _Bending:

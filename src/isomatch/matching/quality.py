@@ -8,12 +8,11 @@ import numpy as np
 
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.contest import Selection
 from isomatch.matching.hints import Hints
-from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Quality
-from isomatch.matching.select import Selection
-from isomatch.settings import Config, Orientation
+from isomatch.settings import Config
 from isomatch.shapes import orientation_of
 from isomatch.surfaces import Graph, Surface, linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -146,42 +145,3 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
     more = ", …" if len(against) > len(worst) else ""
     which = "the map" if pair.config.pin is None else "the map before it was bent"
     return [f"{which} contradicts {len(against)} of {len(hints.landmarks)} landmarks: {named}{more}"]
-
-
-def outcome_of(
-    pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
-) -> Outcome:
-    """Sum up the evidence; of several outcomes the first one in the order of `Outcome` holds.
-
-    Parameters
-    ----------
-    pair : ShapePair
-        The two shapes; the bounds are those of its settings.
-    quality : Quality
-    wanted : {"preserve", "reverse", "any"}
-        What the map should do with the orientation of the faces.
-    hinted : bool
-        Whether hints were given: they may have led to the orientation that was not wanted.
-    far : bool
-        Whether the shapes are far from isometric, so that the measures cannot tell a right map from a wrong one.
-    """
-    bounds = pair.config.outcome
-    if quality.landmark_error > bounds.contradiction or quality.initial_map_error > bounds.contradiction:
-        return Outcome.HINTS_CONTRADICTED
-    sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
-    kept = sign * quality.orientation
-    turned = hinted and kept < -bounds.poor_orientation
-    poor = (
-        far
-        or quality.misfit > bounds.poor_misfit
-        or quality.residual > bounds.poor_residual
-        or quality.stretch > bounds.poor_stretch
-        or quality.torn_off > bounds.poor_torn_off
-        or (kept < bounds.poor_orientation and not turned)
-        or quality.rival < 1.0
-    )
-    if poor:
-        return Outcome.LOW_CONFIDENCE
-    if quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or pair.sideless:
-        return Outcome.SYMMETRY_AMBIGUOUS
-    return Outcome.PARTIAL if pair.left_out > bounds.large_component else Outcome.CONVERGED

@@ -2,41 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from isomatch.correspondence import Alignment, iterative_closest_points
 from isomatch.matching.anchors import starts_from_anchors
+from isomatch.matching.contest import distinct
+from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.starts import starts_from_extremities, starts_from_hints
+from isomatch.matching.stages import Start, pairs_of
+from isomatch.matching.starts import start_from_known, starts_from_extremities, starts_from_hints
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """A candidate map of the search vertices.
-
-    Parameters
-    ----------
-    alignment : Alignment
-        Target row of each source row, rotation and residual after iterative closest points.
-    origin : str
-        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip" or
-        "symmetry".
-    """
-
-    alignment: Alignment
-    origin: str
-
-    @property
-    def target_row(self) -> IntArray:
-        """(m_s,) target row of each source row."""
-        return self.alignment.target_row
 
 
 def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
@@ -62,10 +45,12 @@ def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> l
 
     They are its mirror images, and of a thin body the map that exchanges front and back.
     """
-    pool = _Pool(pair, pair.config.search.n_hypotheses)
+    pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
-    return [flip for flip in pool.hypotheses if _is_new(pair, flip, known)]
+    images = [h.target_row for h in known]
+    least = pair.config.search.same_map
+    return [flip for flip in pool.hypotheses if pair.differs(flip.target_row, images, least)]
 
 
 def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis]:
@@ -87,7 +72,9 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
-def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
+def search(
+    pair: ShapePair, given: list[Hypothesis], starts: Sequence[Start] | None = None
+) -> list[Hypothesis]:
     """Collect distinct hypotheses, best residual first.
 
     Parameters
@@ -96,46 +83,40 @@ def search(pair: ShapePair, given: list[Hypothesis]) -> list[Hypothesis]:
         The two shapes.
     given : list of Hypothesis
         Maps from what the user knows.
-
-    Returns
-    -------
-    list of Hypothesis
-        Those given, maps from extremal points, of shapes without limbs also maps from anchors, and flips of the best of
-        them, which exchange left and right or front and back.
+    starts : sequence of Start, optional
+        By default `default_starts`: maps from extremal points, of shapes without limbs also maps from anchors, and flips
+        of the best of them, which exchange left and right or front and back.
     """
-    settings = pair.config.search
-    extremal = starts_from_extremities(pair)
-    limbless = not extremal or pair.both_open
-    pool = _Pool(pair, pair.config.anchors.n_hypotheses if limbless else settings.n_hypotheses)
+    most = pair.config.anchors.n_hypotheses if pair.limbless else pair.config.search.n_hypotheses
+    pool = Pool(pair, most)
     pool.merge(given)
-    pool.add(extremal, settings.start_steps, "extremities")
-    if limbless:
-        anchored = iterative_closest_points(*pair.search_points, np.array(starts_from_anchors(pair)), 0)
-        pool.merge([Hypothesis(alignment, "anchors") for alignment in anchored])
-    pool.flip(pool.hypotheses[: settings.flipped], "flip")
+    for start in default_starts if starts is None else starts:
+        if isinstance(start, PoolStart):
+            start.extend(pool)
+        else:
+            rows = [start_from_known(pair, pairs) for pairs in pairs_of([start], pair)]
+            pool.add(rows, pair.config.search.hint_steps, getattr(start, "name", "start"))
     return pool.hypotheses
 
 
-def _is_new(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> bool:
-    return pair.differs(hypothesis.target_row, [h.target_row for h in known], pair.config.search.same_map)
-
-
-class _Pool:
+class Pool:
     """The best distinct hypotheses so far, at most so many."""
 
     def __init__(self, pair: ShapePair, most: int) -> None:
-        self._pair = pair
+        self.pair = pair
         self._most = most
         self._settings = pair.config.search
         self.hypotheses: list[Hypothesis] = []
 
     def merge(self, new: list[Hypothesis]) -> None:
         """Take in hypotheses; of maps that nearly coincide the one of smallest residual is kept."""
-        kept: list[Hypothesis] = []
-        for hypothesis in sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual):
-            if len(kept) < self._most and _is_new(self._pair, hypothesis, kept):
-                kept.append(hypothesis)
-        self.hypotheses = kept
+        self.hypotheses = distinct(
+            sorted([*self.hypotheses, *new], key=lambda h: h.alignment.residual),
+            lambda h: h.target_row,
+            self.pair.distances_between_maps,
+            self._settings.same_map,
+            self._most,
+        )
 
     def add(self, starts: list[IntArray], steps: int, origin: str) -> None:
         """Run iterative closest points from first maps and merge what comes of them."""
@@ -143,7 +124,7 @@ class _Pool:
 
     def flip(self, parents: list[Hypothesis], origin: str) -> None:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
-        pair = self._pair
+        pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
         # the first function is constant; leaving out the second is chosen, not measured
@@ -159,11 +140,17 @@ class _Pool:
         settings = self._settings
         alignments: list[Alignment] = []
         for _ in range(0, steps, settings.compare_every):
-            starts = self._distinct(starts)
+            starts = distinct(
+                starts,
+                lambda rows: rows,
+                self.pair.distances_between_maps,
+                settings.same_start,
+                known=[h.target_row for h in self.hypotheses],
+            )
             groups = [np.array(starts[i : i + AT_ONCE]) for i in range(0, len(starts), AT_ONCE)]
             moved = parallel_map(
                 lambda group: iterative_closest_points(
-                    *self._pair.search_points, group, settings.compare_every, settings.unchanged
+                    *self.pair.search_points, group, settings.compare_every, settings.unchanged
                 ),
                 groups,
             )
@@ -171,13 +158,61 @@ class _Pool:
             starts = [alignment.target_row for alignment in alignments]
         return alignments
 
-    def _distinct(self, starts: list[IntArray]) -> list[IntArray]:
-        known = [h.target_row for h in self.hypotheses]
-        kept: list[IntArray] = []
-        for start in starts:
-            if self._pair.differs(start, [*known, *kept], self._settings.same_start):
-                kept.append(start)
-        return kept
+
+class PoolStart(ABC):
+    """A start of isomatch's own, which sees the hypotheses found before."""
+
+    name: ClassVar[str]
+
+    def __call__(self, pair: ShapePair) -> list[IntArray]:
+        """Return first maps as pairs of vertices (m_s, 2)."""
+        pool = Pool(pair, pair.config.search.n_hypotheses)
+        self.extend(pool)
+        return [
+            np.column_stack([pair.source_vertices, pair.target_vertices[hypothesis.target_row]])
+            for hypothesis in pool.hypotheses
+        ]
+
+    @abstractmethod
+    def extend(self, pool: Pool) -> None:
+        """Add hypotheses to those found before."""
+
+
+class FromExtremities(PoolStart):
+    """First maps from every assignment of extremal points."""
+
+    name: ClassVar[str] = "extremities"
+
+    def extend(self, pool: Pool) -> None:
+        """Add what iterative closest points make of them."""
+        pool.add(starts_from_extremities(pool.pair), pool.pair.config.search.start_steps, self.name)
+
+
+class FromAnchors(PoolStart):
+    """First maps from points far from each other: of shapes without limbs, of parts, and between species."""
+
+    name: ClassVar[str] = "anchors"
+
+    def extend(self, pool: Pool) -> None:
+        """Add them, if a shape has no limbs."""
+        if pool.pair.limbless:
+            starts = np.array(starts_from_anchors(pool.pair))
+            anchored = iterative_closest_points(*pool.pair.search_points, starts, 0)
+            pool.merge([Hypothesis(alignment, self.name) for alignment in anchored])
+
+
+class FromFlips(PoolStart):
+    """Flips of the best hypotheses so far, which exchange left and right, or front and back."""
+
+    name: ClassVar[str] = "flip"
+
+    def extend(self, pool: Pool) -> None:
+        """Add them."""
+        pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
+
+
+default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
+"""The starts of a match to which none are handed; hints of the user come before them."""
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

@@ -5,7 +5,7 @@ from isomatch.settings.config import (
     Hypotheses,
     MatchSettings,
     Orientation,
-    Refinement,
+    RefinementName,
     Resolution,
     Start,
 )
@@ -31,7 +31,7 @@ __all__ = [
     "OutcomeSettings",
     "PartSettings",
     "PreparationSettings",
-    "Refinement",
+    "RefinementName",
     "RefinementSettings",
     "Resolution",
     "SearchSettings",

@@ -27,7 +27,7 @@ from isomatch.storage.files import opened
 from isomatch.values.settings import Settings, setting
 
 Orientation = Literal["preserve", "reverse", "any"]
-Refinement = Literal["none", "laplace_icp", "joint", "smooth"]
+RefinementName = Literal["none", "laplace_icp", "joint", "smooth"]
 Hypotheses = Literal["all", "given"]
 Start = Literal["auto", "pose"]
 Resolution = Literal["auto", "full", "fast"]
@@ -141,7 +141,7 @@ class Config(Settings):
         "all", "a hint can be wrong; an automatic hypothesis that fits better wins"
     )
     search_rivals: bool | None = setting(None, "the paper's methods search for none, and cost accordingly")
-    refinement: Refinement = setting(
+    refinement: RefinementName = setting(
         "joint",
         "docs/benchmarks.md, ablation, earlier: none 2.9, laplace_icp 2.5, joint 1.5",
     )
@@ -211,16 +211,6 @@ class Config(Settings):
             return cls.from_dict(values)
         except SettingError as error:
             raise SettingError(f"{path}: {error}") from None
-
-    @property
-    def looks_further(self) -> bool:
-        """Whether maps of other kinds, of parts or elastic ones, are sought where they seem to be called for."""
-        return self.refinement in ("joint", "smooth") and self.orientation == "preserve"
-
-    @property
-    def searches_rivals(self) -> bool:
-        """Whether automatic hypotheses are searched as rivals of those given."""
-        return self.refinement in ("joint", "smooth") if self.search_rivals is None else self.search_rivals
 
     def differs_in_preparation(self, other: Config) -> str | None:
         """Name the first setting of `prepare` in which two configurations differ; None if there is none."""

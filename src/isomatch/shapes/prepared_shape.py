@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -160,6 +161,10 @@ class PreparedShape(SmoothShape):
     def mean_distance(self, a: IntArray, b: IntArray) -> float:
         """Mean of these distances."""
         return float(self.distance(a, b).mean())
+
+    def mean_distances(self, a: IntArray, others: Sequence[IntArray]) -> FloatArray:
+        """Mean of these distances between the vertices of a list (r,) and those of each of q others: (q,)."""
+        return np.array([self.mean_distance(a, b) for b in others])
 
     def distances_between(self, vertices: IntArray) -> FloatArray:
         """Low-rank geodesic distances between m vertices, (m, m), in √area."""

@@ -13,10 +13,12 @@ from isomatch.matching import (
     Hints,
     MatchResult,
     ShapePair,
+    Solution,
     contradicted_landmarks,
     expected_errors,
+    judged,
     measure_quality,
-    outcome_of,
+    measured_evidence,
     prepare_pair,
 )
 from isomatch.runtime.stage_timer import StageTimer
@@ -122,22 +124,19 @@ class Task:
         points = target.index.points(embedding.target, embedding.source)
         self.timer.start("quality")
         quality = measure_quality(self.pair, points, self.hints)
-        return MatchResult(
-            map=source.correspondence(target, points),
-            outcome=outcome_of(self.pair, quality, config.orientation, self.hints.any),
-            quality=quality,
-            expected_error=source.lift_smooth(expected_errors(self.pair, points)),
-            alternatives=(),
-            timings=self.timer.stop(),
+        solution = Solution(
+            self.pair,
+            source.correspondence(target, points),
+            quality,
+            (measured_evidence(self.pair, quality, config.orientation, self.hints.any),),
+            source.lift_smooth(expected_errors(self.pair, points)),
             notes=(
                 *self.pair.notes,
                 *self.hints.notes,
                 NOT_JUDGED,
                 *contradicted_landmarks(self.pair, points, self.hints),
             ),
-            engine=source.distances.engine,
             origin=origin,
-            reason="",
             config=config,
-            seed=self.seed,
         )
+        return judged(solution, self.timer, self.seed)

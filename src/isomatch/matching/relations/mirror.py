@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch.correspondence import Embedding
-from isomatch.matching.elastic.elastic_fit import ElasticFit, coarse_steps
-from isomatch.matching.elastic.elastic_shape import ElasticShape
-from isomatch.matching.elastic.elastic_starts import anchor_starts
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.relations.elastic_fit import ElasticFit, coarse_steps
+from isomatch.matching.relations.elastic_shape import ElasticShape
+from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape

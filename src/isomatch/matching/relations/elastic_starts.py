@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch.correspondence import IntervalCost, assign_points, pin_first
-from isomatch.matching.elastic.elastic_shape import ElasticShape
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.relations.elastic_shape import ElasticShape
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.values.arrays import FloatArray, IntArray
 

@@ -1,18 +1,56 @@
-"""The paper's refinements: alignment of distance descriptors alone, and its post-processing in the Laplace basis."""
+"""The refinements that come with isomatch: the joint one, its smooth variant, and those of the paper."""
 
 from __future__ import annotations
 
 from operator import itemgetter
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import polar
 
 from isomatch.correspondence import Embedding, signed_procrustes
-from isomatch.matching.candidates import energy_of
+from isomatch.matching.fit import Fit
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.screening import energy_of
+from isomatch.matching.stages import Joint, Refinement, Relation
 from isomatch.runtime.threads import parallel_map
+from isomatch.settings import RefinementName
 from isomatch.shapes import orientation_of
 from isomatch.values.arrays import FloatArray, IntArray
+
+
+class Smooth(Joint):
+    """The joint refinement with more steps of registration, for a map that is smooth and nearly one to one."""
+
+    name: ClassVar[str] = "smooth"
+
+    @property
+    def smooth(self) -> bool:
+        """It is."""
+        return True
+
+
+class Descriptors(Joint):
+    """The paper's plain method: nothing after the alignment of the distance descriptors of the map selected."""
+
+    name: ClassVar[str] = "none"
+    looks_further: ClassVar[bool] = False
+
+    def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
+        """Align distance descriptors, from the hypothesis that the map came from."""
+        if fit.candidate is None:
+            return relation.embedding(fit)
+        return descriptor_embedding(relation.pair, fit.candidate.hypothesis.target_row)
+
+
+class LaplaceIcp(Descriptors):
+    """Post-processing like the paper's: iterative closest points in the Laplace–Beltrami basis."""
+
+    name: ClassVar[str] = "laplace_icp"
+
+    def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
+        """Post-process the alignment of distance descriptors."""
+        return laplace_icp_embedding(relation.pair, super().everywhere(relation, fit))
 
 
 def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
@@ -77,3 +115,12 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
     everywhere = spectra.nearest(of_target, of_source)
     on_target = pair.target.laplace.vectors[everywhere, :most]
     return spectra.embedding(pair.source.laplace.coefficients(on_target, most))
+
+
+REFINEMENTS: dict[RefinementName, Refinement] = {
+    "joint": Joint(),
+    "smooth": Smooth(),
+    "laplace_icp": LaplaceIcp(),
+    "none": Descriptors(),
+}
+"""The refinements that settings can name."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve
 
 from isomatch.correspondence import Embedding, nearest_rows
-from isomatch.matching.elastic.elastic_shape import ElasticShape, Samples
+from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
 from isomatch.settings import ElasticSettings
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray

@@ -1,53 +1,26 @@
-"""Candidates: hypotheses with the evidence for them: energy, orientation, agreement with hints."""
+"""Screening: hypotheses of two complete shapes become candidates, with energy, orientation and agreement with hints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
+from isomatch.matching.contest import ranked
+from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.search import Hypothesis
+from isomatch.matching.search import hypotheses_from_hints, search
 from isomatch.matching.starts import start_from_known, starts_from_pose
 from isomatch.runtime.threads import parallel_map
+from isomatch.settings import Orientation
 from isomatch.shapes import orientation_of
 from isomatch.values.arrays import IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A hypothesis after upsampling, and the evidence for it.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Where it came from.
-    target_row : (m_s,) array of int
-        Upsampled map of the search vertices.
-    energy : float
-        See `energy_of`; with the descriptor columns of the search.
-    orientation : float
-        See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
-        has no normals.
-    landmark_error : float
-        Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
-    hint_error : float
-        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
-        the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
-    """
-
-    hypothesis: Hypothesis
-    target_row: IntArray
-    energy: float
-    orientation: float
-    landmark_error: float
-    hint_error: float
-
-
-class Judge:
-    """Judges hypotheses; those of equal maps share the evidence, which is computed once."""
+class Screening:
+    """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
 
     def __init__(self, pair: ShapePair, hints: Hints) -> None:
         self._pair = pair
@@ -57,14 +30,14 @@ class Judge:
             self._leading = [start_from_known(pair, hints.known)]
         elif pair.config.start == "pose" and not len(hints.landmarks):
             self._leading = starts_from_pose(pair)
-        self._judged: dict[bytes, Candidate] = {}
+        self._screened: dict[bytes, Candidate] = {}
 
     def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
         """Return the candidate that each hypothesis makes; the order is kept."""
         keys = [hypothesis.target_row.tobytes() for hypothesis in hypotheses]
-        new = {key: h for key, h in zip(keys, hypotheses) if key not in self._judged}
-        self._judged |= zip(new, parallel_map(self._candidate, new.values()))
-        return [replace(self._judged[key], hypothesis=h) for key, h in zip(keys, hypotheses)]
+        new = {key: h for key, h in zip(keys, hypotheses) if key not in self._screened}
+        self._screened |= zip(new, parallel_map(self._candidate, new.values()))
+        return [replace(self._screened[key], hypothesis=h) for key, h in zip(keys, hypotheses)]
 
     def _candidate(self, hypothesis: Hypothesis) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
@@ -119,3 +92,22 @@ def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> 
         functional_map, pair.source.laplace.vectors[source_vertex], pair.target.laplace.vectors
     )
     return pair.target.index.vertices(of_target, of_source)
+
+
+def first_map(
+    pair: ShapePair, hints: Hints, source_vertex: IntArray, orientation: Orientation
+) -> tuple[IntArray, str]:
+    """Map some source vertices (q,) by the best hypothesis, from hints if there are any, else automatic.
+
+    Returns
+    -------
+    target_vertex : (q,) array of int
+        Vertices of the target's body.
+    origin : str
+        Where the hypothesis came from.
+    """
+    found = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
+    order = ranked(
+        Screening(pair, hints)(found), orientation, pair.config.selection, bool(len(hints.landmarks))
+    )
+    return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch.descriptors import mean_curvature
-from isomatch.matching.parts.part_pair import PartPair
+from isomatch.matching.relations.part_pair import PartPair
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray
 from isomatch.values.cached import cached_method, cached_property

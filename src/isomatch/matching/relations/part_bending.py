@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.correspondence import PrecisePoints, RigidRegistration, nearest_with_normals, with_normals
-from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_refinement import PartRefinement
+from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_refinement import PartRefinement
 from isomatch.resolution import Prolongation, decimate
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray

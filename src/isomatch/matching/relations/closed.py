@@ -1,4 +1,4 @@
-"""Shapes with holes matched as complete ones: caps close the holes, and what lands on a cap has no image."""
+"""Closed: an isometry of shapes whose holes are capped; what lands on a cap has no image."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ import numpy as np
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.matching.complete import CompleteMatch, complete_result, match_complete
 from isomatch.matching.hints import Hints
-from isomatch.matching.joint_refinement import joint_embedding
+from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.parts.evidence import Evidence
-from isomatch.matching.parts.part_fits import PartFit, PartFits
-from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.role import Part
 from isomatch.matching.quality import contradicted_landmarks, covered_share
-from isomatch.matching.result import Alternative, MatchResult
+from isomatch.matching.relations.isometry import IsometricMatch, Isometry
+from isomatch.matching.relations.part_fits import PartFit, PartFits
+from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.result import Alternative
+from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
@@ -37,22 +36,27 @@ class ClosedMatch:
     ----------
     pair : ShapePair
         The shapes as they are.
-    found : CompleteMatch
-        The match of the capped ones.
+    hints : Hints
+        Those on the shapes as they are.
+    relation : Isometry
+        Of the capped ones.
+    found : IsometricMatch
     """
 
     pair: ShapePair
-    found: CompleteMatch
+    hints: Hints
+    relation: Isometry
+    found: IsometricMatch
 
-    def image_of(self, part: Part) -> IntArray:
-        """Vertex of the other shape for each vertex of a part: the nearest one that is on no cap."""
+    def image_of(self, side: str) -> IntArray:
+        """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
         of_source, of_target = self.found.embedding
-        if part == "source":
+        if side == "source":
             return _images(self.pair.source, of_source, self.pair.target, of_target)
         return _images(self.pair.target, of_target, self.pair.source, of_source)
 
     @cached_property
-    def evidence(self) -> Evidence:
+    def doubt(self) -> PartDoubt:
         """How sure the map is, as one of the source as it is to the target with its holes closed."""
         selection, config = self.found.selection, self.pair.config
         part, whole = self.pair.source, self.pair.target.capped
@@ -67,32 +71,34 @@ class ClosedMatch:
 
         fit, rival = measured(self.found.embedding), np.inf
         if selection.against:
-            smooth = config.refinement == "smooth"
-            other = measured(joint_embedding(self.found.pair, selection.against, smooth))
-            rival = max(1.0, other.bent_score / fit.bent_score)
-        return Evidence(fit.bent_score, rival, pair.trusted, config.parts)
+            other = measured(self.relation.embedding(selection.against))
+            rival = max(1.0, other.cost / fit.cost)
+        return PartDoubt(fit.cost, rival, pair.trusted, config.parts)
 
-    def result(self, hints: Hints, timer: StageTimer, seed: int) -> MatchResult:
+    def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
-        closed = complete_result(self.found, timer, seed, may_stretch=False)
+        timer.start("quality")
+        closed = self.relation.summed_up(self.found, self.relation.measure(self.found), timer)
         points, matched = self._opened(closed.map)
         found = self.pair.source.correspondence(self.pair.target, points, matched)
         errors = closed.expected_error[: self.pair.source.body.n_vertices]
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
         alternatives = tuple(
-            replace(each, extend=partial(self._opened_map, each)) for each in closed.alternatives
+            replace(alternative, extend=partial(self._opened_map, alternative))
+            for alternative in closed.alternatives
         )
         return replace(
             closed,
+            pair=self.pair,
             map=found,
             expected_error=np.where(found.matched, self.pair.source.lift_smooth(errors), np.nan),
             alternatives=alternatives,
             quality=replace(closed.quality, matched=float(found.matched.mean()), coverage=coverage),
             notes=(
                 *self.pair.notes,
-                *hints.notes,
-                *contradicted_landmarks(self.pair, points, hints),
+                *self.hints.notes,
+                *contradicted_landmarks(self.pair, points, self.hints),
                 "stretch, residual and distortion are those of the shapes with their holes closed",
             ),
         )
@@ -119,7 +125,7 @@ class ClosedMatch:
         return distance_along_edges_to_nearest(target.capped.body, np.arange(target.body.n_vertices))
 
 
-def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatch | None:
+def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
@@ -129,10 +135,19 @@ def match_closed(pair: ShapePair, hints: Hints, timer: StageTimer) -> ClosedMatc
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, replace(config, search=replace(config.search, flipped=flipped)))
     closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
+    relation = Isometry().on(capped, closed, stages)
     try:
-        return ClosedMatch(pair, match_complete(capped, closed, timer))
+        return ClosedMatch(pair, hints, relation, relation.match(timer))
     except NotConvergedError:
         return None
+
+
+def with_doubt(
+    closed: Solution, evidence: tuple[Evidence, ...], doubt: PartDoubt, note: str, hinted: bool
+) -> Solution:
+    """Take the map with the holes closed, with the evidence for it as a map of a part."""
+    closed = replace(closed, evidence=evidence, quality=replace(closed.quality, doubt=doubt.doubt))
+    return replace(closed, notes=(*closed.notes, note, *doubt.notes(closed.outcome, hinted)))
 
 
 def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:

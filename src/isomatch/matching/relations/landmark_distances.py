@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.matching.parts.part_pair import TRUSTED, PartPair
-from isomatch.matching.parts.part_signatures import PartSignatures
+from isomatch.matching.relations.part_pair import TRUSTED, PartPair
+from isomatch.matching.relations.part_signatures import PartSignatures
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property

@@ -2,63 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.matching.parts.bent_part import BentPart, PartBending
-from isomatch.matching.parts.part_pair import PartPair
-from isomatch.matching.parts.part_refinement import PartRefinement, PartSamples, WholeCoordinates
-from isomatch.matching.parts.part_starts import PartStart, completed, composed
+from isomatch.matching.fit import Fit
+from isomatch.matching.relations.part_bending import BentPart, PartBending
+from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_refinement import PartRefinement, PartSamples, WholeCoordinates
+from isomatch.matching.relations.part_starts import PartStart, completed, composed
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
-N_ROUGH, N_FINE = (
-    40,
-    60,
-)  # functions of the whole by which its copy on the part is drawn, to see where its normals point
+N_ROUGH, N_FINE = 40, 60  # functions of the whole that are drawn on the part, to see where normals point
 N_DRAWN = 200  # functions by which the anchors of a fine map are drawn
 
 
-@dataclass(frozen=True, eq=False)
-class PartFit:
-    """A refined map of a part.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PartFit(Fit):
+    """A map of a part, in a unit.
 
     Parameters
     ----------
+    image, misfit, orientation, hint_error
+        As of `Fit`; ``score`` stays nan, see ``cost``.
     pair : PartPair
         The shapes, in the unit of the map.
     refinement : PartRefinement
-    image : (r,) array of int
-        Vertices of the whole for the vertices of the refinement.
-    misfit : float
-        Mean distance of these vertices from their images in the last coordinates.
-    stress : float
-        Mean cost of the images of the anchors, see `PartPair.stress`.
-    orientation : float
-        Mean cosine of the normals.
-    local_stress, curvature_mismatch : float
-        See `PartRefinement`.
+        Refines the vertices that are mapped.
     bending : PartBending
         Bends the part.
+    stress : float
+        Mean cost of the images of the anchors, see `PartPair.stress`.
+    local_stress, curvature_mismatch : float
+        See `PartRefinement`.
     lengths : tuple of float
         Lengths over which the part resists when it is bent by the map, see `PartSettings`.
-    hint_error : float
-        Mean distance from the images that hints ask for, in √area of the whole; 0 before the end, and without hints.
     """
 
     pair: PartPair
     refinement: PartRefinement
-    image: IntArray
-    misfit: float
-    stress: float
-    orientation: float
-    local_stress: float
-    curvature_mismatch: float
     bending: PartBending
+    stress: float = np.nan
+    local_stress: float = np.nan
+    curvature_mismatch: float = np.nan
     lengths: tuple[float, ...] = ()
-    hint_error: float = 0.0
 
     @cached_property
     def bent(self) -> BentPart:
@@ -66,21 +56,21 @@ class PartFit:
         return self.bending.coarsely(self.pair, self.refinement, self.image, self.lengths)
 
     @property
-    def score(self) -> float:
-        """What speaks against the map before the part is bent by it."""
+    def flat_cost(self) -> float:
+        """The cost of the map before the part is bent by it."""
         exponent = self.pair.config.parts.stress_exponent
         shape = np.sqrt(self.local_stress * self.curvature_mismatch)
         return float(self.misfit * self.stress**exponent * shape)
 
     @property
-    def bent_score(self) -> float:
-        """What speaks against the map once the part is bent by it."""
-        return max(self.score * self.bent.misfit, LEAST_SCORE)
+    def cost(self) -> float:
+        """The cost of the map once the part is bent by it."""
+        return max(self.flat_cost * self.bent.misfit, LEAST_SCORE)
 
     @property
     def promise(self) -> float:
-        """What speaks against a map that is refined roughly: one twisted in places may still become the right one."""
-        return float(self.score / np.sqrt(max(self.orientation, 0.1)))
+        """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
+        return float(self.flat_cost / np.sqrt(max(self.orientation, 0.1)))
 
 
 class PartFits:
@@ -96,7 +86,7 @@ class PartFits:
 
     def __init__(self, pair: PartPair, hinted: IntArray | None = None) -> None:
         config = pair.config
-        self._config, self._hinted, self._samples = config, hinted, PartSamples(pair)
+        self.pair, self._config, self._hinted, self._samples = pair, config, hinted, PartSamples(pair)
         self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._known: dict[tuple[float, int], PartRefinement] = {}
@@ -134,23 +124,31 @@ class PartFits:
         anchors = refinement.at(image, sizes[-1], pair.anchors)
         return _fit(refinement, pair, image, misfit, anchors, N_ROUGH, self.bending)
 
-    def fine(self, pair: PartPair, image: IntArray) -> PartFit:
-        """Refine a map of the vertices of a rough one to the end."""
-        settings, rough = self._config.refining, self._rough_refinement(pair)
-        pair = pair.with_unit(rough.local_unit(image))
+    def begun(self, pair: PartPair, image: IntArray) -> PartFit:
+        """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
+        pair = pair.with_unit(self._rough_refinement(pair).local_unit(image))
         refinement = self.fine_refinement(pair)
         image = refinement.extended(image, self._config.parts.sizes[-1])
-        image, _ = refinement.refined(image, settings.sizes_without_positions, with_positions=False)
-        image, misfit = refinement.refined(image, (*settings.sizes_with_positions, *settings.final_sizes))
-        return self._finely(pair, image, misfit, self._config.parts.bending[::2])
+        return PartFit(image, pair=pair, refinement=refinement, bending=self.bending)
 
-    def settled(self, fit: PartFit) -> PartFit:
+    def refined(self, fit: PartFit) -> PartFit:
+        """Refine a map to the end."""
+        settings = self._config.refining
+        image, _ = fit.refinement.refined(fit.image, settings.sizes_without_positions, with_positions=False)
+        sizes = (*settings.sizes_with_positions, *settings.final_sizes)
+        image, misfit = fit.refinement.refined(image, sizes)
+        return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2])
+
+    def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
         for _ in range(self._config.parts.n_bent):
-            image = self.bending.image(fit.bent, fit.refinement.vertices)
-            image, misfit = fit.refinement.refined(image, self._config.refining.final_sizes)
-            fit = self._finely(fit.pair, image, misfit, self._config.parts.bending)
+            fit = again(replace(fit, image=self.bending.image(fit.bent, fit.refinement.vertices)))
         return fit
+
+    def refined_again(self, fit: PartFit) -> PartFit:
+        """Take the last steps of the refinement."""
+        image, misfit = fit.refinement.refined(fit.image, self._config.refining.final_sizes)
+        return self._finely(fit.pair, image, misfit, self._config.parts.bending)
 
     def measured(self, pair: PartPair, image: IntArray) -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
@@ -179,15 +177,15 @@ def _fit(
 ) -> PartFit:
     """Gather the evidence for a map, and for the images that it gives the anchors."""
     return PartFit(
-        pair,
-        refinement,
         image,
         misfit,
-        pair.stress(anchors),
-        refinement.orientation(image, k),
-        refinement.local_stress(image),
-        refinement.curvature_mismatch(image),
-        bending,
-        lengths,
-        hint_error,
+        orientation=refinement.orientation(image, k),
+        hint_error=hint_error,
+        pair=pair,
+        refinement=refinement,
+        bending=bending,
+        stress=pair.stress(anchors),
+        local_stress=refinement.local_stress(image),
+        curvature_mismatch=refinement.curvature_mismatch(image),
+        lengths=lengths,
     )

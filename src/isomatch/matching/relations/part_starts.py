@@ -8,10 +8,12 @@ from functools import lru_cache
 import numpy as np
 
 from isomatch.correspondence import Alignment, assign_points, pin_first, trilaterate
+from isomatch.matching.contest import distinct
+from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.parts.part_pair import PartPair, areas_of_samples
-from isomatch.matching.parts.part_signatures import WholeSignatures
-from isomatch.matching.search import Hypothesis, flips
+from isomatch.matching.relations.part_pair import PartPair, areas_of_samples
+from isomatch.matching.relations.part_signatures import WholeSignatures
+from isomatch.matching.search import flips
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
@@ -148,15 +150,10 @@ class PartStarts:
             return 0.0
         return float(self._pair.config.parts.unit_cost * np.log(unit / self._pair.unit) ** 2)
 
-    def _distinct(self, found: list[PartStart], most: int) -> list[PartStart]:
-        whole, apart = self._pair.whole, self._apart
-        kept: list[PartStart] = []
-        for start in sorted(found, key=lambda each: each.cost):
-            if all(whole.mean_distance(start.images, known.images) > apart for known in kept):
-                kept.append(start)
-            if len(kept) == most:
-                break
-        return kept
+    def _distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
+        order = sorted(starts, key=lambda start: start.cost)
+        whole = self._pair.whole
+        return distinct(order, lambda start: start.images, whole.mean_distances, self._apart, most)
 
     def _areas_of_balls(self) -> FloatArray:
         """Areas (p, q) of the balls of all radii around all places."""
@@ -202,8 +199,4 @@ def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:
     identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
     found = [each.image_row for each in whole.symmetries]
     found += [flip.target_row for flip in flips(pair, identity, [identity])]
-    distinct: list[IntArray] = []
-    for image_row in found:
-        if pair.differs(image_row, distinct, config.symmetry.same_map):
-            distinct.append(image_row)
-    return distinct
+    return distinct(found, lambda image_row: image_row, pair.distances_between_maps, config.symmetry.same_map)

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch.correspondence import Embedding, SampledBasis
-from isomatch.matching.parts.landmark_distances import LandmarkDistances
-from isomatch.matching.parts.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
-from isomatch.matching.parts.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
+from isomatch.matching.coordinates import iterated
+from isomatch.matching.relations.landmark_distances import LandmarkDistances
+from isomatch.matching.relations.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
+from isomatch.matching.relations.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
@@ -146,12 +147,17 @@ class PartRefinement:
         self, image: IntArray, sizes: Iterable[int], with_positions: bool = True
     ) -> tuple[IntArray, float]:
         """Refine the images (r,) of the vertices; returns them, and their mean distance in the last coordinates."""
-        misfit = np.inf
-        for size in sizes:
-            of_part, of_whole = self.embedding(image, size, self.vertices, with_positions)
-            image = self._pair.whole.index.vertices(of_whole, of_part)
-            misfit = float(np.linalg.norm(of_whole[image] - of_part, axis=1).mean())
-        return image, misfit
+
+        def nearest(embedding: Embedding, _: int) -> tuple[IntArray, IntArray]:
+            row = self._pair.whole.index.vertices(embedding.target, embedding.source)
+            return row, row
+
+        return iterated(
+            image,
+            sizes,
+            lambda image, size: self.embedding(image, size, self.vertices, with_positions),
+            nearest,
+        )
 
     def extended(self, image: IntArray, k: int) -> IntArray:
         """Map the vertices of this refinement by a map (q,) of another number of sample vertices, through k functions."""

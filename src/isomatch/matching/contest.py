@@ -1,0 +1,306 @@
+"""The contest: which maps differ, which are worth refining, which survive, which wins, and which is its rival."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from isomatch.matching.fit import Candidate, Fit
+from isomatch.settings import Orientation, SelectionSettings
+from isomatch.values.arrays import FloatArray, IntArray
+
+T = TypeVar("T")
+R = TypeVar("R", bound=Fit)
+H = TypeVar("H", Candidate, Fit)
+
+Distances = Callable[[IntArray, Sequence[IntArray]], FloatArray]
+"""Mean distance between the images of a map (r,) and those of each of q others: (q,)."""
+
+
+def distinct(
+    maps: Iterable[T],
+    image: Callable[[T], IntArray],
+    distances: Distances,
+    apart: float,
+    most: int | None = None,
+    known: Sequence[IntArray] = (),
+) -> list[T]:
+    """Keep the first maps that differ from those kept before, and from known ones.
+
+    Parameters
+    ----------
+    maps : iterable
+        Maps, best first.
+    image : callable
+        The images (r,) of a map.
+    distances : callable
+        Mean distances of one such array from others.
+    apart : float
+        Mean distance that two maps exceed if they differ.
+    most : int, optional
+        How many are kept at most.
+    known : sequence of (r,) arrays of int
+        Images that those kept differ from, too.
+    """
+    kept: list[T] = []
+    images = list(known)
+    for each in maps:
+        if len(kept) == most:
+            break
+        own = image(each)
+        if not images or (distances(own, images) > apart).all():
+            kept.append(each)
+            images.append(own)
+    return kept
+
+
+def distances_between(images: Sequence[IntArray], distances: Distances) -> FloatArray:
+    """Mean distance between the images of each two maps: (q, q)."""
+    apart = np.zeros((len(images),) * 2)
+    for i, own in enumerate(images):
+        apart[i, :i] = apart[:i, i] = distances(own, images[:i]) if i else []
+    return apart
+
+
+def ranked(
+    candidates: Sequence[Candidate],
+    orientation: Orientation,
+    settings: SelectionSettings,
+    landmarks: bool = False,
+) -> list[Candidate]:
+    """Order candidates, best first; with landmarks, drop those that contradict them.
+
+    First come those of the wanted orientation, then those not clearly of the other, then the rest; within each, the
+    least energy. Landmarks may ask for the other orientation: with them, the wanted one comes first only where its energy
+    is near the least.
+    """
+
+    def rank(candidate: Candidate) -> int:
+        return _orientation_rank(candidate.orientation, orientation, settings.orientation_threshold)
+
+    if not landmarks:
+        return sorted(candidates, key=lambda c: (rank(c), c.energy))
+    slack = min((c.landmark_error for c in candidates), default=0.0) + settings.landmark_slack
+    agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
+    limit = settings.same_energy * min((c.energy for c in agreeing), default=0.0)
+
+    def clear(candidate: Candidate) -> int:
+        return _orientation_rank(candidate.orientation, "any", settings.orientation_threshold)
+
+    return sorted(agreeing, key=lambda c: (rank(c) > 0 or c.energy > limit, clear(c), c.energy))
+
+
+def contenders(
+    order: Sequence[Candidate], orientation: Orientation, settings: SelectionSettings
+) -> list[Candidate]:
+    """Keep those near enough to the best to deserve a refinement: comparable energy, not of the other orientation.
+
+    "Comparable" is relative to the least energy among them, which the first of the ranking need not have. Where limbs
+    touch, the orientation of a right map through few functions can be small. The refinement compares normals everywhere,
+    so all that lean to the wanted side are let in. One that agrees better with hints than any of these is let in as well,
+    on either side.
+    """
+    if not order:
+        return []
+    side = max(1, _orientation_rank(order[0].orientation, orientation, settings.orientation_threshold))
+    leaning = [
+        c
+        for c in order
+        if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
+    ]
+    leaning.sort(key=lambda candidate: candidate.energy)
+    limit = settings.energy_limit * max(leaning[0].energy, settings.energy_noise)
+    kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
+    nearest = nearest_to_hints(order, settings.landmark_slack)
+    if not any(c in kept for c in nearest):
+        kept.append(min(nearest, key=lambda c: c.energy))
+    return kept
+
+
+def nearest_to_hints(found: Sequence[H], slack: float) -> list[H]:
+    """Keep those that agree with the hints as well as any, but for a slack; all of them without hints."""
+    limit = min(c.hint_error for c in found) + slack
+    return [c for c in found if c.hint_error <= limit]
+
+
+def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
+    kept = {"preserve": cosine, "reverse": -cosine, "any": abs(cosine)}[wanted]
+    return 0 if kept > oriented else 1 if kept > 0 else 2
+
+
+def survivors(
+    fits: Sequence[R], apart: FloatArray, settings: SelectionSettings, with_normals: bool, both_sides: bool
+) -> list[tuple[int, int]]:
+    """Choose what is refined further after a stage of the refinement.
+
+    Parameters
+    ----------
+    fits : sequence of q Fit
+    apart : (q, q) array of float
+        Mean distance between the images of each two, in √area.
+    settings : SelectionSettings
+    with_normals : bool
+        Whether normals took part in the stage. While they do not, a twisted map may fit well: it neither sets the
+        standard nor replaces another.
+    both_sides : bool
+        Whether to keep the best of each orientation, however badly it fits. So is the best of those nearest to the hints.
+
+    Returns
+    -------
+    list of (int, int)
+        Indices of those kept, best first; and of the fit whose hypothesis each stands for. Of fits that coincide the best
+        is kept, for the hypothesis of least residual among those of its orientation: what comes after the joint
+        refinement does not depend on the start, but the other refinements do.
+    """
+    q = range(len(fits))
+    clear = [
+        i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
+    ] or list(q)
+    limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), settings.misfit_noise)
+    order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
+    spared = [i for i in order if fits[i] in nearest_to_hints(fits, settings.landmark_slack)][:1]
+    if both_sides:
+        spared += {fits[i].side: i for i in reversed(order)}.values()
+    kept: list[tuple[int, int]] = []
+    for i in order:
+        if fits[i].misfit > limit and i not in spared:
+            continue
+        same = next((n for n, (j, _) in enumerate(kept) if apart[i, j] <= settings.same_map), None)
+        if same is None:
+            kept.append((i, i))
+        else:
+            j, standing_for = kept[same]
+            if fits[i].side == fits[standing_for].side and fits[i].residual < fits[standing_for].residual:
+                kept[same] = j, i
+    return kept
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What decides a contest.
+
+    Parameters
+    ----------
+    tie, mirror_tie : float
+        Score, against the least, up to which a map ties with the best: one of its side, and one of the other.
+    rival_distance : float
+        Mean distance between images, in √area, from which a map is a rival and not a variant of the winner.
+    landmark_slack : float
+        Difference of hint errors, in √area, that counts for nothing.
+    score_noise : float
+        Scores below this are equal.
+    elsewhere_share, elsewhere_tie : float
+        A map that is nearer on average is a rival, too, if it sends at least this share of the vertices far away from
+        where the winner sends them, and its score is at most so many times the winner's.
+    clearly_better, same_map : float
+        A map whose score times the first is below the winner's counts as a rival whatever hints say, unless it is nearer
+        than the second.
+    """
+
+    tie: float
+    mirror_tie: float
+    rival_distance: float
+    landmark_slack: float
+    score_noise: float = 0.0
+    elsewhere_share: float = np.inf
+    elsewhere_tie: float = 1.0
+    clearly_better: float = np.inf
+    same_map: float = 0.0
+
+
+@dataclass(frozen=True)
+class Selection(Generic[R]):
+    """What was selected, and why.
+
+    Parameters
+    ----------
+    winner : Fit
+    rivals : tuple of Fit
+        All others, best first.
+    rival, mirrored : float
+        Score of the best rival that is another map, and of the best of the other orientation, over that of the winner;
+        1 is a tie, below 1 it fits better but was not eligible; inf if no other came near; nan if only one was tried.
+    against : Fit, optional
+        That rival.
+    hints_decided : bool
+        Whether another one fits better, but ties, and agrees less with the hints.
+    """
+
+    winner: R
+    rivals: tuple[R, ...]
+    rival: float
+    mirrored: float
+    against: R | None = None
+    hints_decided: bool = False
+
+
+def select(
+    fits: Sequence[R],
+    apart: FloatArray,
+    rules: Rules,
+    *,
+    scores: Sequence[float] | None = None,
+    eligible: Sequence[bool] | None = None,
+    elsewhere: FloatArray | None = None,
+    n_tried: int = 2,
+) -> Selection[R]:
+    """Select the eligible map of least score; of those that tie with it, the one nearest to the hints.
+
+    Parameters
+    ----------
+    fits : sequence of q Fit, at least one
+    apart : (q, q) array of float
+        Mean distance between the images of each two, in √area.
+    rules : Rules
+    scores : sequence of q float, optional
+        Their costs, if they are not their scores.
+    eligible : sequence of q bool, optional
+        Which of them may win; by default all. Others are rivals only.
+    elsewhere : (q, q) array of float, optional
+        Share of vertices that each two send to places far apart.
+    n_tried : int
+        Maps that were compared at all, refined or not.
+    """
+    costs = [fit.score for fit in fits] if scores is None else list(scores)
+    allowed = [True] * len(fits) if eligible is None else list(eligible)
+    noisy = [max(cost, rules.score_noise) for cost in costs]
+    may_win = [i for i in range(len(fits)) if allowed[i]]
+    best = min(may_win, key=lambda i: costs[i])
+
+    def ties(i: int) -> bool:
+        factor = rules.tie if fits[i].side == fits[best].side else rules.mirror_tie
+        return noisy[i] <= factor * noisy[best]
+
+    tied = [i for i in may_win if ties(i)]
+    nearest = nearest_to_hints([fits[i] for i in tied], rules.landmark_slack)
+    winner = min((i for i in tied if fits[i] in nearest), key=lambda i: costs[i])
+    others = sorted((i for i in range(len(fits)) if i != winner), key=lambda i: costs[i])
+
+    def ratio(rivals: list[int]) -> float:
+        if n_tried < 2:
+            return np.nan
+        if not rivals:
+            return np.inf
+        ratio = noisy[rivals[0]] / noisy[winner]
+        return max(1.0, ratio) if allowed[rivals[0]] else ratio  # one that lost to hints ties
+
+    def is_rival(i: int) -> bool:
+        as_good = costs[i] <= rules.elsewhere_tie * costs[winner]  # below the noise, too
+        exchanged = as_good and elsewhere is not None and elsewhere[i, winner] >= rules.elsewhere_share
+        differs = exchanged or apart[i, winner] > rules.rival_distance
+        agrees = fits[i].landmark_error <= fits[winner].landmark_error + rules.landmark_slack
+        better = rules.clearly_better * noisy[i] < noisy[winner] and apart[i, winner] > rules.same_map
+        return bool((differs and agrees) or better)
+
+    rivals = [i for i in others if is_rival(i)]
+    return Selection(
+        fits[winner],
+        tuple(fits[i] for i in others),
+        ratio(rivals),
+        ratio([i for i in others if fits[i].side != fits[winner].side]),
+        fits[rivals[0]] if rivals else None,
+        winner != best,
+    )

@@ -1,0 +1,143 @@
+"""Coordinates in which images are nearest points: what a map known at some vertices makes of functions and positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+import numpy as np
+
+from isomatch.correspondence import Embedding, SampledBasis, nearest_of_few, register_nonrigid
+from isomatch.matching.pair import SmoothPair
+from isomatch.runtime.threads import parallel_map, row_product
+from isomatch.surfaces import vertex_normals
+from isomatch.values.arrays import FloatArray, IntArray, single
+
+EVERYWHERE = slice(None)
+S = TypeVar("S")
+
+
+def iterated(
+    image: IntArray,
+    steps: Iterable[S],
+    coordinates: Callable[[IntArray, S], Embedding],
+    nearest: Callable[[Embedding, S], tuple[IntArray, IntArray]],
+) -> tuple[IntArray, float]:
+    """Alternate coordinates and nearest points.
+
+    Parameters
+    ----------
+    image : (r,) array of int
+        Images to start from.
+    steps : iterable
+        What distinguishes one iteration from the next.
+    coordinates : callable
+        Coordinates of the source's vertices and of those of the target, under a map, in a step.
+    nearest : callable
+        Of these coordinates, the nearest target row for each source row (r,), and the vertex that it stands for.
+
+    Returns
+    -------
+    image : (r,) array of int
+    misfit : float
+        Mean distance from the images in the last coordinates; inf if there were no steps.
+    """
+    misfit = np.inf
+    for step in steps:
+        embedding = coordinates(image, step)
+        row, image = nearest(embedding, step)
+        misfit = float(np.linalg.norm(embedding.target[row] - embedding.source, axis=1).mean())
+    return image, misfit
+
+
+def refined_images(
+    pair: SmoothPair, image: IntArray, side: float, sizes: tuple[int, ...], with_positions: bool
+) -> tuple[IntArray, float]:
+    """Refine the images (n_refine,) of the refinement vertices in joint coordinates of more and more functions.
+
+    Without positions, all but the last images are sought among n_refine samples. ``side`` is 1 for a map that preserves
+    the orientation of the faces, −1 for one that reverses it.
+    """
+    samples = pair.target.sample_vertices[: pair.target.config.n_refine]
+    steps = [(min(k, pair.n_functions), with_positions or k == sizes[-1]) for k in sizes]
+
+    def coordinates(image: IntArray, step: tuple[int, bool]) -> Embedding:
+        k, everywhere = step
+        onto = EVERYWHERE if everywhere else samples
+        turned = side if with_positions else 0.0
+        return joint_coordinates(pair, image, k, turned, pair.refinement_vertices, onto)
+
+    def nearest(embedding: Embedding, step: tuple[int, bool]) -> tuple[IntArray, IntArray]:
+        if step[1]:
+            row = pair.target.index.vertices(embedding.target, embedding.source)
+            return row, row
+        row = nearest_of_few(embedding.target, embedding.source)
+        return row, samples[row]
+
+    return iterated(image, steps, coordinates, nearest)
+
+
+def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> Embedding:
+    """Coordinates of all vertices of both bodies under a map (n_refine,), with all functions, after registration.
+
+    Signatures recognise points. The smooth variant does without them, and registers in more steps: positions, normals
+    and spectrum alone make a smoother map.
+    """
+    settings, k = pair.config.refining, pair.n_functions
+    everywhere = np.arange(pair.source.body.n_vertices)
+    embedding = joint_coordinates(pair, image, k, side, everywhere)
+    steps = settings.registration_steps
+    if smooth:
+        steps = settings.smooth_registration_steps
+        signatures = np.s_[k : k + pair.signatures.source.shape[1]]
+        embedding = Embedding(*(np.delete(x, signatures, axis=1) for x in embedding))
+    source, target = pair.source, pair.target
+    displacements = SampledBasis(source.functions, pair.refinement_vertices)
+    samples = target.sample_vertices[: target.config.n_refine]
+    return register_nonrigid(embedding, source.index, target.index, displacements, samples, steps)
+
+
+def joint_coordinates(
+    pair: SmoothPair,
+    image: IntArray,
+    k: int,
+    side: float,
+    source_vertex: IntArray,
+    onto_vertex: IntArray | slice = EVERYWHERE,
+) -> Embedding:
+    """Coordinates of some vertices of source and target under a map (n_refine,) of the refinement vertices.
+
+    The target's first k functions *and positions* are fitted on the source by least squares, F and c. The columns are
+
+    - the spectral coordinates Φ_t Fᵀ against Φ_s, divided by √k,
+    - point signatures,
+    - unless ``side`` is 0, positions: the smoothed target against the copy of it drawn on the source, Φ_s c,
+    - and normals of both, those of the source times ``side``.
+
+    Positions and normals are those of the target and of its own copy, so the pose of either shape does not matter.
+    O(n K²).
+    """
+    settings, source, target = pair.config.refining, pair.source, pair.target
+    basis, onto = pair.spectra.source, target.triangles
+    with_positions = side != 0 and source.triangles is not None and onto is not None
+    unit, weight = 1 / settings.position_unit, settings.normal_weight
+    functional_map = basis.fit(target.laplace.vectors[image, :k], k) / np.sqrt(k)
+
+    def of_source() -> FloatArray:
+        phi = source.functions[:, :k]
+        columns = [phi[source_vertex] * np.float32(1 / np.sqrt(k)), pair.signatures.source[source_vertex]]
+        if with_positions:
+            drawn = row_product(phi, basis.fit(target.mesh_body.vertices[image], k))
+            normals = vertex_normals(drawn, source.faces)[source_vertex]
+            columns += [single(unit * drawn[source_vertex]), single(side * weight * normals)]
+        return np.hstack(columns)
+
+    def of_target() -> FloatArray:
+        phi = target.functions[onto_vertex, :k]
+        columns = [row_product(phi, functional_map.T), pair.signatures.target[onto_vertex]]
+        if with_positions:
+            smooth, normals = (x[onto_vertex] for x in target.smoothed(k))
+            columns += [single(unit * smooth), single(weight * normals)]
+        return np.hstack(columns)
+
+    return Embedding(*parallel_map(lambda half: half(), (of_source, of_target)))

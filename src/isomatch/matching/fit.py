@@ -1,0 +1,112 @@
+"""Maps on the way: hypotheses, the candidates that they make, and fits, which a relation has refined and measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from isomatch.correspondence import Alignment
+from isomatch.values.arrays import IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A first map of the search vertices, after iterative closest points.
+
+    Parameters
+    ----------
+    alignment : Alignment
+        Target row of each source row, rotation and residual.
+    origin : str
+        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip",
+        "symmetry", or the name of a start.
+    """
+
+    alignment: Alignment
+    origin: str
+
+    @property
+    def target_row(self) -> IntArray:
+        """(m_s,) target row of each source row."""
+        return self.alignment.target_row
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A hypothesis after upsampling, and the evidence for it.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        Where it came from.
+    target_row : (m_s,) array of int
+        Upsampled map of the search vertices.
+    energy : float
+        See `energy_of`; with the descriptor columns of the search.
+    orientation : float
+        See `orientation_of`: near 1 for the true map, near −1 for its mirror image, between for mixtures; 0 where a shape
+        has no normals.
+    landmark_error : float
+        Mean distance between images of the landmarks and their given targets / √area; 0 without landmarks.
+    hint_error : float
+        The largest such distance, or the mean one from the images of the initial map, if that is larger; with neither,
+        the mean one from the nearest points in space, if shapes are aligned there; 0 without hints. In √area.
+    """
+
+    hypothesis: Hypothesis
+    target_row: IntArray
+    energy: float
+    orientation: float
+    landmark_error: float
+    hint_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A map of the vertices of a relation, and the evidence for it.
+
+    Parameters
+    ----------
+    image : (r,) array of int
+        Vertex of the target's body for each of ``relation.vertices``.
+    misfit : float
+        Mean distance of these vertices from their images in the coordinates of the relation.
+    score : float
+        The cost of the map; lower is better. nan until the relation has measured it.
+    orientation : float
+        Mean cosine between normals: 1 preserves the orientation of the faces, −1 reverses it.
+    hint_error, landmark_error : float
+        How far the map is from what hints, and landmarks alone, say, in √area; 0 without.
+    candidate : Candidate, optional
+        The candidate that it came from.
+    """
+
+    image: IntArray
+    misfit: float = np.inf
+    score: float = np.nan
+    orientation: float = 1.0
+    hint_error: float = 0.0
+    landmark_error: float = 0.0
+    candidate: Candidate | None = None
+
+    @property
+    def side(self) -> float:
+        """1 if the map preserves the orientation of the faces, −1 if it reverses it."""
+        return 1.0 if self.orientation >= 0 else -1.0
+
+    @property
+    def residual(self) -> float:
+        """Descriptor residual of the hypothesis, before any refinement; 0 without one."""
+        return self.candidate.hypothesis.alignment.residual if self.candidate else 0.0
+
+    def standing_for(self, other: Self) -> Self:
+        """Return the fit as what the candidate of another one became."""
+        return replace(
+            self,
+            candidate=other.candidate,
+            orientation=other.orientation,
+            hint_error=other.hint_error,
+            landmark_error=other.landmark_error,
+        )

@@ -1,0 +1,267 @@
+"""The judge: from evidence to an outcome, and from a solution to the result of a match."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from isomatch.correspondence import Correspondence
+from isomatch.matching.outcome import Outcome
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.result import Alternative, MatchResult, Quality
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import MatchSettings, Orientation, PartSettings
+from isomatch.shapes import describe_symmetries
+from isomatch.values.arrays import FloatArray
+
+NO_LEAD = 1e-9  # so that the doubt of a tie is finite
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is found against taking a map for the one right and complete map.
+
+    Parameters
+    ----------
+    contradicted : bool
+        The map is far from what hints ask for.
+    poor : bool
+        The map fits badly.
+    ambiguous : bool
+        Another map fits as well.
+    partial : bool
+        Something has no counterpart.
+    """
+
+    contradicted: bool = False
+    poor: bool = False
+    ambiguous: bool = False
+    partial: bool = False
+
+
+def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
+    """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for.
+
+    A match is `Outcome.PARTIAL` if something has no counterpart, and nothing worse is found.
+    """
+    pieces = tuple(evidence)
+    for name, outcome in (
+        ("contradicted", Outcome.HINTS_CONTRADICTED),
+        ("poor", Outcome.LOW_CONFIDENCE),
+        ("ambiguous", Outcome.SYMMETRY_AMBIGUOUS),
+        ("partial", Outcome.PARTIAL),
+    ):
+        if any(getattr(piece, name) for piece in pieces):
+            return outcome
+    return Outcome.CONVERGED
+
+
+def measured_evidence(
+    pair: ShapePair, quality: Quality, wanted: Orientation, hinted: bool = False, far: bool = False
+) -> Evidence:
+    """Compare the measures of a map with their bounds, those of ``OutcomeSettings``.
+
+    Parameters
+    ----------
+    pair : ShapePair
+        The two shapes; the bounds are those of its settings.
+    quality : Quality
+    wanted : {"preserve", "reverse", "any"}
+        What the map should do with the orientation of the faces.
+    hinted : bool
+        Whether hints were given: they may have led to the orientation that was not wanted.
+    far : bool
+        Whether the shapes are far from isometric, so that the measures cannot tell a right map from a wrong one.
+    """
+    bounds = pair.config.outcome
+    sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
+    kept = sign * quality.orientation
+    turned = hinted and kept < -bounds.poor_orientation
+    return Evidence(
+        contradicted=contradicts(quality, bounds.contradiction),
+        poor=bool(
+            far
+            or quality.misfit > bounds.poor_misfit
+            or quality.residual > bounds.poor_residual
+            or quality.stretch > bounds.poor_stretch
+            or quality.torn_off > bounds.poor_torn_off
+            or (kept < bounds.poor_orientation and not turned)
+            or quality.rival < 1.0
+        ),
+        ambiguous=bool(
+            quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or pair.sideless
+        ),
+        partial=pair.left_out > bounds.large_component,
+    )
+
+
+def contradicts(quality: Quality, bound: float) -> bool:
+    """Whether a map is farther than a bound, in √area, from its landmarks or from the initial map."""
+    return quality.landmark_error > bound or quality.initial_map_error > bound
+
+
+@dataclass(frozen=True)
+class PartDoubt:
+    """How sure the map of a part is: how well it fits, and how clearly it is better than others.
+
+    Parameters
+    ----------
+    score : float
+        The cost of the map.
+    rival : float
+        Score of the best map that differs, over that of the map; inf if none does.
+    trusted : float
+        Share of the pairs of anchors whose distance on the whole is known.
+    settings : PartSettings
+        The bounds.
+    """
+
+    score: float
+    rival: float
+    trusted: float
+    settings: PartSettings
+
+    @property
+    def doubt(self) -> float:
+        """1 / (1 / score − 1 / score of the rival): the score if no map comes near, more and more towards a tie."""
+        return self.score / max(1 - 1 / self.rival, NO_LEAD)
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether no other map comes near: where little is known, a wrong map may fit as well as a right one."""
+        return self.trusted >= self.settings.little_trusted or self.rival >= self.settings.clear
+
+    @property
+    def evidence(self) -> Evidence:
+        """A map must fit well; the worse it fits, the more clearly it must be better than others."""
+        settings = self.settings
+        tied = self.rival < settings.tie and self.score <= settings.poor_doubt
+        sure = self.doubt <= settings.poor_doubt and self.is_clear
+        return Evidence(ambiguous=tied, poor=not (tied or sure), partial=True)
+
+    def notes(self, outcome: Outcome, hinted: bool) -> list[str]:
+        """Say why a map is not sure, and what to do; or why it is in spite of its doubt."""
+        own = outcome_of([self.evidence])
+        if own is Outcome.PARTIAL:
+            return []
+        if outcome is Outcome.PARTIAL:
+            return [
+                f"its doubt is high ({self.doubt:.1e}), but it is sure by the match with the holes closed"
+            ]
+        why = "it fits badly"
+        if self.score <= self.settings.poor_doubt:
+            why = f"the score of another map is only {self.rival:.2f} times as high"
+            if not self.is_clear:
+                why += (
+                    f", and too much is missing: {self.trusted:.1%} of the distances on the whole are known"
+                )
+        return [
+            f"the map is not sure, for {why} (doubt {self.doubt:.1e}, at most {self.settings.poor_doubt:.1e} if sure); "
+            f"look at the picture, and give {'more' if hinted else 'three to five'} landmarks at extremities"
+        ]
+
+
+def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
+    """Weigh the evidence for the map of a part against that for the map with the holes closed.
+
+    Parameters
+    ----------
+    own : Evidence
+        That of the map of the part, see `PartDoubt`.
+    closed : tuple of Evidence
+        That for the map with the holes closed, by the measures of complete shapes.
+    agrees : bool
+        Whether both are the same map. If they are, and the closed one is sure, so is the map; it is ambiguous if the
+        closed one is. If they are not, it is no surer than the closed one.
+    """
+    outcome = outcome_of(closed)
+    if agrees and own.poor and outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
+        return (Evidence(partial=True),)
+    if agrees and outcome is not Outcome.SYMMETRY_AMBIGUOUS:
+        return (own,)
+    return (own, *closed)
+
+
+def closed_evidence(own: Evidence, closed: tuple[Evidence, ...]) -> tuple[Evidence, ...]:
+    """Evidence for the map of two parts, found with their holes closed: that of complete shapes, unless it is poor.
+
+    Caps change the measures of complete shapes; where these are poor, the map is judged as that of a part.
+    """
+    doubted = outcome_of(closed) is Outcome.LOW_CONFIDENCE
+    return (own,) if doubted else (*closed, Evidence(partial=True))
+
+
+def held_evidence(evidence: tuple[Evidence, ...], quality: Quality, bound: float) -> tuple[Evidence, ...]:
+    """Evidence for a map that was bent until landmarks hold: where it contradicted them before, it fits badly."""
+    if contradicts(quality, bound):
+        return evidence
+    return tuple(
+        replace(piece, contradicted=False, poor=piece.poor or piece.contradicted) for piece in evidence
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A map with the evidence for it, before it is judged.
+
+    Parameters
+    ----------
+    pair : ShapePair
+        The shapes.
+    map : Correspondence
+        In the users' vertices.
+    quality : Quality
+    evidence : tuple of Evidence
+    expected_error : (n_source,) array of float
+    alternatives : tuple of Alternative
+    notes : tuple of str
+    origin, reason : str
+        As in `MatchResult`.
+    config : MatchSettings, optional
+        The settings of the method, if it is not `match`.
+    """
+
+    pair: ShapePair
+    map: Correspondence
+    quality: Quality
+    evidence: tuple[Evidence, ...]
+    expected_error: FloatArray
+    alternatives: tuple[Alternative, ...] = ()
+    notes: tuple[str, ...] = ()
+    origin: str = ""
+    reason: str = ""
+    config: MatchSettings | None = None
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the evidence calls for."""
+        return outcome_of(self.evidence)
+
+    def with_evidence(self, *more: Evidence) -> Self:
+        """Add evidence."""
+        return replace(self, evidence=(*self.evidence, *more))
+
+
+def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
+    """Make the result of a match."""
+    pair = solution.pair
+    return MatchResult(
+        map=solution.map,
+        outcome=solution.outcome,
+        quality=solution.quality,
+        expected_error=solution.expected_error,
+        alternatives=solution.alternatives,
+        timings=timer.stop(),
+        notes=solution.notes,
+        engine=pair.source.distances.engine,
+        origin=solution.origin,
+        reason=solution.reason,
+        config=solution.config or pair.config,
+        seed=seed,
+        symmetries=("", "")
+        if solution.config
+        else (describe_symmetries(pair.source.symmetries), describe_symmetries(pair.target.symmetries)),
+    )

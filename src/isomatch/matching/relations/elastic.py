@@ -1,0 +1,232 @@
+"""Elastic: limbs may stretch, so that distances of two shapes agree only roughly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from isomatch.correspondence import Embedding
+from isomatch.errors import NotConvergedError
+from isomatch.matching.confidence import expected_errors
+from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.fit import Fit
+from isomatch.matching.hints import Hints
+from isomatch.matching.judge import Solution, measured_evidence
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import contradicted_landmarks, measure_quality
+from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
+from isomatch.matching.relations.elastic_shape import ElasticShape
+from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.relations.mirror import with_mirror
+from isomatch.matching.result import Quality
+from isomatch.matching.search import FromAnchors, PoolStart, default_starts
+from isomatch.matching.stages import Relation, pairs_of
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.settings import ElasticSettings
+from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
+
+FAR = (
+    "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
+    "the picture, and give five landmarks at extremities if it is"
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StretchedFit(Fit):
+    """An elastic map: the images of the fine samples of the source, and what makes them.
+
+    Parameters
+    ----------
+    coefficients : Coefficients
+        Of the smooth maps both ways.
+    images : Images
+        Of the samples, both ways.
+    """
+
+    coefficients: Coefficients
+    images: Images
+
+
+class Elastic(Relation):
+    """Limbs may stretch.
+
+    Parameters
+    ----------
+    ordinary : (q, 2) array of int, optional
+        A map found otherwise, as vertices of source and target, which an elastic one must beat.
+    others : sequence of (q, 2) arrays of int
+        Further first maps.
+
+    Notes
+    -----
+    Maps are scored by misfit × a small power of the stretch, see `ElasticFit`; normals, which a map that turns a body
+    over fits as well, take no part. The ordinary map is scored as it is, drawn by as many functions.
+    """
+
+    def __init__(self, ordinary: IntArray | None = None, others: Sequence[IntArray] = ()) -> None:
+        self.ordinary, self.others = ordinary, others
+
+    def match(self) -> tuple[Selection[StretchedFit], str] | None:
+        """Fit first maps coarsely, the best that differ finely, and select; None if the ordinary map scores best.
+
+        Returns
+        -------
+        selection : Selection
+        reason : str
+            How many maps contended, in a sentence.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no ordinary map, and none that keeps the orientation was found.
+        """
+        settings = self.pair.config.elastic
+        starts = self._starts()
+        rough = [fit for fit in parallel_map(self._roughly, starts) if fit]
+        rough.sort(key=lambda fit: fit.score)
+        kept = distinct(
+            rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, settings.n_contenders
+        )
+        fits = cast(list[StretchedFit], self.refinement.contest(self, kept))
+        fits.sort(key=lambda fit: fit.score)
+        if self.ordinary is None and not fits:
+            raise NotConvergedError(
+                "no elastic map keeps the orientation of the faces; give three to five landmarks"
+            )
+        if not fits or (self.ordinary is not None and fits[0].score >= self._unchanged(self.ordinary).score):
+            return None
+        apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
+        rules = Rules(1.0, 1.0, self.pair.config.selection.rival_distance, 0.0)
+        reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
+        return select(fits, apart, rules), reason
+
+    def _starts(self) -> list[IntArray]:
+        pair, landmarks, starts = self.pair, self.hints.landmarks, self.stages.starts
+        found: list[IntArray] = []
+        if any(isinstance(start, FromAnchors) for start in (default_starts if starts is None else starts)):
+            source, target = self._shapes
+            turned = ShapePair(pair.target, pair.source, pair.config)
+            back = anchor_starts(turned, landmarks[:, ::-1], (target, source))
+            found = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
+        own = [start for start in starts or () if not isinstance(start, PoolStart)]
+        ordinary = [] if self.ordinary is None else [self.ordinary]
+        return [*found, *ordinary, *self.others, *pairs_of(own, pair)]
+
+    @cached_property
+    def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
+        config = self.pair.config
+        source, target = parallel_map(lambda shape: with_mirror(shape, config), (self.source, self.target))
+        return source, target
+
+    def _fit(self, count: int, everywhere: bool, settings: ElasticSettings) -> ElasticFit:
+        first, second = (shape.sampled(count, everywhere) for shape in self._shapes)
+        return ElasticFit(first, second, self.pair.signatures, self.hints.landmarks, settings)
+
+    @cached_property
+    def _coarse(self) -> ElasticFit:
+        settings = self.pair.config.elastic
+        return self._fit(settings.n_coarse, False, settings)
+
+    @cached_property
+    def _fine(self) -> ElasticFit:
+        config = self.pair.config
+        settings = replace(config.elastic, normal_weight=config.elastic.fine_normal_weight)
+        return self._fit(config.n_refine, True, settings)
+
+    @cached_property
+    def _fine_steps(self) -> tuple[Step, ...]:
+        settings = self.pair.config.elastic
+        return tuple(
+            Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
+            for k, smoothness in zip(settings.fine_functions, settings.fine_smoothness)
+        )
+
+    def _roughly(self, start: IntArray) -> StretchedFit | None:
+        """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
+        coarse, settings = self._coarse, self.pair.config.elastic
+        steps = coarse_steps(settings)
+        found = coarse.from_pairs(start, steps[0])
+        if coarse.orientation(found, coarse.images(found)) < 0:
+            return None
+        found, images = coarse.run(found, steps)
+        if coarse.orientation(found, images) < settings.least_orientation:
+            return None
+        penalty = (settings.asymmetry_unit + coarse.asymmetry(images)) ** settings.asymmetry_exponent
+        image = coarse.target.targets[images.forth]
+        score = images.misfit * penalty
+        return StretchedFit(image, images.misfit, score, coefficients=found, images=images)
+
+    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Fit with all functions."""
+        coefficients = [cast(StretchedFit, fit).coefficients for fit in fits]
+        return parallel_map(
+            lambda start: self._scored(*self._fine.run(start, self._fine_steps)), coefficients
+        )
+
+    def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
+        """Measure a map (r,) of the first vertices of the relation as it is, drawn by all functions."""
+        return self._unchanged(np.column_stack([self.vertices[: len(image)], image]))
+
+    def embedding(self, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of both bodies: canonical ones, and those of the other shape drawn on each."""
+        return self._fine.embedding(cast(StretchedFit, fit).coefficients)
+
+    def _unchanged(self, pairs: IntArray) -> StretchedFit:
+        """Score a map (q, 2) as it is."""
+        found = self._fine.from_pairs(pairs, self._fine_steps[-1])
+        return self._scored(found, self._fine.images(found))
+
+    def _scored(self, found: Coefficients, images: Images) -> StretchedFit:
+        settings = self.pair.config.elastic
+        judge = replace(self._fine, settings=replace(settings, normal_weight=settings.score_normal_weight))
+        misfit, stretch = judge.images(found).misfit, judge.stretch(found)
+        score = misfit * stretch**settings.stretch_exponent
+        image = self._fine.target.targets[images.forth]
+        return StretchedFit(image, misfit, score, coefficients=found, images=images)
+
+    def solution(self, timer: StageTimer) -> Solution:
+        """Find the map, and the evidence for it, where no other relation was tried."""
+        timer.start("elastic match")
+        found = self.match()
+        if found is None:
+            raise NotConvergedError(
+                "the map given fits better than any elastic one; match without this relation"
+            )
+        selection, reason = found
+        pair, embedding = self.pair, self.refinement.everywhere(self, selection.winner)
+        points = self.target.index.points(embedding.target, embedding.source)
+        quality = replace(measure_quality(pair, points, self.hints), rival=selection.rival)
+        far = measured_evidence(pair, quality, pair.config.orientation, self.hints.any, far=True)
+        return Solution(
+            pair,
+            self.source.correspondence(self.target, points),
+            quality,
+            (far,),
+            self.source.lift_smooth(expected_errors(pair, points)),
+            notes=(*pair.notes, *self.hints.notes, FAR, *contradicted_landmarks(pair, points, self.hints)),
+            origin="anchors",
+            reason=reason,
+        )
+
+
+def far_from_isometric(pair: ShapePair, hints: Hints, quality: Quality) -> bool:
+    """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
+
+    Two meshes are needed, without an initial map or descriptors, and maps that are not given.
+    """
+    config = pair.config
+    if not (pair.oriented and config.orientation == "preserve"):
+        return False
+    if config.hypotheses != "all" or not hints.only_landmarks:
+        return False
+    bounds = config.outcome
+    return (
+        quality.misfit > bounds.poor_misfit
+        or quality.residual > bounds.poor_residual
+        or quality.stretch > bounds.poor_stretch
+    )

@@ -1,0 +1,383 @@
+"""Isometry: both shapes are complete, and distances along them agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
+from isomatch.errors import SettingError
+from isomatch.matching.confidence import doubt_of, expected_errors
+from isomatch.matching.contest import (
+    Rules,
+    Selection,
+    contenders,
+    distances_between,
+    distinct,
+    ranked,
+    select,
+    survivors,
+)
+from isomatch.matching.coordinates import refined_images, registered
+from isomatch.matching.fit import Candidate, Fit, Hypothesis
+from isomatch.matching.judge import Evidence, Solution, measured_evidence
+from isomatch.matching.pair import ShapePair, SmoothPair
+from isomatch.matching.quality import contradicted_landmarks, measure_quality
+from isomatch.matching.result import Alternative, Quality
+from isomatch.matching.screening import Screening, energy_of, extended
+from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
+from isomatch.matching.stages import Relation
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map, serial_blas
+from isomatch.values.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class IsometricMatch:
+    """What the match of two complete shapes found, before the map is measured.
+
+    Parameters
+    ----------
+    selection : Selection
+        Refined winner and its rivals.
+    eligible : tuple of Candidate
+        Candidates that might win, best first.
+    rivals : tuple of Candidate
+        Those that might not.
+    embedding : Embedding
+        Coordinates of all vertices in which images are nearest points.
+    """
+
+    selection: Selection[Fit]
+    eligible: tuple[Candidate, ...]
+    rivals: tuple[Candidate, ...]
+    embedding: Embedding
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A map of all vertices of the source's body, measured.
+
+    Parameters
+    ----------
+    points : PrecisePoints
+    quality : Quality
+    doubt : (n_s,) array of float, optional
+        Error to be expected because another map may be right.
+    reason, origin : str
+        How the map was chosen, in a sentence, and where it came from.
+    """
+
+    points: PrecisePoints
+    quality: Quality
+    doubt: FloatArray | None
+    reason: str
+    origin: str
+
+
+class Isometry(Relation):
+    """Both shapes are complete, and distances along them agree.
+
+    Maps are searched on few vertices, as hypotheses and candidates; the best are refined jointly and contend.
+
+    Examples
+    --------
+    >>> from isomatch.datasets import example_pair
+    >>> from isomatch.matching import Hints, Isometry, prepare_pair
+    >>> source, target = example_pair()
+    >>> pair = prepare_pair(source.mesh, target.mesh)
+    >>> relation = Isometry().on(pair, Hints.of(pair, None, None, None))
+    >>> candidates, rivals = relation.candidates(*relation.hypotheses())
+    >>> fits = relation.refined(relation.begun(candidates[:2]))
+    >>> relation.score(fits[0]) < 0.5
+    True
+    """
+
+    def solution(self, timer: StageTimer) -> Solution:
+        """Find the map, and the evidence for it."""
+        found = self.match(timer)
+        timer.start("quality")
+        return self.summed_up(found, self.measure(found), timer)
+
+    def match(self, timer: StageTimer, known: Sequence[Hypothesis] | None = None) -> IsometricMatch:
+        """Search, select and refine; hypotheses that are ``known`` take the place of the search.
+
+        Raises
+        ------
+        SettingError
+            If hints are asked for and none was given.
+        """
+        both = self.source, self.target
+        parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
+        timer.start("search")
+        may_win, only_rivals = self.hypotheses() if known is None else (list(known), [])
+        timer.start("selection")
+        eligible, rivals = self.candidates(may_win, only_rivals)
+        timer.start("refinement")
+        selection = self._contest(eligible, rivals)
+        embedding = self.refinement.everywhere(self, selection.winner)
+        return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
+
+    def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
+        """Hypotheses that may win, and those that are searched as rivals only."""
+        pair, config, starts = self.pair, self.pair.config, self.stages.starts
+        if config.hypotheses == "given" and not self.hints.any and config.start == "auto":
+            raise SettingError(
+                "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
+            )
+        given = hypotheses_from_hints(pair, self.hints)
+        if config.hypotheses == "all":
+            return search(pair, given, starts), []
+        return given, search(pair, given, starts) if self.searches_rivals else []
+
+    @property
+    def searches_rivals(self) -> bool:
+        """Whether automatic hypotheses are searched as rivals of those given."""
+        asked = self.pair.config.search_rivals
+        return self.refinement.looks_further if asked is None else asked
+
+    def candidates(
+        self, may_win: Sequence[Hypothesis], only_rivals: Sequence[Hypothesis] = ()
+    ) -> tuple[list[Candidate], list[Candidate]]:
+        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first."""
+        pair, screen = self.pair, Screening(self.pair, self.hints)
+        eligible = self._ranked(screen(list(may_win)), hinted=True)
+        searched = pair.config.hypotheses == "all" or self.searches_rivals
+        variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
+        if pair.config.hypotheses == "all":
+            return self._ranked([*eligible, *variants], hinted=True), []
+        return eligible, self._ranked([*screen(list(only_rivals)), *variants])
+
+    def begun(self, candidates: Sequence[Candidate]) -> list[Fit]:
+        """Extend candidates to the refinement vertices."""
+        return [
+            Fit(
+                extended(self.pair, c.target_row, self.vertices),
+                orientation=c.orientation,
+                hint_error=c.hint_error,
+                landmark_error=c.landmark_error,
+                candidate=c,
+            )
+            for c in candidates
+        ]
+
+    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Upsample spectrally, joint with signatures, positions and normals, see `joint_coordinates`.
+
+        After each of three stages, of which the first is without positions and normals, those are given up that arrived
+        at the same map as another, or fit much worse; see `survivors`. O(n_refine √n (K + q)) a step.
+        """
+        pair, settings = self.pair, self.pair.config.refining
+        stages = (
+            (settings.sizes_without_positions, False),
+            (settings.sizes_with_positions, True),
+            (settings.final_sizes, True),
+        )
+        refined = list(fits)
+        for sizes, with_positions in stages:
+            if sizes and refined:
+                refined = parallel_map(lambda fit: self._stepped(fit, sizes, with_positions), refined)  # noqa: B023
+                apart = self._apart(refined)
+                both_sides = pair.config.orientation == "any"
+                kept = survivors(refined, apart, pair.config.selection, with_positions, both_sides)
+                refined = [refined[i].standing_for(refined[j]) for i, j in kept]
+        return [replace(fit, score=self.score(fit)) for fit in refined]
+
+    def _stepped(self, fit: Fit, sizes: tuple[int, ...], with_positions: bool) -> Fit:
+        image, misfit = refined_images(self.pair, fit.image, fit.side, sizes, with_positions)
+        return replace(fit, image=image, misfit=misfit)
+
+    def measured(self, fit: Fit, image: IntArray) -> Fit:
+        """Measure a map: the misfit is that after the last step of the joint refinement, from there."""
+        _, misfit = refined_images(
+            self.pair, image, fit.side, self.pair.config.refining.final_sizes[-1:], True
+        )
+        fit = replace(fit, image=image, misfit=misfit)
+        return replace(fit, score=self.score(fit))
+
+    def score(self, fit: Fit) -> float:
+        """Return the cost of a refined map: misfit × a power of its energy.
+
+        The misfit sees detail, after a fit that may have smoothed over what distances and curvature still see.
+        """
+        energy = energy_of(self.pair, self.vertices, fit.image)
+        return float(fit.misfit * energy**self.pair.config.selection.energy_exponent)
+
+    def embedding(self, fit: Fit) -> Embedding:
+        """Joint coordinates of all vertices, with all functions, after registration."""
+        return registered(self.pair, fit.image, fit.side, self.refinement.smooth)
+
+    @property
+    def rules(self) -> Rules:
+        """What decides the contest."""
+        settings, bounds = self.pair.config.selection, self.pair.config.outcome
+        return Rules(
+            bounds.tie,
+            bounds.mirror_tie,
+            settings.rival_distance,
+            settings.landmark_slack,
+            settings.score_noise,
+            settings.elsewhere_share,
+            settings.elsewhere_tie,
+            settings.clearly_better,
+            settings.same_map,
+        )
+
+    def _contest(self, eligible: list[Candidate], rivals: list[Candidate]) -> Selection[Fit]:
+        """Refine the contenders, and rivals that may not win, and select."""
+        orientation, settings = self.pair.config.orientation, self.pair.config.selection
+        fits, others = (
+            self.refinement.contest(self, self.begun(contenders(order, orientation, settings)))
+            for order in (eligible, rivals)
+        )
+        may_win = [True] * len(fits) + [False] * len(others)
+        fits = [*fits, *others]
+        return select(
+            fits,
+            self._apart(fits),
+            self.rules,
+            eligible=may_win,
+            elsewhere=self._shares_elsewhere(fits),
+            n_tried=len(eligible) + len(rivals),
+        )
+
+    def _apart(self, fits: list[Fit]) -> FloatArray:
+        return distances_between([fit.image for fit in fits], self.target.mean_distances)
+
+    def _shares_elsewhere(self, fits: list[Fit]) -> FloatArray:
+        """Share of vertices that each two refined maps send to places far apart, (q, q)."""
+        far, distance = self.pair.config.selection.elsewhere_distance, self.target.distance
+        shares = np.zeros((len(fits),) * 2)
+        for i, fit in enumerate(fits):
+            for j, other in enumerate(fits[:i]):
+                shares[i, j] = shares[j, i] = (distance(fit.image, other.image) > far).mean()
+        return shares
+
+    def _ranked(self, candidates: Sequence[Candidate], hinted: bool = False) -> list[Candidate]:
+        """Rank candidates; those that may win must not contradict landmarks."""
+        landmarks = hinted and len(self.hints.landmarks) > 0
+        return ranked(candidates, self.pair.config.orientation, self.pair.config.selection, landmarks)
+
+    def measure(self, found: IsometricMatch) -> Measured:
+        """Take the nearest points, and measure the map."""
+        pair, selection = self.pair, found.selection
+        points = self.target.index.points(found.embedding.target, found.embedding.source)
+        quality = measure_quality(pair, points, self.hints, selection)
+        doubt = None
+        if selection.against:
+            doubt = doubt_of(pair, selection.winner.image, selection.against.image, selection.rival)
+        n_tried = len(found.eligible) + len(found.rivals)
+        exponent = pair.config.selection.energy_exponent
+        reason = (
+            f"least misfit × energy^{exponent:g}; {n_tried} candidates, "
+            f"{1 + len(selection.rivals)} refined to the end"
+        )
+        if selection.hints_decided:
+            reason += "; of those that tie, it agrees best with the hints"
+        if selection.rival < np.inf:
+            reason += f"; the best rival scores {selection.rival:.2f} times as much"
+        return Measured(points, quality, doubt, reason, self._origin(selection.winner))
+
+    def _origin(self, winner: Fit) -> str:
+        """Where the winner came from: the initial map, if it agrees with that."""
+        bound = self.pair.config.outcome.contradiction
+        if len(self.hints.known) and winner.hint_error <= bound:
+            return "initial map"
+        return winner.candidate.hypothesis.origin if winner.candidate else ""
+
+    def summed_up(
+        self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
+    ) -> Solution:
+        """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
+        pair, hints, far = self.pair, self.hints, note is not None
+        errors = expected_errors(pair, map_.points, map_.doubt)
+        against = contradicted_landmarks(pair, map_.points, hints)
+        level: SmoothPair = pair
+        points = map_.points
+        if pair.has_finer and not far and self.refinement.looks_further:
+            timer.start("polish")
+            level = pair.polishable
+            points = self._polished(level, found.selection.winner)
+        if self.source.detail or self.target.detail:
+            timer.start("carry")
+        evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far)]
+        if pair.round and not hints.any:
+            evidence.append(Evidence(ambiguous=True))
+        return Solution(
+            pair,
+            level.source.correspondence(level.target, points),
+            map_.quality,
+            tuple(evidence),
+            self.source.lift_smooth(errors),
+            self._alternatives(found),
+            (
+                *pair.notes,
+                *hints.notes,
+                *self._notes(found.selection),
+                *_polishing_described(pair, level),
+                *([note] if note else []),
+                *against,
+            ),
+            map_.origin,
+            map_.reason,
+        )
+
+    def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
+        """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
+        between = self.target.refining
+        image = fit.image if between is None else between.nearest_members[fit.image]
+        image, _ = refined_images(finer, image, fit.side, self.pair.config.refining.polished_sizes, True)
+        embedding = registered(finer, image, fit.side, self.refinement.smooth)
+        return finer.target.index.points(embedding.target, embedding.source)
+
+    def _notes(self, selection: Selection[Fit]) -> list[str]:
+        """Tell what could not be done as it was asked for."""
+        pair, notes = self.pair, []
+        if not pair.oriented and pair.config.orientation == "reverse":
+            notes.append("orientation = 'reverse' has no effect: points and graphs have no normals")
+        if np.isnan(selection.rival):
+            notes.append("no other map was tried: symmetric maps go unnoticed")
+        off = selection.winner.hint_error
+        if pair.config.start == "pose" and not self.hints.any and off > pair.config.outcome.out_of_pose:
+            notes.append(
+                f"images are {off:.2f} √area from the nearest points in space: the shapes do not seem to be aligned, so "
+                "start = 'pose' says little about the map; align them within about 30°, or leave start at 'auto'"
+            )
+        return notes
+
+    def _alternatives(self, found: IsometricMatch) -> tuple[Alternative, ...]:
+        """Runners-up that differ from the winner, which comes first, and from each other; not refined."""
+        pair, settings = self.pair, self.pair.config.selection
+        refined = [
+            fit.candidate for fit in (found.selection.winner, *found.selection.rivals) if fit.candidate
+        ]
+        order = [*refined, *found.eligible, *found.rivals]
+        kept = distinct(
+            order,
+            lambda candidate: candidate.target_row,
+            pair.distances_between_maps,
+            pair.config.search.same_map,
+            1 + settings.most_alternatives,
+        )
+        return tuple(
+            Alternative(
+                partial(_extended_map, pair, c.target_row), c.energy, c.orientation, c.hypothesis.origin
+            )
+            for c in kept[1:]
+        )
+
+
+def _polishing_described(pair: ShapePair, level: SmoothPair) -> list[str]:
+    if level is pair:
+        return []
+    return [f"polished on {level.source.body.n_vertices} and {level.target.body.n_vertices} vertices"]
+
+
+def _extended_map(pair: ShapePair, target_row: IntArray) -> Correspondence:
+    """Extend a map of the search vertices to all."""
+    with serial_blas():
+        image = extended(pair, target_row, np.arange(pair.source.body.n_vertices))
+        return pair.source.correspondence(pair.target, image)

@@ -1,0 +1,336 @@
+"""Part: one shape is a part of the other, so that distances on the whole lie in intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+from operator import attrgetter
+from typing import Literal, cast
+
+import numpy as np
+
+from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch.errors import NotConvergedError
+from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.confidence import expected_errors
+from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.fit import Fit
+from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_evidence
+from isomatch.matching.outcome import Outcome
+from isomatch.matching.pair import SmoothPair
+from isomatch.matching.quality import (
+    contradicted_landmarks,
+    covered_share,
+    distances_to_hints,
+    edge_stretch,
+    image_positions,
+)
+from isomatch.matching.relations.closed import ClosedMatch, with_doubt
+from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
+from isomatch.matching.relations.part_fits import PartFit, PartFits
+from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_starts import PartStarts, self_maps
+from isomatch.matching.result import Quality
+from isomatch.matching.search import FromAnchors, PoolStart, default_starts
+from isomatch.matching.stages import Relation, pairs_of
+from isomatch.matching.starts import nearest_in_pose
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+PartSide = Literal["source", "target"]
+TWISTED = 10.0  # factor on the cost of a map whose orientation is less than half of the clearest
+
+
+class Part(Relation):
+    """One shape is a part of the other: its vertices are mapped to the whole, whichever of the two is the source.
+
+    Parameters
+    ----------
+    side : {"source", "target"}
+        The shape that is a part.
+    closed : ClosedMatch, optional
+        The match with the holes closed, whose map contends, too.
+
+    Notes
+    -----
+    Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
+    alone; the contest, the loop of the refinement and the judge are those of every relation.
+    """
+
+    def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
+        self.side, self.closed = side, closed
+
+    @property
+    def source(self) -> PreparedShape:
+        """The part."""
+        return self.pair.source if self.side == "source" else self.pair.target
+
+    @property
+    def target(self) -> PreparedShape:
+        """The whole."""
+        return self.pair.target if self.side == "source" else self.pair.source
+
+    @property
+    def vertices(self) -> IntArray:
+        """(r,) vertices of the part that a fit maps."""
+        return self.source.sample_vertices[: self.pair.config.n_refine]
+
+    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine maps of a part by functions of the whole that are pulled back to it."""
+        return parallel_map(lambda fit: self._fits.refined(cast(PartFit, fit)), fits)
+
+    def refined_again(self, fit: Fit) -> PartFit:
+        """Take the last steps of the refinement again."""
+        return self._fits.refined_again(cast(PartFit, fit))
+
+    def measured(self, fit: Fit, image: IntArray) -> PartFit:
+        """Measure a map: its cost is known once the part has been bent by it."""
+        return self._fits.measured(cast(PartFit, fit).pair, image)
+
+    def embedding(self, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of part and whole, with all functions."""
+        refinement = cast(PartFit, fit).refinement
+        return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
+
+    def match(self) -> tuple[Selection[PartFit], list[float]]:
+        """Search, refine, bend and select; returns the selection, and the costs of its winner and rivals.
+
+        Raises
+        ------
+        NotConvergedError
+            If no map that keeps the orientation was found.
+        """
+        config, settings, fits_of = self.pair.config, self.pair.config.parts, self._fits
+        given = self._given()
+        only_given = self._led is not None and config.hypotheses == "given"
+        rough = [] if only_given else self._rough_fits(given)
+        kept = self._distinct(rough, settings.n_contenders)
+        hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
+        hopeful = kept[: max(len(hopeful), 2)]  # the best, and a rival
+        contenders = [*((fit.pair, fit.image) for fit in hopeful), *given]
+        if not contenders:
+            raise NotConvergedError(
+                "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
+                "if the shapes are roughly aligned in space"
+            )
+        begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
+        fits, costs = _by_cost(cast(list[PartFit], self.refinement.contest(self, begun)))
+        n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
+        fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
+        fits, costs = _by_cost(fits)
+        apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
+        rules = Rules(settings.tie, settings.tie, settings.apart, config.selection.landmark_slack)
+        selection = select(fits, apart, rules, scores=costs)
+        cost = dict(zip(map(id, fits), costs))
+        return selection, [cost[id(fit)] for fit in (selection.winner, *selection.rivals)]
+
+    def _again(self, fit: PartFit) -> PartFit:
+        return cast(PartFit, self.refinement.again(self, fit))
+
+    def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
+        apart = self.pair.config.parts.apart
+        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, apart, count)
+
+    def _rough_fits(self, given: list[tuple[PartPair, IntArray]]) -> list[PartFit]:
+        """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
+        promise, fits_of, pair = attrgetter("promise"), self._fits, self._fits.pair
+        # landmarks tell the sides
+        onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
+        fits: list[PartFit] = []
+        if any(isinstance(start, FromAnchors) for start in self.stages.starts or default_starts):
+            anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
+            fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
+        fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), given) if fit]
+        best = self._distinct(sorted(fits, key=promise), pair.config.parts.n_varied)
+        varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, onto_itself)))
+        return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
+
+    def _given(self) -> list[tuple[PartPair, IntArray]]:
+        """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in."""
+        closed = None if self.closed is None else self.closed.image_of(self.side)
+        own = [start for start in self.stages.starts or () if not isinstance(start, PoolStart)]
+        handed = [_filled(self.source, self._towards_whole(pairs)) for pairs in pairs_of(own, self.pair)]
+        rough = self.source.sample_vertices[: self.pair.config.parts.n_rough]
+        images = [image for image in (closed, self._led, *handed) if image is not None]
+        return [(self._fits.pair.in_unit_of(image), image[rough]) for image in images]
+
+    def _towards_whole(self, pairs: IntArray) -> IntArray:
+        """Turn pairs (q, 2) of vertices of source and target into such of part and whole."""
+        return pairs if self.side == "source" else pairs[:, ::-1]
+
+    @cached_property
+    def _fits(self) -> PartFits:
+        landmarks = self._towards_whole(self.hints.landmarks)
+        return PartFits(PartPair.of(self.source, self.target, self.pair.config, landmarks), self._led)
+
+    @cached_property
+    def _led(self) -> IntArray | None:
+        """(n_part,) images by the initial map, or by the pose."""
+        known, pair = self.hints.known, self.pair
+        if not len(known) and pair.config.start == "pose":
+            vertices = np.arange(pair.source.body.n_vertices)
+            known = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
+        return _filled(self.source, self._towards_whole(known)) if len(known) else None
+
+    def solution(self, timer: StageTimer) -> Solution:
+        """Find the map, and the evidence for it."""
+        timer.start("parts")
+        selection, costs = self.match()
+        best, settings = selection.winner, self.pair.config.parts
+        doubt = PartDoubt(costs[0], selection.rival, best.pair.trusted, settings)
+        share = best.refinement.local_unit(best.image) ** 2
+        evidence: tuple[Evidence, ...] = (doubt.evidence,)
+        if self.closed is not None:
+            image = self.closed.image_of(self.side)
+            apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
+            agrees = apart <= settings.apart
+            as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
+            fits = [best, *selection.rivals]
+            returned = _against(fits)(as_found) / costs[0] < settings.closed_score
+            if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
+                with_caps = self.closed.solution(timer)
+                evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
+                if returned and with_caps.outcome is not Outcome.HINTS_CONTRADICTED:
+                    note = (
+                        f"the {self.side} was matched as a part with its holes closed: it has {share:.0%} of the area of "
+                        "the other shape"
+                    )
+                    found = replace(with_caps, quality=replace(with_caps.quality, rival=selection.rival))
+                    return with_doubt(found, evidence, doubt, note, len(self.hints.landmarks) > 0)
+        return self._summed_up(selection, evidence, doubt, share, timer)
+
+    def _summed_up(
+        self,
+        selection: Selection[PartFit],
+        evidence: tuple[Evidence, ...],
+        doubt: PartDoubt,
+        share: float,
+        timer: StageTimer,
+    ) -> Solution:
+        """Bend the part in full, and sum up the map in the direction asked for."""
+        pair, hints, best = self.pair, self.hints, selection.winner
+        settings = pair.config.parts
+        bent = best.bending.in_full(best.bent, settings.bending[-settings.n_bent_in_full :])
+        onto_whole, (onto_part, covered) = bent.onto_whole, bent.onto_part()
+        errors, area = (
+            _expected_errors(best.pair, onto_whole),
+            best.pair.meshes[1].vertex_areas[covered].sum(),
+        )
+        if self.side == "source":
+            points, matched = onto_whole, np.ones(len(errors), dtype=bool)
+        else:
+            points, matched = onto_part, covered
+            errors = errors[points.corners[:, 0]] / best.pair.unit
+        timer.start("quality")
+        quality = self._quality(selection, bent, doubt, points, matched)
+        found = pair.source.correspondence(pair.target, points, matched)
+        solution = Solution(
+            pair,
+            found,
+            quality,
+            (*evidence, Evidence(contradicted=self._contradicts(points, quality))),
+            np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
+            origin=self._origin(best),
+            reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
+        )
+        notes = (
+            *pair.notes,
+            *hints.notes,
+            f"the {self.side} was matched as a part: it has {share:.0%} of the area of the other shape and covers "
+            f"{area:.0%}",
+            *doubt.notes(solution.outcome, len(hints.landmarks) > 0),
+            *contradicted_landmarks(pair, points, hints),
+        )
+        return replace(solution, notes=notes)
+
+    def _origin(self, best: PartFit) -> str:
+        if len(self.hints.known) and best.hint_error <= self.pair.config.outcome.contradiction:
+            return "initial map"
+        return "landmarks" if len(self.hints.landmarks) else "anchors"
+
+    def _contradicts(self, points: PrecisePoints, quality: Quality) -> bool:
+        """Whether most landmarks, or the initial map, are contradicted.
+
+        Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other
+        one.
+        """
+        off = distances_to_hints(self.pair, points.corners[:, 0], self.hints.landmarks)
+        bound = self.pair.config.outcome.contradiction
+        return bool(quality.initial_map_error > bound or (len(off) and np.median(off) > bound))
+
+    def _quality(
+        self,
+        selection: Selection[PartFit],
+        bent: BentPart,
+        doubt: PartDoubt,
+        points: PrecisePoints,
+        matched: BoolArray,
+    ) -> Quality:
+        pair, hints, best = self.pair, self.hints, selection.winner
+        source, target = pair.source, pair.target
+        image = points.corners[:, 0]
+        on_user = np.zeros(source.surface.n_vertices, dtype=bool)
+        on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
+        unit = best.pair.unit if self.side == "source" else 1 / best.pair.unit
+        landmark_error, initial_map_error = np.nan, np.nan
+        if len(hints.landmarks):
+            landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
+        known = hints.known[matched[hints.known[:, 0]]]
+        if len(known):
+            initial_map_error = float(np.median(distances_to_hints(pair, image, known)))
+        return Quality(
+            misfit=best.misfit,
+            rival=selection.rival,
+            mirrored=np.inf,
+            residual=np.nan,
+            stretch=edge_stretch(
+                source.body,
+                image_positions(source.body, target.body, points),
+                pair.config.outcome.torn,
+                unit,
+                matched,
+            ),
+            orientation=best.orientation,
+            distortion_mean=np.nan,
+            distortion_p95=np.nan,
+            coverage=covered_share(target.body, image[matched], pair.config.outcome.coverage_radius),
+            matched=float(on_user.mean()),
+            landmark_error=landmark_error,
+            initial_map_error=initial_map_error,
+            stress=best.stress,
+            bend_misfit=bent.misfit,
+            doubt=doubt.doubt,
+        )
+
+
+def _by_cost(fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
+    """Bend the part by each map, and order maps by their cost; returns also the costs."""
+    parallel_map(attrgetter("cost"), fits)  # on several threads, and kept
+    against = _against(fits)
+    order = sorted(fits, key=against)
+    return order, list(map(against, order))
+
+
+def _against(fits: Sequence[PartFit]) -> Callable[[PartFit], float]:
+    """Return the cost of a map among others, which is higher if it twists the part."""
+    clearest = max(fit.orientation for fit in fits)
+    return lambda fit: fit.cost * (1 if fit.orientation >= 0.5 * clearest else TWISTED)
+
+
+def _filled(part: PreparedShape, known: IntArray) -> IntArray:
+    """Image (n_part,) of each vertex of a part under a map that is known at some: elsewhere that of the nearest one."""
+    _, nearest = distance_along_edges_to_nearest(part.body, np.unique(known[:, 0]))
+    image = np.zeros(part.body.n_vertices, dtype=np.int64)
+    image[known[::-1, 0]] = known[::-1, 1]
+    filled: IntArray = image[nearest]
+    return filled
+
+
+def _expected_errors(pair: PartPair, points: PrecisePoints) -> FloatArray:
+    """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
+    smooth = SmoothPair(pair.part, pair.whole, pair.config)
+    return pair.unit * expected_errors(smooth, points, unit=pair.unit)

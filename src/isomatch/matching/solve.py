@@ -1,0 +1,116 @@
+"""Solve each relation that fits a pair of connected shapes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from isomatch.matching.hints import Hints
+from isomatch.matching.judge import Solution, closed_evidence
+from isomatch.matching.outcome import Outcome
+from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import measure_quality
+from isomatch.matching.relations.closed import match_closed, with_doubt
+from isomatch.matching.relations.elastic import FAR, Elastic, far_from_isometric
+from isomatch.matching.relations.isometry import IsometricMatch, Isometry, Measured
+from isomatch.matching.relations.part import Part
+from isomatch.matching.stages import Stages
+from isomatch.runtime.stage_timer import StageTimer
+
+PartRole = Literal["source", "target", "both"]
+
+
+def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+    """Match the bodies of two shapes.
+
+    Raises
+    ------
+    SettingError
+        If hints are asked for and none was given.
+    NotConvergedError
+        If no map of a part keeps the orientation.
+    """
+    if stages.relation:
+        return stages.relation.on(pair, hints, stages).solution(timer)
+    role = part_role(pair, hints, stages)
+    if role == "both":
+        return _solve_two_parts(pair, hints, stages, timer)
+    if role:
+        closed = None
+        if pair.config.parts.close:
+            timer.start("holes closed")
+            closed = match_closed(pair, hints, stages, timer)
+        return Part(role, closed).on(pair, hints, stages).solution(timer)
+    relation = Isometry().on(pair, hints, stages)
+    return solve_complete(relation, relation.match(timer), timer)
+
+
+def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartRole | None:
+    """Tell which shape is a part, if one is, or both.
+
+    A part has a long boundary. Only refinements that look further, of maps that preserve the orientation, know of parts,
+    without descriptors.
+    """
+    config = pair.config
+    looks_further = stages.refinement.looks_further and config.orientation == "preserve"
+    if config.part == "none" or not pair.oriented or not looks_further or hints.functions[0].shape[1]:
+        return None
+    if config.part != "auto":
+        return config.part
+    longest = config.parts.long_boundary
+    open_source, open_target = (x.longest_boundary > longest for x in (pair.source, pair.target))
+    if open_source and open_target:
+        return "both"
+    return "source" if open_source else "target" if open_target else None
+
+
+def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
+    """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
+    pair, hints = relation.pair, relation.hints
+    timer.start("quality")
+    measured = relation.measure(found)
+    looks_further = relation.refinement.looks_further
+    if looks_further and far_from_isometric(pair, hints, measured.quality):
+        timer.start("elastic match")
+        elastic = _elastic(relation, found)
+        stretched = elastic.match()
+        if stretched:
+            selection, reason = stretched
+            embedding = elastic.refinement.everywhere(elastic, selection.winner)
+            points = pair.target.index.points(embedding.target, embedding.source)
+            quality = replace(measure_quality(pair, points, hints), rival=selection.rival)
+            measured = Measured(points, quality, None, reason, "anchors")
+            return relation.summed_up(found, measured, timer, FAR)
+    return relation.summed_up(found, measured, timer)
+
+
+def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
+    """Match elastically, from the winner and all candidates too."""
+    pair = relation.pair
+    ordinary = np.column_stack([relation.vertices, found.selection.winner.image])
+    others = [
+        np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]])
+        for candidate in found.eligible
+        if candidate.orientation > 0
+    ]
+    return Elastic(ordinary, others).on(pair, relation.hints, relation.stages)
+
+
+def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
+    """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
+    relation = Isometry().on(pair, hints, stages)
+    found = relation.match(timer)
+    timer.start("quality")
+    as_they_are = relation.summed_up(found, relation.measure(found), timer)
+    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
+        return as_they_are
+    timer.start("holes closed")
+    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+    if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
+        return solve_complete(relation, found, timer)
+    doubt, with_caps = closed.doubt, closed.solution(timer)
+    evidence = closed_evidence(doubt.evidence, with_caps.evidence)
+    note = "both shapes were matched with their holes closed"
+    return with_doubt(with_caps, evidence, doubt, note, len(hints.landmarks) > 0)

@@ -1,0 +1,191 @@
+"""The stages of a match that anyone can replace: starts, a relation, a refinement."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self, TypeAlias
+
+import numpy as np
+
+from isomatch.correspondence import Embedding
+from isomatch.errors import SettingError
+from isomatch.matching.fit import Fit
+from isomatch.matching.hints import Hints
+from isomatch.matching.judge import Solution
+from isomatch.matching.pair import ShapePair
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.runtime.threads import parallel_map
+from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import IntArray
+
+Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
+"""Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
+
+
+class Refinement(ABC):
+    """Makes a better map of one: subclass it, implement `__call__`, and hand an instance to `match`.
+
+    A refinement takes part in every relation, in the contest of maps and in the map returned.
+    """
+
+    name: ClassVar[str] = "own"
+    looks_further: ClassVar[bool] = True
+    """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
+
+    @abstractmethod
+    def __call__(self, relation: Relation, fit: Fit) -> Fit:
+        """Refine one map.
+
+        Parameters
+        ----------
+        relation : Relation
+            Its ``source`` and ``target`` are the prepared shapes, its ``vertices`` (r,) those of the source that are
+            mapped.
+        fit : Fit
+            The map: ``fit.image`` (r,) are vertices of the target's body.
+
+        Returns
+        -------
+        Fit
+            The map refined, measured by ``relation.measured(fit, image)``.
+        """
+
+    def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine several maps; those that are hopeless may be given up on the way."""
+        return parallel_map(lambda fit: self(relation, fit), fits)
+
+    def again(self, relation: Relation, fit: Fit) -> Fit:
+        """Refine a map that was refined and then moved."""
+        return self(relation, fit)
+
+    def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points."""
+        return relation.embedding(fit)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether a smooth map is preferred to one that recognises every point."""
+        return False
+
+
+class Relation(ABC):
+    """What is claimed of two shapes, and how a map is found, measured and judged that bears it out.
+
+    `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as `score`.
+    """
+
+    pair: ShapePair
+    hints: Hints
+    stages: Stages
+
+    def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
+        """Return the relation between the shapes of a pair, of which something may be known."""
+        bound = copy(self)
+        bound.pair, bound.hints, bound.stages = pair, hints, stages or Stages()
+        return bound
+
+    @property
+    def refinement(self) -> Refinement:
+        """The refinement of the match."""
+        return self.stages.refinement
+
+    @property
+    def source(self) -> PreparedShape:
+        """The shape whose vertices are mapped."""
+        return self.pair.source
+
+    @property
+    def target(self) -> PreparedShape:
+        """The shape onto which they are mapped."""
+        return self.pair.target
+
+    @property
+    def vertices(self) -> IntArray:
+        """(r,) vertices of the source's body that a fit maps."""
+        return self.pair.refinement_vertices
+
+    @abstractmethod
+    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine maps as isomatch does: by joint coordinates of functions, signatures, positions and normals."""
+
+    def refined_again(self, fit: Fit) -> Fit:
+        """Refine a map that was refined and then moved."""
+        return self.refined([fit])[0]
+
+    @abstractmethod
+    def measured(self, fit: Fit, image: IntArray) -> Fit:
+        """Measure the map that a fit has become: misfit and score of the images (r,)."""
+
+    @abstractmethod
+    def embedding(self, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of both bodies in which images under a map are nearest points."""
+
+    @abstractmethod
+    def solution(self, timer: StageTimer) -> Solution:
+        """Find the map, and the evidence for it."""
+
+
+class Joint(Refinement):
+    """Spectral upsampling joint with signatures, positions and normals, then registration."""
+
+    name: ClassVar[str] = "joint"
+
+    def __call__(self, relation: Relation, fit: Fit) -> Fit:
+        """Refine one map."""
+        return relation.refined([fit])[0]
+
+    def contest(self, relation: Relation, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine several maps in stages, after each of which hopeless ones are given up."""
+        return relation.refined(fits)
+
+    def again(self, relation: Relation, fit: Fit) -> Fit:
+        """Take the last steps once more."""
+        return relation.refined_again(fit)
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The stages of a match.
+
+    Parameters
+    ----------
+    refinement : Refinement
+    starts : sequence of Start, optional
+        By default `default_starts`.
+    relation : Relation, optional
+        By default every relation that fits the pair is tried.
+    """
+
+    refinement: Refinement = field(default_factory=Joint)
+    starts: Sequence[Start] | None = None
+    relation: Relation | None = None
+
+    def __post_init__(self) -> None:
+        for name, kind in (("refinement", Refinement), ("relation", Relation)):
+            value: Any = getattr(self, name)
+            if value is not None and not isinstance(value, kind):
+                raise SettingError(
+                    f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
+                )
+        if self.starts is not None and not all(callable(start) for start in self.starts):
+            raise SettingError("starts hold something that cannot be called with a pair of shapes")
+
+
+def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
+    """Collect the first maps of starts, checked: arrays (q, 2) of vertices of both bodies."""
+    found = []
+    sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
+    for start in starts:
+        for pairs in start(pair):
+            pairs = np.asarray(pairs)
+            fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
+            if not fits or (pairs < 0).any() or (pairs >= sizes).any():
+                raise SettingError(
+                    f"the start {start!r} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected at least "
+                    f"three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
+                )
+            found.append(pairs)
+    return found
