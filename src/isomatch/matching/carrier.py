@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from isomatch.correspondence import UNMATCHED
+from isomatch.correspondence import UNMATCHED, nearest_rotation
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import MatchResult
 from isomatch.shapes import PreparedShape
@@ -113,10 +113,7 @@ class Carrier:
 
 def _rotation(covariance: FloatArray, side: float) -> FloatArray:
     """Find the rotations (..., 3, 3) of rows that keep most of covariances of two point sets; or mirror images."""
-    u, _, vt = np.linalg.svd(covariance)
-    u[..., 2] *= (side * np.linalg.det(u @ vt))[..., None]
-    rotation: FloatArray = u @ vt
-    return rotation
+    return nearest_rotation(covariance, mirrored=side < 0)
 
 
 def _positions(shape: PreparedShape, unit: float) -> FloatArray:
