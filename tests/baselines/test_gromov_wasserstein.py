@@ -23,7 +23,7 @@ def landmarks_of(shape, truth):
 def error(image, truth, target):
     """Mean distance on the target between images and truths / √(target area), at some vertices."""
     rows = np.arange(0, len(truth), 20)
-    apart = geodesic_distances(target.mesh, truth[rows])[np.arange(len(rows)), image[rows]]
+    apart = geodesic_distances(target.surface, truth[rows])[np.arange(len(rows)), image[rows]]
     return apart.mean() / np.sqrt(target.surface.area)
 
 
@@ -81,7 +81,7 @@ def test_another_pose_with_landmarks(poses):
 
 def test_relabelling_and_motion_change_nothing(poses):
     source, target, truth = poses
-    moved = disguised(target.mesh, seed=5)
+    moved = disguised(target.surface, seed=5)
     landmarks = landmarks_of(source, truth)
     plain = gromov_wasserstein(source, target, landmarks, config=CONFIG)
     landmarks[:, 1] = moved.new_vertex[landmarks[:, 1]]
@@ -91,7 +91,7 @@ def test_relabelling_and_motion_change_nothing(poses):
 
 def test_features_are_descriptors_where_given(poses):
     source, target, truth = poses
-    values = source.mesh.vertices
+    values = source.surface.vertices
     given = values, values[np.argsort(truth)]
     found = gromov_wasserstein(source, target, initial_descriptors=given, config=CONFIG)
     assert found.origin == "descriptors"
@@ -99,7 +99,7 @@ def test_features_are_descriptors_where_given(poses):
 
 
 def test_graphs_are_matched(poses):
-    mesh = poses[0].mesh
+    mesh = poses[0].surface
     edges = np.unique(np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(np.subtract(*mesh.vertices[edges.T]), axis=1)
     graph = Graph(mesh.n_vertices, edges, lengths)

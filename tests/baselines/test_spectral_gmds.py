@@ -94,7 +94,7 @@ def test_distances_landmarks_and_growth_decide(poses):
     source, target, truth = poses
     landmarks = landmarks_of(source, truth)
     wrong = np.column_stack([landmarks[:, 0], np.roll(landmarks[:, 1], 1)])
-    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.surface.area)
+    columns = geodesic_distances(target.surface, truth[::15]) / np.sqrt(target.surface.area)
     here, there = (spectral_distances(shape, 30) for shape in (source, target))
 
     def commutator(**weights):

@@ -95,7 +95,7 @@ def test_poses_of_creatures(settings, hinted, bound):
     hints = {"landmarks": np.column_stack([vertices, truth[vertices]])} if hinted else {}
     found = spectral_gradient_fields(source, target, **hints)
     assert found.origin == ("landmarks" if hinted else "eigenfunctions")
-    columns = geodesic_distances(target.mesh, truth[::15]) / np.sqrt(target.surface.area)
+    columns = geodesic_distances(target.surface, truth[::15]) / np.sqrt(target.surface.area)
     assert columns[np.arange(len(columns)), found.map.vertices[::15]].mean() < bound
     assert found.quality.orientation > 0.8
 

@@ -6,6 +6,7 @@ from scipy.spatial import procrustes
 from scipy.spatial.distance import pdist, squareform
 
 from isomatch import MemoryBudgetError, SettingError, canonical_form, distance_basis, geodesic_distances
+from isomatch.bases import classical_scaling
 from isomatch.datasets import creature
 from shapes import cylinder, flat_grid, icosphere, planar_delaunay
 
@@ -63,6 +64,16 @@ def test_the_distance_basis_is_more_accurate_than_the_canonical_form():
 def test_more_dimensions_than_positive_eigenvalues():
     with pytest.raises(SettingError, match=r"eigenvalues are positive.*smaller dim"):
         canonical_form(flat_grid(3, 3), 9, "exact")
+
+
+def test_weighted_points_are_found_again():
+    rng = np.random.default_rng(0)
+    points, measure = rng.normal(size=(12, 3)), rng.uniform(1, 9, 12)
+    distances = squareform(pdist(points))
+    found, values = classical_scaling(distances**2, measure, 4)
+    np.testing.assert_allclose(squareform(pdist(found)), distances, atol=1e-7)
+    np.testing.assert_allclose(measure @ found, 0, atol=1e-6)
+    np.testing.assert_allclose((measure[:, None] * found).T @ found, np.diag(values), atol=1e-6)
 
 
 def test_unknown_method():

@@ -466,7 +466,7 @@ def test_methods_share_landmarks_and_prepared_shapes(small, monkeypatch, tmp_pat
 
     def method(source, target, **hints):
         given.append((source, hints))
-        return Correspondence(np.zeros(source.mesh.n_vertices, dtype=int), target.mesh.n_vertices)
+        return Correspondence(np.zeros(source.surface.n_vertices, dtype=int), target.surface.n_vertices)
 
     for name, count in (("blind", 0), ("led", 5)):
         monkeypatch.setitem(METHODS, name, Method(method, count))

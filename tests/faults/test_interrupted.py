@@ -92,8 +92,8 @@ import os, signal, time
 from isomatch import __main__
 from isomatch.storage import files
 
-abandon = _files.abandon_files
-_files.abandon_files = lambda: (abandon(), os.kill(os.getpid(), signal.SIGTERM))
+abandon = files.abandon_files
+files.abandon_files = lambda: (abandon(), os.kill(os.getpid(), signal.SIGTERM))
 __main__._command = lambda: (os.kill(os.getpid(), signal.SIGINT), time.sleep(20))
 __main__.program()
 """

@@ -118,7 +118,7 @@ def test_orientation_chooses_between_a_map_and_its_mirror_image():
     for orientation, mirrored in (("preserve", False), ("reverse", True)):
         found = match(*shapes, config=replace(shapes[0].config, orientation=orientation))
         truth = new_vertex[ground_truth(source, target, mirrored=mirrored).vertices]
-        assert errors(found.map.vertices, truth, shapes[1].mesh).mean() < 0.025, orientation
+        assert errors(found.map.vertices, truth, shapes[1].surface).mean() < 0.025, orientation
         assert (found.quality.orientation > 0) == (orientation == "preserve")
 
 

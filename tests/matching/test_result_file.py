@@ -91,7 +91,7 @@ def test_settings_are_only_those_of_methods(tmp_path, result):
     about = json.loads(str(arrays["about"]))
     for settings in ("os.system", "Nobody"):
         np.savez(path, **{**arrays, "about": json.dumps({**about, "settings": settings})})
-        with pytest.raises(FormatError, match=r"its settings .* are not known; first import"):
+        with pytest.raises(FormatError, match=r"its settings .* are not known; import the method"):
             MatchResult.load(path)
     with pytest.raises(MissingFileError):
         MatchResult.load(tmp_path / "nothing.npz")

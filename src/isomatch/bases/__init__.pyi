@@ -1,5 +1,5 @@
 from isomatch.bases.build import distance_basis
-from isomatch.bases.canonical_form import CanonicalForm, canonical_form
+from isomatch.bases.canonical_form import CanonicalForm, canonical_form, classical_scaling
 from isomatch.bases.choices import BasisMethod, Weighting
 from isomatch.bases.distance_basis import DistanceBasis
 from isomatch.bases.domain import basis_domain
@@ -18,6 +18,7 @@ __all__ = [
     "Weighting",
     "basis_domain",
     "canonical_form",
+    "classical_scaling",
     "distance_basis",
     "exact_basis",
     "factorised",

@@ -118,7 +118,7 @@ def canonical_form(
             sampling = Sampling(np.arange(n), distances.distances_from(np.arange(n)))
             if not np.isfinite(sampling.columns).all():
                 raise MeshError("some points cannot be reached from others; pass one connected component")
-            points, values = _scaled(sampling.columns**2, measure, dim)
+            points, values = classical_scaling(sampling.columns**2, measure, dim)
         else:
             start = peripheral_vertex(surface, distances, seed)
             sampling = farthest_point_sampling(distances, min(p, n), start)
@@ -131,8 +131,37 @@ def canonical_form(
     return CanonicalForm(points, values, _stress(points, sampling, measure))
 
 
-def _scaled(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:
-    """Classical scaling of all squared distances: eigenpairs of A^½ (−½ J D² J) A^½."""
+def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:
+    """Place points in a Euclidean space by all their squared distances.
+
+    Parameters
+    ----------
+    squares : (n, n) array of float
+        Squared distances. They are made symmetric.
+    measure : (n,) array of float
+        How much each point counts, above 0.
+    dim : int
+        Number of coordinates.
+
+    Returns
+    -------
+    points : (n, min(dim, n)) array of float
+        Coordinates, centred, in decreasing order of spread; 0 along axes whose eigenvalue is not positive.
+    values : (min(dim, n),) array of float
+        The eigenvalues, decreasing.
+
+    Notes
+    -----
+    Torgerson, *Multidimensional scaling: I. Theory and method*, Psychometrika 1952, with weights: eigenpairs of
+    A^½ (−½ J D² J) A^½. O(n³).
+
+    Examples
+    --------
+    >>> squares = np.array([[0.0, 1, 9], [1, 0, 4], [9, 4, 0]])
+    >>> points, values = classical_scaling(squares, np.ones(3), dim=1)
+    >>> abs(points[:2] - points[1:]).round(6).ravel()
+    array([1., 2.])
+    """
     share = measure / measure.sum()
     inner = -0.25 * (squares + squares.T)
     mean = inner @ share

@@ -42,6 +42,7 @@ from isomatch.correspondence.rigid_registration import (
     register_as_rigid_as_possible,
     with_normals,
 )
+from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.correspondence.welding import welded_map
@@ -74,6 +75,7 @@ __all__ = [
     "nearest_in_triangle",
     "nearest_of_few",
     "nearest_points",
+    "nearest_rotation",
     "nearest_rows",
     "nearest_under_rotation",
     "nearest_with_normals",

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 
 from isomatch.bases import factorised, stiffness_and_masses
+from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.errors import SettingError
 from isomatch.loading.compiled import compiled
@@ -131,7 +132,11 @@ class RigidRegistration:
             solve = factorised(stiffness, pull)
             for _ in range(ROTATED):
                 _covariances(before, moved, start, neighbours, weights, covariances)
-                turn = _rotations(covariances) if turn is None else _turned(turn, covariances)
+                turn = (
+                    nearest_rotation(covariances).transpose(0, 2, 1)
+                    if turn is None
+                    else _turned(turn, covariances)
+                )
                 _pulled(before, turn, start, neighbours, weights, pulled)
                 moved = np.ascontiguousarray(solve(drawn + pulled))
         return moved
@@ -190,14 +195,6 @@ def _pulled(
                 for column in range(3):
                     edge = before[i, column] - before[j, column]
                     pulled[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
-
-
-def _rotations(covariances: FloatArray) -> FloatArray:
-    """Rotations (n, 3, 3) R that maximise the trace of R Σ, for covariances Σ of vectors before and after."""
-    u, _, vt = np.linalg.svd(covariances)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    turn: FloatArray = (u @ vt).transpose(0, 2, 1)
-    return turn
 
 
 @compiled()

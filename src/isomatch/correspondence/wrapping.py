@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.correspondence.correspondence import Correspondence
+from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.correspondence.untangling import Untangling
 from isomatch.correspondence.welding import welded_map
 from isomatch.errors import MapError
@@ -128,9 +129,8 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
     here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
     middles = here.mean(axis=1), there.mean(axis=1)
     here, there = here - middles[0][:, None], there - middles[1][:, None]
-    u, _, vt = np.linalg.svd(here.transpose(0, 2, 1) @ there)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    turned = (mesh.vertices[rows] - middles[0][component])[:, None] @ (u @ vt)[component]
+    rotations = nearest_rotation(here.transpose(0, 2, 1) @ there)
+    turned = (mesh.vertices[rows] - middles[0][component])[:, None] @ rotations[component]
     placed[rows] = turned[:, 0] + middles[1][component]
     return placed
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from isomatch.correspondence import UNMATCHED
+from isomatch.correspondence import UNMATCHED, nearest_rotation
 from isomatch.matching.judge import Solution
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import Mesh
@@ -112,10 +112,7 @@ class Carrier:
 
 def _rotation(covariance: FloatArray, side: float) -> FloatArray:
     """Find the rotations (..., 3, 3) of rows that keep most of covariances of two point sets; or mirror images."""
-    u, _, vt = np.linalg.svd(covariance)
-    u[..., 2] *= (side * np.linalg.det(u @ vt))[..., None]
-    rotation: FloatArray = u @ vt
-    return rotation
+    return nearest_rotation(covariance, mirrored=side < 0)
 
 
 def _positions(shape: PreparedShape, unit: float) -> FloatArray:

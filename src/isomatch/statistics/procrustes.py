@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from isomatch.correspondence import nearest_rotation
 from isomatch.errors import MeshError, NotConvergedError, SettingError
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
@@ -203,11 +204,7 @@ def _products(centred: FloatArray, share: FloatArray) -> FloatArray:
 
 def _nearest_rotations(products: FloatArray) -> FloatArray:
     """Rotations (…, 3, 3) that maximise the trace of their products with given matrices."""
-    u, _, vt = np.linalg.svd(products)
-    v, ut = np.swapaxes(vt, -1, -2).copy(), np.swapaxes(u, -1, -2)
-    v[..., 2] *= np.linalg.det(v @ ut)[..., None]
-    rotations: FloatArray = v @ ut
-    return rotations
+    return np.swapaxes(nearest_rotation(products), -1, -2)
 
 
 def _pair_distances(products: FloatArray) -> FloatArray:

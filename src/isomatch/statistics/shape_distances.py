@@ -8,6 +8,7 @@ import numpy as np
 from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import squareform
 
+from isomatch import bases
 from isomatch.errors import InputError, SettingError
 from isomatch.geodesics import distance_engine, euclidean_farthest_points
 from isomatch.statistics.procrustes import generalised_procrustes
@@ -130,15 +131,12 @@ def classical_scaling(distances: FloatArray, dim: int = 2) -> FloatArray:
     >>> classical_scaling([[0, 1, 3], [1, 0, 2], [3, 2, 0]], dim=1).round(6).ravel()
     array([-1.333333, -0.333333,  1.666667])
     """
-    squares = _checked(distances) ** 2
-    m = len(squares)
-    centred = squares - squares.mean(axis=0) - squares.mean(axis=1, keepdims=True) + squares.mean()
-    values, vectors = np.linalg.eigh(-centred / 2)
-    points = np.zeros((m, max(dim, m)))
-    points[:, :m] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
+    checked = _checked(distances)
+    m = len(checked)
+    points = np.zeros((m, dim))
+    points[:, :m] = bases.classical_scaling(checked**2, np.ones(m), dim)[0]
     farthest = np.take_along_axis(points, np.abs(points).argmax(axis=0)[None], axis=0)
-    placed: FloatArray = (points * np.where(farthest < 0, -1.0, 1.0))[:, :dim]
-    return placed
+    return points * np.where(farthest < 0, -1.0, 1.0)
 
 
 def _checked(distances: FloatArray) -> FloatArray:

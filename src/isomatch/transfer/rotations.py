@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch.correspondence import nearest_rotation
 from isomatch.transfer.bridge import Bridge
 from isomatch.values.arrays import FloatArray
 
@@ -26,7 +27,4 @@ def rotations(bridge: Bridge) -> FloatArray:
     for k in range(3):
         np.add.at(summed, mesh.faces[:, k], fit)
     summed[(summed == 0).all(axis=(1, 2))] = np.eye(3)
-    u, _, vt = np.linalg.svd(summed)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    turn: FloatArray = u @ vt
-    return turn
+    return nearest_rotation(summed)

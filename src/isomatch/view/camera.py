@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import Correspondence, nearest_rotation
 from isomatch.geodesics import ordinary_unit
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
@@ -134,8 +134,7 @@ def turn_to_target(source: Mesh, target: Mesh, correspondence: Correspondence) -
     at_source, at_target = source.vertices[seen], target.vertices[correspondence.vertices[seen]]
     at_source = at_source - np.average(at_source, axis=0, weights=weights)
     at_target = at_target - np.average(at_target, axis=0, weights=weights)
-    u, _, vt = np.linalg.svd(at_target.T @ (at_source * weights[:, None]))
-    best = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    best = nearest_rotation(at_target.T @ (at_source * weights[:, None]))
     cosines = np.array([(np.trace(turn.T @ best) - 1) / 2 for turn in _QUARTER_TURNS])
     cosines[0] += np.cos(SNAP) - np.cos(LEAN)  # the first turn is the identity, which is preferred up to LEAN
     nearest = int(cosines.argmax())
