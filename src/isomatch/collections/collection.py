@@ -46,6 +46,20 @@ class Collection:
         Settings of the matches.
     seed : int
         Their seed.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from isomatch import Mesh, write_mesh
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in "abc":
+    ...         write_mesh(f"{folder}/{name}.off", triangle)
+    ...     collection = Collection.create(f"{folder}/maps", folder, template="b")
+    ...     Collection.open(f"{folder}/maps").wanted_pairs(collection.rows())
+    []
+    >>> collection.names, collection.pairs, collection.template
+    (['a', 'b', 'c'], 'star', 'b')
     """
 
     folder: Path

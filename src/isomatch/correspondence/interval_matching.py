@@ -23,6 +23,14 @@ class IntervalCost:
     ----------
     tolerance, inside, most, soft : float
         As in the formula; ``most`` makes the cost robust, ``inside`` prefers the upper bound.
+
+    Examples
+    --------
+    A distance in the interval [1, 2] costs nothing; farther outside the cost grows with the violation, up to ``most``.
+
+    >>> cost = IntervalCost(tolerance=0.0, inside=0.0, most=3.0, soft=0.0)
+    >>> cost(np.array([1.5, 3.0, 100.0]), lower=np.ones(3), upper=np.full(3, 2.0))
+    array([0. , 0.5, 1.5])
     """
 
     tolerance: float = 0.05
@@ -78,6 +86,17 @@ def assign_points(
     Notes
     -----
     O(width m (c m + width)).
+
+    Examples
+    --------
+    Candidates on a line at 0, 1, 3, 7. Three points whose distances are known exactly have one place there.
+
+    >>> places = np.array([0.0, 1.0, 3.0, 7.0])
+    >>> distances = np.abs(places[:, None] - places)
+    >>> known = np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
+    >>> assigned, cost = assign_points(distances, known, known, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
+    >>> assigned[0], float(cost[0])
+    (array([2, 3, 1]), 0.0)
     """
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
@@ -163,7 +182,23 @@ def _keep_differing(
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
-    """Let the first points go to given candidates (q,) alone, by their costs (m, c), which are changed."""
+    """Let the first q points go to given candidates alone.
+
+    Parameters
+    ----------
+    unary : (m, c) array of float
+        Cost of each assignment by itself, changed in place: `FORBIDDEN` for the other candidates of these points.
+    candidates : (q,) array of int
+        Candidate of each of the first points, q ≤ m.
+
+    Examples
+    --------
+    >>> unary = np.ones((2, 3))
+    >>> pin_first(unary, np.array([2]))
+    >>> unary
+    array([[50., 50.,  0.],
+           [ 1.,  1.,  1.]])
+    """
     first = np.arange(len(candidates))
     unary[first] = FORBIDDEN
     unary[first, candidates] = 0.0
@@ -188,6 +223,16 @@ def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cos
     Notes
     -----
     O(q m c), in single precision.
+
+    Examples
+    --------
+    Anchors at both ends of a line of five candidates. The first point is known exactly. Two candidates fit the second;
+    the one nearer to its upper bounds costs less.
+
+    >>> to_anchors = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
+    >>> lower, upper = np.array([[1.0, 3.0], [0.0, 2.0]]), np.array([[1.0, 3.0], [2.0, 3.0]])
+    >>> trilaterate(lower, upper, to_anchors, IntervalCost())
+    array([1, 2])
     """
     placed = np.zeros(len(lower), dtype=np.int64)
     tolerance, inside, most, soft = single(np.array(cost.numbers))

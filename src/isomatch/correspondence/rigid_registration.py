@@ -74,6 +74,21 @@ def register_as_rigid_as_possible(
     in R and in y by turns. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
     Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source
     rows, and searches n_source nearest points in six dimensions: 25 ms for 5000 vertices.
+
+    Examples
+    --------
+    An octahedron is bent onto itself turned by 0.3 rad, from positions that are a tenth smaller than it.
+
+    >>> from isomatch.correspondence import VertexCells
+    >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
+    >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    >>> c, s = np.cos(0.3), np.sin(0.3)
+    >>> source = Mesh(corners, faces)
+    >>> target = Mesh(corners @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), faces)
+    >>> index = SurfaceIndex(target.faces, VertexCells.of(np.array([0]), np.zeros(6, dtype=int)))
+    >>> bent = register_as_rigid_as_possible(source, target, index, 0.9 * target.vertices, lengths=[10.0, 10.0])
+    >>> bool(np.allclose(bent, target.vertices, atol=1e-2))
+    True
     """
     return RigidRegistration(source)(target, index, positions, lengths, 1.0, normal_unit, held)
 
@@ -85,6 +100,17 @@ class RigidRegistration:
     ----------
     source : Mesh
         The surface that is bent.
+
+    Examples
+    --------
+    A surface registered with itself stays as it is.
+
+    >>> from isomatch.correspondence import VertexCells
+    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    >>> index = SurfaceIndex(wedge.faces, VertexCells.of(np.array([0]), np.zeros(4, dtype=int)))
+    >>> still = RigidRegistration(wedge)(wedge, index, wedge.vertices, lengths=[1.0, 0.5])
+    >>> bool(np.allclose(still, wedge.vertices))
+    True
     """
 
     def __init__(self, source: Mesh) -> None:
@@ -142,13 +168,66 @@ def nearest_with_normals(
 ) -> PrecisePoints:
     """Find the point of a surface nearest to each vertex of a mesh, in space and in normals times a unit.
 
-    The unit is a distance in the units of the surfaces; the default is for an area of about 1.
+    Parameters
+    ----------
+    queries : Mesh
+        The mesh of m vertices.
+    surface : Mesh
+        The surface.
+    index : SurfaceIndex
+        Of the surface.
+    unit : float
+        Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
+        default is for an area of about 1.
+
+    Returns
+    -------
+    PrecisePoints
+        m points of the surface.
+
+    Notes
+    -----
+    Minimises ‖x − y‖² + unit² ‖n(x) − n(y)‖². Normals tell sheets apart that lie close together, such as both sides of a
+    thin part. Cost as for `nearest_in_cells`.
+
+    Examples
+    --------
+    Two sheets 0.02 apart face up and down. The query between them faces up, and is a little nearer to the one that faces
+    down.
+
+    >>> from isomatch.correspondence import VertexCells
+    >>> corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> sheets = Mesh(np.concatenate([corners, corners - [0, 0, 0.02]]), [[0, 1, 2], [3, 5, 4]])
+    >>> index = SurfaceIndex(sheets.faces, VertexCells.of(np.array([0]), np.zeros(6, dtype=int)))
+    >>> query = Mesh(corners - [0, 0, 0.012], [[0, 1, 2]])
+    >>> nearest_with_normals(query, sheets, index).corners[:, 0]
+    array([0, 1, 2])
+    >>> nearest_with_normals(query, sheets, index, unit=0.0).corners[:, 0]
+    array([3, 4, 5])
     """
     return index.points(with_normals(surface, unit), with_normals(queries, unit))
 
 
 def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
-    """Coordinates (n, 6) of the vertices of a mesh, in which `nearest_with_normals` finds the nearest point."""
+    """Append the vertex normals of a mesh to its positions: the space in which `nearest_with_normals` searches.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        n vertices.
+    unit : float
+        Factor of the unit normals, in the units of the mesh.
+
+    Returns
+    -------
+    (n, 6) array of float
+        Positions, and normals times the unit.
+
+    Examples
+    --------
+    >>> with_normals(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), unit=0.5)[1]
+    array([1. , 0. , 0. , 0. , 0. , 0.5])
+    """
     return np.hstack([mesh.vertices, unit * mesh.vertex_normals])
 
 

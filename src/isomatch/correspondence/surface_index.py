@@ -20,6 +20,17 @@ class SurfaceIndex:
         Triangles; none for points and graphs.
     cells : VertexCells
         Partition of the vertices into compact cells.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> index = SurfaceIndex(np.array([[0, 1, 2]]), VertexCells.of(np.array([0]), np.zeros(3, dtype=int)))
+    >>> query = np.array([[0.6, 0.1]])
+    >>> index.vertices(triangle, query)
+    array([1])
+    >>> index.points(triangle, query).interpolated(triangle).round(6)
+    array([[0.6, 0.1]])
     """
 
     faces: IntArray

@@ -32,6 +32,13 @@ class Wrapped:
         Faces whose normal was against that of the target, and that remain so after mending.
     extended : int
         Vertices without an image, placed by those around them.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> wrapped = wrap(Correspondence([0, 1, 2, -1], n_target=4), square, square)
+    >>> wrapped.extended, wrapped.inverted, wrapped.mesh
+    (1, 0, Mesh(4 vertices, 2 faces))
     """
 
     mesh: Mesh

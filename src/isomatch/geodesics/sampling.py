@@ -65,6 +65,21 @@ def farthest_point_sampling(engine: DistanceEngine, n_samples: int, start: int) 
     samples are chosen, a front advances only where its sample is the nearest so far, which costs about log p full
     fronts; the p full columns are then computed on all threads. Engines that compute full columns anyway are asked
     for each only once.
+
+    Examples
+    --------
+    >>> from isomatch import distance_engine
+    >>> places = np.array([0.0, 1.0, 2.0, 7.0])
+    >>> line = distance_engine(np.abs(places[:, None] - places))
+    >>> sampling = farthest_point_sampling(line, 3, start=0)
+    >>> sampling.vertices, sampling.columns[1]
+    (array([0, 3, 2]), array([7., 6., 5., 0.]))
+
+    Coincident points cannot both be samples.
+
+    >>> farthest_point_sampling(distance_engine(np.zeros((2, 2))), 2, start=0)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    isomatch.errors.MeshError: cannot place 2 samples: only 1 points are distinct; ask for fewer samples, ...
     """
     if n_samples < 1:
         raise SettingError(f"n_samples = {n_samples} is not a positive number of samples")

@@ -101,6 +101,15 @@ class MeshReport:
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
         Closed or nearly closed, consistently wound components of negative volume; see `repair`.
+
+    Examples
+    --------
+    >>> from isomatch import Mesh, check
+    >>> report = check(Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 0, 1]]))
+    >>> report
+    MeshReport(4 vertices, 2 faces, 0 fatal defects, 2 warnings)
+    >>> report.ok, report.n_boundary_loops, report.unused_vertices, report.repeated_index_faces
+    (False, 1, array([3]), array([1]))
     """
 
     n_vertices: int
