@@ -47,7 +47,6 @@ WITHOUT_EXAMPLE = {  # shrinks to nothing: an entry that has an example is refus
     "Outcome",
     "PreparedShape",
     "Quality",
-    "nearest_landmarks",
     "prepare",
     "write_asset",
 }

@@ -100,14 +100,15 @@ def assign_points(
     """
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
+    # of h partial assignments: candidates (h, point), costs (h,), summed distances Σ_a d(x_a, y_a) of each two (h, h)
     assigned, total, between = np.zeros((1, 0), dtype=np.int64), np.zeros(1), np.zeros((1, 1))
     for point in range(m):
         added = np.zeros((len(assigned), c))
         _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
-        children = (total[:, None] + unary[point] + added).ravel()
-        take = min(len(children), 12 * width)
+        children = (total[:, None] + unary[point] + added).ravel()  # (h c,): child = parent c + candidate
+        take = min(len(children), 12 * width)  # more than are kept, because variants of one are dropped
         best = np.argpartition(children, take - 1)[:take]
-        best = best[np.lexsort((best, children[best]))]
+        best = best[np.lexsort((best, children[best]))]  # least cost first, ties by number
         parent, candidate = np.divmod(best, c)
         kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
         count = _keep_differing(distances, parent, candidate, apart * (point + 1), between, kept, of_kept)
@@ -165,6 +166,7 @@ def _keep_differing(
         differs = True
         for k in range(n - 1, -1, -1):
             other = parent[kept[k]]
+            # Σ_a d(x_a, y_a) of two children: that of their parents, and the distance of their last candidates
             total = of_parents[mine, other] + distances[here, last[kept[k]]]
             of_kept[n, k] = total
             if total < apart:
@@ -173,7 +175,7 @@ def _keep_differing(
         if differs:
             kept[n] = i
             latest[mine] = n
-            for k in range(n + 1):
+            for k in range(n + 1):  # the column; distances need not be symmetric to the last bit
                 of_kept[k, n] = of_parents[parent[kept[k]], mine] + distances[last[kept[k]], here]
             n += 1
             if n == len(kept):
@@ -262,7 +264,7 @@ def _trilaterate(
     for i in range(q):
         for k in range(c):
             total[k] = 0.0
-        for a in range(m):
+        for a in range(m):  # anchors outside, candidates inside: rows of distances are read in order
             u = upper[i, a]
             low, high = lower[i, a] * (one - tolerance), u * (one + tolerance)
             weight = one / (soft + u)

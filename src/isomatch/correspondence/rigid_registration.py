@@ -121,7 +121,7 @@ class RigidRegistration:
         """Stiffness and areas; neighbours of each vertex and their weights, by rows."""
         stiffness, areas = stiffness_and_masses(self.source)
         links = coo_array(stiffness)
-        apart = links.row != links.col
+        apart = links.row != links.col  # L_ij = −w_ij off the diagonal
         order = np.lexsort((links.col[apart], links.row[apart]))
         start = np.zeros(len(areas) + 1, dtype=np.int64)
         np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
@@ -150,6 +150,8 @@ class RigidRegistration:
             if step > 0:
                 nearest = nearest_with_normals(self.source.moved(moved), target, index, normal_unit)
                 wanted = nearest.interpolated(target.vertices)
+            # ∇E = 0 over ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j), where a = scale² areas, and
+            # π ℓ², a disc of that radius, for vertices that are held
             pull = areas * (scale / length) ** 2
             pull[vertices] = np.pi
             drawn = pull[:, None] * wanted
@@ -274,7 +276,7 @@ def _pulled(
 def _rotations(covariances: FloatArray) -> FloatArray:
     """Rotations (n, 3, 3) R that maximise the trace of R Σ, for covariances Σ of vectors before and after."""
     u, _, vt = np.linalg.svd(covariances)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]  # Kabsch: no reflection; the last singular value is least
     turn: FloatArray = (u @ vt).transpose(0, 2, 1)
     return turn
 
@@ -289,11 +291,14 @@ def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
     for i in range(len(turn)):
         _multiply(found[i], covariances[i], m)
         for _ in range(TURNS):
+            # m = R Σ is symmetric where its trace is largest. Its skew part is along the axis of the missing turn; the
+            # size of that part over the trace is roughly the angle
             x, y, z = m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]
             size = np.sqrt(x * x + y * y + z * z)
             angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + SMALLEST)
             if angle < STILL:
                 break
+            # Rodrigues: cos I + sin [axis]× + (1 − cos) axis axisᵀ
             x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)
             step[0, 0], step[1, 1], step[2, 2] = rest * x * x, rest * y * y, rest * z * z
             for k in range(3):

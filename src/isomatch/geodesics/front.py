@@ -101,7 +101,7 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     front at least 1 / MOST_FOCUS steps.
     """
     start = radius - step
-    if step <= 0.0:
+    if step <= 0.0:  # c is on the edge, or coincides with v
         return before
     spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
     share = start / radius
@@ -192,9 +192,10 @@ def _march(
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
                 # in the plane of the stencil, v = (0, 0), w = (length, 0), c = (x, y), y > 0; the virtual source at
                 # distances dv and dw is (sx, −√squared), and height is how far above it c lies
+                # sx² + squared = dv², (sx − length)² + squared = dw²
                 sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                 squared = dv * dv - sx * sx
-                if squared > 0.0:
+                if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
                     height = y + np.sqrt(squared)
                     # abscissa at which the ray from there to c crosses the edge, times height
                     crossing = sx * y + x * (height - y)

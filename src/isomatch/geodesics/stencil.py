@@ -93,6 +93,7 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
         mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
     )
     one, two = following - at, before - at
+    # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
     angles = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.einsum("ij,ij->i", one, two))
     missing = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
     rim = np.flatnonzero(opposite < 0)  # corners that face a boundary edge; its ends are the other two
@@ -120,6 +121,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     """Store each update (c; a, b) once for the trigger a and, mirrored, once for the trigger b."""
     n = len(curvature)
     target, a, b = corners.T
+    # with b at the origin and a on the axis, the target is at (|ab| − x, y)
     mirrored = np.column_stack([shape[:, 0], shape[:, 0] - shape[:, 1], shape[:, 2]])
     trigger = np.concatenate([a, b])
     order = np.argsort(trigger, kind="stable")
@@ -164,7 +166,7 @@ def _split_obtuse(
         bx = _product(points, c, a, c, b) / ax
         by = np.sqrt(max(_product(points, c, b, c, b) - bx * bx, 0.0))
         cb_length = np.sqrt(bx * bx + by * by)
-        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:
+        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:  # cos of the angle at c is bx / |cb|
             continue
         # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90° of both a and b.
         left, lx, ly = a, ax, 0.0
