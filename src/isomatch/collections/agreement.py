@@ -105,11 +105,11 @@ def agree(
         )
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name]["key"] for name in names})
         for _ in range(MOST_ROUNDS):
-            found = _measured(job, ledger, workers, late)
+            inconsistencies = _measured(job, ledger, workers, late)
             if late():
                 return
-            _write(ledger, job, found)
-            repairs = _repairs(ledger.rows, job, found)
+            _write(ledger, job, inconsistencies)
+            repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
             tasks = [Task((repair,), job.repaired) for repair in repairs]
             for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
@@ -119,9 +119,9 @@ def agree(
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        found = _measured(job, ledger, workers, late)
+        inconsistencies = _measured(job, ledger, workers, late)
         if not late():
-            _write(ledger, job, found)
+            _write(ledger, job, inconsistencies)
 
 
 def agreement_of(rows: Rows) -> Agreement:
@@ -150,8 +150,8 @@ def _in_triangles(rows: Rows) -> list[str]:
     for a, b in done:
         near[a].add(b)
         near[b].add(a)
-    found = {name for a, b in done if not near[a].isdisjoint(near[b]) for name in (a, b)}
-    return [name for name in rows.shapes if name in found]
+    in_triangles = {name for a, b in done if not near[a].isdisjoint(near[b]) for name in (a, b)}
+    return [name for name in rows.shapes if name in in_triangles]
 
 
 def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:

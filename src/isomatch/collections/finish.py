@@ -97,8 +97,8 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
 
 def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
     line = lines.get(plan.name, {})
-    known = line.get("key") == plan.key and not line.get("error")
-    return known and layout.corresponded(plan.name).exists()
+    up_to_date = line.get("key") == plan.key and not line.get("error")
+    return up_to_date and layout.corresponded(plan.name).exists()
 
 
 def _known_lines(collection: Collection) -> dict[str, Any]:

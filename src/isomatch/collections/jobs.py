@@ -90,8 +90,8 @@ class Job:
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
         if entry.path.exists():
-            found = entry.path.stat()
-            stat = {"size": found.st_size, "changed": found.st_mtime_ns}
+            file = entry.path.stat()
+            stat = {"size": file.st_size, "changed": file.st_mtime_ns}
         return stat | row_of(partial(self._prepared, entry))
 
     def _prepared(self, entry: Entry) -> Record:
@@ -119,17 +119,17 @@ class Job:
             return earlier.record
         start = time.perf_counter()
         source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
-        found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
+        matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
             "source_hash": plan.hashes[0],
             "target_hash": plan.hashes[1],
-            "there": _summary(found.there),
-            "back": _summary(found.back),
+            "there": _summary(matches.there),
+            "back": _summary(matches.back),
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
-        maps = PairMaps(found.there.map, found.back.map, record)
+        maps = PairMaps(matches.there.map, matches.back.map, record)
         if (
             earlier
             and plan.attempt
@@ -189,8 +189,8 @@ _taking = Lock()  # a worker of a cluster may have several threads
 def loaded_shape(file: Path, config: Config) -> PreparedShape:
     """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
     with _taking:
-        found = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
-        _shapes[file, config] = found
+        held = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
+        _shapes[file, config] = held
         while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
             _shapes.popitem(last=False)
-    return found[0]
+    return held[0]

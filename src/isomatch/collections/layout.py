@@ -81,9 +81,9 @@ class Layout:
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
         """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
         # these first: a run that writes what is found has a ledger by now
-        found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
         alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
-        remove_unfinished(found, 0.0 if alone else OLD)
+        remove_unfinished(unfinished, 0.0 if alone else OLD)
 
 
 def key_of(config: Config, seed: int, *hashes: str) -> str:

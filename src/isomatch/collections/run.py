@@ -72,15 +72,15 @@ class Run:
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not, in tiles, as far as their shapes could be prepared."""
-        known = ledger.rows
-        usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
-        pairs = [pair for pair in self.pairs_of_shard(known) if usable.issuperset(pair)]
-        plans = [self._planned(pair, known) for pair in pairs]
+        rows = ledger.rows
+        usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
+        pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
+        plans = [self._planned(pair, rows) for pair in pairs]
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         missing = {
-            plan.pair: plan for plan in plans if not self._is_matched(plan, known.pairs.get(plan.pair), files)
+            plan.pair: plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)
         }
-        largest = max((known.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
+        largest = max((rows.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]

@@ -101,11 +101,11 @@ class Workers:
                 if not isinstance(outcome, Exception):
                     yield from zip(task.items, outcome)
                     continue
-                for one in task.alone():
-                    if one.lost > 2:
-                        yield one.items[0], outcome
+                for part in task.alone():
+                    if part.lost > 2:
+                        yield part.items[0], outcome
                     else:
-                        (suspects if one.lost == 2 else waiting).append(one)
+                        (suspects if part.lost == 2 else waiting).append(part)
 
     def _renew(self) -> None:
         """Replace an executor that has broken."""

@@ -22,20 +22,20 @@ def checked_map(
     MapError
         If they do not.
     """
-    given = array_of(vertices, "the vertices of a map", MapError)
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+    indices = array_of(vertices, "the vertices of a map", MapError)
+    if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
         raise MapError(
-            f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape {given.shape}"
+            f"a map needs one integer target vertex for each source vertex, not {indices.dtype} of shape {indices.shape}"
         )
     if n_target < 0:
         raise MapError(f"n_target = {n_target} is not a number of target vertices")
-    bad = np.flatnonzero((given < UNMATCHED) | (given >= n_target))
+    bad = np.flatnonzero((indices < UNMATCHED) | (indices >= n_target))
     if len(bad):
         raise MapError(
             f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
             "indices count from 0, and −1 means unmatched"
         )
-    image = np.array(given, dtype=np.int64)
+    image = np.array(indices, dtype=np.int64)
     if (faces is None) != (barycentric is None):
         raise MapError("faces and barycentric describe the precise image together; give both or neither")
     if faces is None or barycentric is None:

@@ -68,7 +68,7 @@ def register_nonrigid(
     moved, at_samples = embedding.source, single(displacements.at_samples)
     for _ in range(steps):
         searches = (target, of_target, moved[source_vertices]), (source, moved, of_target[target_vertices])
-        forth, back = parallel_map(lambda each: each[0].points(*each[1:]), searches)
+        forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
         # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
         design = np.vstack([at_samples, back.interpolated(functions)])
         wanted = np.vstack(

@@ -287,9 +287,9 @@ def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
 
     Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.
     """
-    found, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    rotations, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(turn)):
-        _multiply(found[i], covariances[i], m)
+        _multiply(rotations[i], covariances[i], m)
         for _ in range(TURNS):
             # m = R Σ is symmetric where its trace is largest. Its skew part is along the axis of the missing turn; the
             # size of that part over the trace is roughly the angle
@@ -306,10 +306,10 @@ def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
             step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
             step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
             step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
-            r[:] = found[i]
-            _multiply(step, r, found[i])
-            _multiply(found[i], covariances[i], m)
-    return found
+            r[:] = rotations[i]
+            _multiply(step, r, rotations[i])
+            _multiply(rotations[i], covariances[i], m)
+    return rotations
 
 
 @compiled()

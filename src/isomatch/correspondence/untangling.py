@@ -48,10 +48,10 @@ class Untangling:
 
     def _determinants(self) -> FloatArray:
         """(m,) signed area of each face over the area it should have."""
-        found: FloatArray = np.linalg.det(
+        determinants: FloatArray = np.linalg.det(
             _jacobians(self.x, self.faces, _planes(self.n, self.faces), self.inverse_shape)
         )
-        return found
+        return determinants
 
     def run(self) -> tuple[int, int]:
         """Mend; the numbers of inverted faces before and after."""
@@ -87,7 +87,7 @@ class Untangling:
         number[rows] = region
         # moving corners of a face are adjacent, so in one region, and the others have −1: the maximum is that region
         of_face = number[self.faces].max(axis=1)
-        return [(rows[region == each], np.flatnonzero(of_face == each)) for each in np.unique(number[bad])]
+        return [(rows[region == label], np.flatnonzero(of_face == label)) for label in np.unique(number[bad])]
 
     def _round(self, rows: IntArray, near: IntArray, share: FloatArray, wider: float) -> bool:
         """Move some vertices to a lower energy of the faces near them; False if that is not lower."""
@@ -110,8 +110,8 @@ class Untangling:
 
         start = here[moved]
         steps, longest = int(STEPS * (1 + wider) / 2), wider * LONGEST * self.edge
-        found = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": steps})
-        move = found.x.reshape(-1, 3) - start
+        minimum = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": steps})
+        move = minimum.x.reshape(-1, 3) - start
         move *= np.minimum(1, longest / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
         least = _energy(here, faces, planes, inverse, soft, np.zeros_like(here))
         improved = False
@@ -157,8 +157,9 @@ def _inverse_shapes(x: FloatArray, faces: IntArray) -> FloatArray:
 def _jacobians(x: FloatArray, faces: IntArray, planes: FloatArray, inverse: FloatArray) -> FloatArray:
     """(m, 2, 2) derivative of the map on each face, projected to its plane."""
     a, b, c = (x[faces[:, k]] for k in range(3))
-    found: FloatArray = planes @ np.stack([b - a, c - a], axis=2) @ inverse  # (m, 2, 3) (m, 3, 2) (m, 2, 2)
-    return found
+    # (m, 2, 3) (m, 3, 2) (m, 2, 2) -> (m, 2, 2)
+    jacobians: FloatArray = planes @ np.stack([b - a, c - a], axis=2) @ inverse
+    return jacobians
 
 
 @compiled()

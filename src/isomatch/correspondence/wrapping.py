@@ -90,10 +90,10 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
             f"{correspondence!r} gives no vertex an image, so there is nothing to wrap; match again"
         )
     (whole, vertex), (onto, onto_vertex) = _welded(source), _welded(target)
-    found = welded_map(correspondence, vertex, onto_vertex)
-    matched = found.matched
+    welded = welded_map(correspondence, vertex, onto_vertex)
+    matched = welded.matched
     faces = whole.faces[matched[whole.faces].all(axis=1)]
-    images = PrecisePoints(np.maximum(found.faces, 0), np.array(found.barycentric))
+    images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     before = after = 0
     if len(faces) and onto.n_faces:
         mending = Untangling(faces, whole, onto, images)

@@ -145,26 +145,28 @@ class MeshReport:
     @property
     def fatal(self) -> tuple[str, ...]:
         """Defects that make geodesic distances impossible to compute, one sentence each."""
-        found = self._sentences(_FATAL)
+        sentences = self._sentences(_FATAL)
         if self.n_faces == 0:
-            found.append("no faces, so there is no surface to measure distances on; give a mesh with faces")
+            sentences.append(
+                "no faces, so there is no surface to measure distances on; give a mesh with faces"
+            )
         elif not self.component_shares.any():
-            found.append(
+            sentences.append(
                 "no sound face of positive area, so there is no surface to measure distances on; export the file again"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
-        found = self._sentences(_SURVIVABLE)
+        sentences = self._sentences(_SURVIVABLE)
         if self.n_components > 1:
             shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
-            found.append(
+            sentences.append(
                 f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
                 "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     @property
     def ok(self) -> bool:
@@ -204,8 +206,8 @@ class MeshReport:
         return "\n".join(table + (verdict or ["no defects"]))
 
     def _sentences(self, defects: dict[str, tuple[str, str]]) -> list[str]:
-        found = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
-        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in found if len(where)]
+        defective = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
+        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in defective if len(where)]
 
 
 def _where(found: IntArray) -> str:

@@ -44,11 +44,11 @@ def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[Float
     images = bridge.map.pull_back(positions)[receiver.vertex_of_corner]
     held = np.flatnonzero((start >= 0) & bridge.map.matched[receiver.vertex_of_corner])
     walk = PlacedMesh(cut, cut.vertices, VertexGroups.of(np.arange(cut.n_vertices), cut.n_vertices))
-    found = walk.inverse(images[held], cut.faces[start[held]])
-    off = np.linalg.norm(found.interpolated(cut.vertices) - images[held], axis=1)
+    places = walk.inverse(images[held], cut.faces[start[held]])
+    off = np.linalg.norm(places.interpolated(cut.vertices) - images[held], axis=1)
     of_corner = columns(attribute)[rows_of_corners(giver, attribute)]
     values = np.full((len(polygon), of_corner.shape[1]), np.nan)
-    values[held] = found.interpolated(of_corner[corner_of_piece])
+    values[held] = places.interpolated(of_corner[corner_of_piece])
     return values, len(np.unique(polygon[held[off > ACROSS]]))
 
 

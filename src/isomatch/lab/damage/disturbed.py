@@ -92,11 +92,11 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             free[pair] = False
             merged.append(pair)
     if not merged:
-        found = (
+        apart = (
             f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
         )
         raise MeshError(
-            f"no limbs of {mesh!r} are as near as {gap:g} √area{found}; give a larger gap, or a pose in which limbs touch"
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
         )
     return _merged(mesh, np.array(merged))
 

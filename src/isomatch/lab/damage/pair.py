@@ -101,12 +101,12 @@ def damaged_pair(
         return np.column_stack([side[column] for side, column in zip(became, rows.T)])
 
     truths = [rows for rows in (pair.truth, pair.mirrored) if rows is not None]
-    known = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
-    if not known.any():
+    left = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
+    if not left.any():
         raise InputError(
             f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
         )
-    whole = [rows[known] for rows in truths]
+    whole = [rows[left] for rows in truths]
     given = [moved(rows) for rows in whole]
     on_source, on_target = moved(pair.truth).T
     merged = np.isin(pair.truth[:, 1], target.merged)
