@@ -82,7 +82,7 @@ def alignment_residual(source: SignedPoints, target: SignedPoints, rotation: Flo
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A map between two clouds and the rotation that goes with it.
+    """A map between two clouds, and the rotation that aligns them under it.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def iterative_closest_points(
     starts : (h, m_s) array of int
         First maps: target row of each source row.
     max_iterations : int
-        Most iterations.
+        Largest number of iterations.
     unchanged : float
         A map with at least this share of unchanged images has converged.
 

@@ -1,4 +1,4 @@
-"""What describes a map, checked: a target vertex for each source vertex, and precise images in triangles."""
+"""Validation of the arrays of a map: a target vertex for each source vertex, and precise images in triangles."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ UNMATCHED = -1
 def checked_map(
     vertices: ArrayLike, n_target: int, faces: ArrayLike | None, barycentric: ArrayLike | None
 ) -> tuple[IntArray, PrecisePoints]:
-    """Return target vertices (n_source,) and precise images, once they describe a map; see `Correspondence`.
+    """Check the arrays of a map; return its target vertices (n_source,) and precise images, see `Correspondence`.
 
     Raises
     ------
     MapError
-        If they do not.
+        If they do not describe a map.
     """
     indices = array_of(vertices, "the vertices of a map", MapError)
     if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
@@ -45,7 +45,7 @@ def checked_map(
 
 
 def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: int) -> PrecisePoints:
-    """Return corners and weights once they are precise images of the matched vertices."""
+    """Check that corners and weights are precise images of the matched vertices, and return them."""
     if faces.shape != (len(image), 3) or weights.shape != (len(image), 3):
         raise MapError("faces and barycentric must both have one row of three for each source vertex")
     if faces.size and faces.dtype.kind not in "iu":

@@ -1,4 +1,4 @@
-"""Maps one after the other, and turned round: precise images of precise points, neither across tears nor sheets."""
+"""Composition and inversion of maps at precise points; images never average across a tear or jump to another sheet."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def composed(
 
 
 def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-    """Interpolate where the images of the corners of a point lie in one triangle: m points, and where they do.
+    """Compose exactly where the images of all corners of a point lie in one triangle: m points, and which they are.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def composed_on_surface(
 def inverse(
     image: IntArray, there: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Find the point of the source whose image is nearest to each vertex of the target; and which have one.
+    """Find the point of the source whose image is nearest to each vertex of the target, and which vertices have one.
 
     The search starts from the source vertices mapped to the target vertex nearest along edges.
     """

@@ -37,7 +37,7 @@ class Correspondence:
     barycentric : (n_source, 3) array of float, optional
         Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
     source_hash, target_hash : str
-        ``content_hash`` of the two surfaces, so that no others are taken for them; empty if not known.
+        ``content_hash`` of the two surfaces, by which other surfaces are refused; empty if not known.
 
     Examples
     --------

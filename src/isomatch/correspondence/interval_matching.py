@@ -14,7 +14,7 @@ FORBIDDEN = 50.0  # more than any assignment costs
 
 @dataclass(frozen=True)
 class IntervalCost:
-    """What it costs to place two points at distance d, if the interval is [l, u].
+    """The cost of placing two points at distance d, if it should lie in the interval [l, u].
 
     ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v
     the violation of [(1 − tolerance) l, (1 + tolerance) u].
@@ -76,7 +76,7 @@ def assign_points(
     width : int
         Partial assignments that are kept.
     apart : float
-        Mean distance by which any two of them differ. Without it, all would be variants of one.
+        Least mean distance between the candidates of any two of them. Without it, all would be variants of one.
 
     Returns
     -------
@@ -153,8 +153,9 @@ def _keep_differing(
 ) -> int:
     """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
 
-    Each has a parent and one more candidate, the last. Sums are known of parents, and set in ``of_kept`` of what is kept.
-    Most are too near to what was kept of the same parent, which therefore comes first.
+    Each assignment has a parent and one more candidate, the last. ``of_parents`` (h, h) holds the summed distances
+    between parents; those between the assignments kept are written to ``of_kept``. Most assignments are too near to the
+    latest one kept of the same parent, so they are compared with that one first.
     """
     latest = np.full(len(of_parents), -1)
     n = 0

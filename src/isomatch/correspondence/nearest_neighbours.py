@@ -57,7 +57,7 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 
 def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Give the answer of `nearest_rows` for few rows, but for candidates that are equally near in single precision.
+    """Find nearest rows as `nearest_rows` does, faster for few rows, in single precision.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
     Returns
     -------
     (m,) array of int
-        Of candidates that single precision does not tell apart, any one. O(n m d).
+        Of candidates that are equally near in single precision, any one. O(n m d).
 
     Examples
     --------
@@ -115,7 +115,7 @@ class VertexCells:
 
 
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
-    """Give the answer of `nearest_rows`, where candidates are the vertices of a surface in smooth coordinates.
+    """Find nearest rows as `nearest_rows` does, among the vertices of a surface in smooth coordinates.
 
     Distances are compared in single precision.
 

@@ -1,4 +1,4 @@
-"""As-rigid-as-possible registration: a surface bent onto another one in space, which keeps its lengths where it can."""
+"""As-rigid-as-possible registration: a surface is bent onto another one, and its lengths change as little as possible."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def register_as_rigid_as_possible(
 ) -> FloatArray:
     """Bend the source onto the target, so that its lengths change as little as possible.
 
-    Where a map gathers or scatters images, as near a boundary, the surface that was bent is spread as it should be.
+    Where a map crowds or spreads its images, as near a boundary, the bent surface keeps its own spacing.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def register_as_rigid_as_possible(
     positions : (n_source, 3) array of float
         Where a map puts the source's vertices on the target.
     lengths : iterable of float
-        A step for each: the length over which the source resists being stretched. Decreasing ones first move large
-        pieces, then small ones.
+        One step for each: the length over which the source resists being stretched. Decreasing lengths first move
+        large pieces, then small ones.
     normal_unit : float
         Distance that counts as much as the difference of two unit normals of length 1, in the units of the surfaces; the
         default is for a target of area 1.
@@ -67,11 +67,11 @@ def register_as_rigid_as_possible(
     Notes
     -----
     With points x_i, areas a, weights w of the tufted intrinsic Delaunay triangulation and rotations R_i, each step
-    lessens::
+    decreases::
 
         Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
 
-    in R and in y by turns. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
+    alternately in R and in y. Between two steps p_i moves to the target's point nearest to y_i. The second sum is that of
     Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007. A step factorises a sparse matrix of n_source
     rows, and searches n_source nearest points in six dimensions: 25 ms for 5000 vertices.
 

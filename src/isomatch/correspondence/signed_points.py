@@ -1,4 +1,4 @@
-"""Points with an indefinite inner product: what geodesic distance descriptors are, seen as plain arrays."""
+"""Points with an indefinite inner product, as plain arrays; geodesic distance descriptors are such points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nearest vertices and nearest points of one surface, in whatever coordinates its vertices are given."""
+"""Nearest vertices and nearest points of one surface, in any coordinates of its vertices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class SurfaceIndex:
-    """What of a surface speeds up searches in any smooth coordinates of its n vertices.
+    """An index of a surface that speeds up searches in any smooth coordinates of its n vertices.
 
     Parameters
     ----------

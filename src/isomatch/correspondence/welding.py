@@ -1,4 +1,4 @@
-"""A map between files, whose points are doubled at seams, as a map between the surfaces without seams."""
+"""From a map between the points of two files, which are doubled at seams, to one between the welded surfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The target's surface in the source's topology: images of its vertices, and inverted faces mended."""
+"""The target's surface in the source's topology: the source's faces between images, with inverted faces mended."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     correspondence : Correspondence
         Source → target.
     source, target : Mesh, or what `mesh_from` takes
-        Its surfaces. Vertices at the same position, as at seams, stay together.
+        The surfaces of the map. Vertices at the same position, as at seams, stay together.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     Raises
     ------
     MapError
-        If it is a map of other surfaces, or gives no vertex an image.
+        If the map is one of other surfaces, or has no image.
 
     Notes
     -----
