@@ -89,7 +89,8 @@ def laplace_basis(
     seed : int
         Draws the start of the eigensolver; eigenvalues do not depend on it beyond the tolerance.
     precision : {"double", "single"}
-        Of the eigensolver. Single precision takes 0.6 of the time; the last eigenvalues are off by up to one thousandth.
+        Of the eigensolver. Single precision takes 0.6 of the time; the relative error of the last eigenvalues is up to
+        0.001.
 
     Returns
     -------
