@@ -128,7 +128,7 @@ def _march(
 
     ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no
     nearer than its bound stays at ``inf``, and the front does not continue from it. The front ends as soon as all
-    ``targets`` are known, if there are any; what it holds of other vertices is then no distance.
+    ``targets`` are known, if there are any; the other entries of ``distance`` are then meaningless.
     """
     n = len(start) - 1
     awaited = np.zeros(n if len(targets) else 0, np.bool_)

@@ -15,7 +15,7 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class MissingRegion:
-    """What lies beyond the boundary of a surface: how far its vertices are from it, and paths that may lead through it.
+    """The missing region beyond the boundary of a surface: distances to it, and how short paths through it may be.
 
     Parameters
     ----------
