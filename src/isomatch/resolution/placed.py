@@ -1,4 +1,4 @@
-"""A mesh whose vertices have places in space: a piecewise linear map, and the points that it takes to given ones."""
+"""A mesh whose vertices have places in space: a piecewise linear map, and its inverse."""
 
 from __future__ import annotations
 
