@@ -1,4 +1,4 @@
-"""A hash of what a surface is made of, and the surfaces in use by their hashes."""
+"""A hash of the contents of a surface, and the surfaces in use by their hashes."""
 
 from __future__ import annotations
 
