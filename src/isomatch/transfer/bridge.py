@@ -1,4 +1,4 @@
-"""The map from the asset that receives to the one that gives, and where points of the one lie on the other."""
+"""The map from the asset that receives to the one that gives, and places of the receiver's points on the giver."""
 
 from __future__ import annotations
 

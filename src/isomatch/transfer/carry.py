@@ -1,4 +1,4 @@
-"""What one asset carries, written onto another: labels by nearest or majority, other values by interpolation."""
+"""Attributes carried from one asset to another: labels by nearest or majority, other values by interpolation."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def carry_attributes(
     """Carry attributes from one asset to the other.
 
     Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
-    weights are interpolated at the precise images. Of the weights as many are kept as the other had, and they sum to 1.
-    Normals are turned with the surface. What differs at the corners of one point, as texture coordinates at a seam, is
-    carried to corners, and a polygon takes all its corners from one side. Labels
-    are never averaged; other values of polygons are, by area.
+    weights are interpolated at the precise images. As many weights are kept as the other asset has, and they sum to 1.
+    Normals are turned with the surface. Values that differ at the corners of one point, such as texture coordinates at
+    a seam, are carried to corners, and a polygon takes all its corners from one side. Labels are never averaged; other
+    values of polygons are averaged by area.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
 
 
 def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
-    """Carry labels, and what polygons have, to the same domain; by the area around each row unless nearest."""
+    """Carry labels and values of polygons to the same domain, by the area around each row unless by nearest."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
