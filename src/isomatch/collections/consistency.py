@@ -1,4 +1,4 @@
-"""Cycles tell wrong maps from right ones: how far each map of a collection is from what the others say together."""
+"""Cycle consistency: how far each map of a collection is from the compositions of the others."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
 
     Notes
     -----
-    A right map disagrees with the composition of two others exactly if one of these is wrong, so their average counts
-    each triangle by the trust in its two other maps, exp(−β × their inconsistencies), in rounds of rising β: cycle-edge
-    message passing (Lerman & Shi, *Robust Group Synchronization via Cycle-Edge Message Passing*, FoCM 2022). O(n³) time
-    and memory. Maps that are wrong together, as all of one shape that is mirrored, are consistent.
+    A right map disagrees with the composition of two others exactly if one of these is wrong. So the disagreements of a
+    map are averaged with the weight exp(−β × inconsistencies) of the two other maps of each triangle, in rounds of
+    rising β: cycle-edge message passing (Lerman & Shi, *Robust Group Synchronization via Cycle-Edge Message Passing*,
+    FoCM 2022). O(n³) time and memory. Maps that are wrong in the same way, such as all maps of one shape that is
+    mirrored, are consistent.
     """
     triangles = _triangles(readings)
     measured = np.isfinite(triangles)
@@ -53,7 +54,7 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
-    """Weight of maps with these inconsistencies, from 1 down to 0."""
+    """Weight exp(−sharpness × inconsistency) of maps, from 1 down to 0."""
     weights: FloatArray = np.exp(-sharpness * inconsistencies)
     return weights
 
@@ -69,8 +70,8 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
     Returns
     -------
     array of int
-        The smaller side if maps between two groups of shapes reverse the orientation and those within them do not; for
-        shapes that no maps join, of each group that they do.
+        If maps between two groups of shapes reverse the orientation and maps within them do not, the smaller group. Where
+        maps do not connect all shapes, those of each connected set.
     """
     links = np.nan_to_num(orientations)
     np.fill_diagonal(links, 1.0)

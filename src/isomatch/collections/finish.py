@@ -30,7 +30,7 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. In place of what has no image, the surface around it continues; see `isomatch.wrap`.
+    before. Vertices without an image continue the surface around them; see `isomatch.wrap`.
 
     Parameters
     ----------

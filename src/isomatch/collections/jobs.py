@@ -1,4 +1,4 @@
-"""The jobs of a collection, as worker processes run them: from files to files, each with a row for the ledger."""
+"""The jobs of a collection, which worker processes run: they read files, write files and return rows for the ledger."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ class Job:
         return time.time() > self.end
 
     def prepare_shapes(self, entries: Sequence[Entry]) -> list[Record]:
-        """Read and prepare shapes, unless that was done; return their rows."""
+        """Read and prepare shapes that are not prepared yet; return the rows of all."""
         return [self._row_of_shape(entry) for entry in entries]
 
     def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
-        """Match pairs, unless that was done; return their rows, as far as there was time."""
+        """Match pairs that are not matched yet; return the rows of all that there was time for."""
         return [row_of(partial(self._matched, plan)) for plan in plans if not self.is_late()]
 
     def _row_of_shape(self, entry: Entry) -> Record:
@@ -153,7 +153,7 @@ def _unsureness(record: Record) -> tuple[int, float]:
 
 
 def row_of(work: Callable[[], Record]) -> Record:
-    """Do something and say when; what cannot be done is a row with the reason."""
+    """Run a job and return its row, with the time; a failure becomes a row with its reason."""
     start = time.perf_counter()
     try:
         record = work()
@@ -187,7 +187,7 @@ _taking = Lock()  # a worker of a cluster may have several threads
 
 
 def loaded_shape(file: Path, config: Config) -> PreparedShape:
-    """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
+    """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
         held = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
         _shapes[file, config] = held

@@ -35,7 +35,7 @@ def write_reports(
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, Record]]:
-    """Write reports of pairs, those with the present map excepted that are there already.
+    """Write the reports of pairs that have none of their present map.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
 
 
 def _result(collection: Collection, pair: Pair, record: Record) -> MatchResult:
-    """Make the result of a match from what is kept of it: no alternatives, and no expected error of each vertex."""
+    """Restore the result of a match from its saved parts, without alternatives and expected errors of the vertices."""
     there, summary = collection.maps(*pair).there, record["there"]
     notes = list(summary["notes"])
     if summary["alternatives"]:

@@ -47,7 +47,7 @@ class PlannedSurface(NamedTuple):
 
 @dataclass(frozen=True)
 class WrapJob:
-    """What the surfaces of a collection share.
+    """The data that all surfaces of a collection share.
 
     Parameters
     ----------
