@@ -57,7 +57,7 @@ class DistanceBasis:
 
     Notes
     -----
-    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017.
+    Shamai & Kimmel, *Geodesic Distance Descriptors*, CVPR 2017. 8 n k bytes.
 
     Examples
     --------

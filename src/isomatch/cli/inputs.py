@@ -1,4 +1,4 @@
-"""The inputs of commands: what a file of points means; pairs, an initial map, settings."""
+"""The inputs of commands: surfaces without faces, pairs, an initial map, settings, outcomes."""
 
 from __future__ import annotations
 

@@ -214,7 +214,7 @@ def say_wrapped(record: dict[str, Any]) -> None:
 
 
 def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:
-    """Raise an error about a result that ended as the user does not accept."""
+    """Raise an error if the outcome of a result is one that the user refuses."""
     if result.outcome in refused:
         raise isomatch.NotConvergedError(
             f"{result.outcome.value} ({result.map!r}); the files are in {where}. {result.outcome.advice}"

@@ -53,7 +53,7 @@ def finish(
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
-    lines = _known_lines(collection)
+    lines = _lines_of_table(collection)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
@@ -80,7 +80,7 @@ def surfaces_written(collection: Collection) -> list[str]:
     template = collection.chosen_template(rows)
     if template is None:
         return []
-    plans, lines = _planned(collection, rows, template), _known_lines(collection)
+    plans, lines = _planned(collection, rows, template), _lines_of_table(collection)
     return [plan.name for plan in plans if _is_written(collection.layout, plan, lines)]
 
 
@@ -101,7 +101,7 @@ def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> 
     return up_to_date and layout.corresponded(plan.name).exists()
 
 
-def _known_lines(collection: Collection) -> dict[str, Any]:
+def _lines_of_table(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
     lines = read_csv(path) if path.exists() else []
     return {

@@ -51,7 +51,7 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
         If there are none, two have the same name, or a name cannot be part of that of a file.
     """
     if isinstance(shapes, str | Path):
-        entries = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _found(str(shapes))
+        entries = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _in_folder(str(shapes))
     else:
         entries = [Entry(Path(path).stem, Path(path)) for path in shapes]
     if not entries:
@@ -83,7 +83,7 @@ def unusable_names(names: Iterable[str]) -> list[str]:
     ]
 
 
-def _found(where: str) -> list[Entry]:
+def _in_folder(where: str) -> list[Entry]:
     folder = Path(where)
     paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
     return [

@@ -145,7 +145,7 @@ def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation:
     Returns
     -------
     (m_s,) array of int
-        Row of target · C nearest to each row of the source, see `nearest_rows`.
+        Row of target · C nearest to each row of the source, see `nearest_rows`. O(m_s m_t k_s).
 
     Examples
     --------

@@ -21,6 +21,11 @@ def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: In
     source_vertex, target_vertex : (n_source,), (n_target,) array of int
         Vertex of each point; every vertex has one.
 
+    Returns
+    -------
+    Correspondence
+        Between the vertices. O(n log n).
+
     Examples
     --------
     >>> welded_map(Correspondence([-1, 1, 2], n_target=3), np.array([0, 1, 0]), np.array([0, 0, 1])).vertices

@@ -32,7 +32,8 @@ def wave_kernel_signature(
 
     Notes
     -----
-    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5. O(n k n_energies).
+    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5: Σ_i g_e(λ_i) φ_i(x)², with
+    the filter g_e a normal distribution of log λ about the energy e, of sum 1. O(n k n_energies).
 
     Examples
     --------
@@ -109,7 +110,8 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
 
     Notes
     -----
-    Sun, Ovsjanikov & Guibas, *A Concise and Provably Informative Multi-Scale Signature*, SGP 2009. O(n k n_times).
+    Sun, Ovsjanikov & Guibas, *A Concise and Provably Informative Multi-Scale Signature*, SGP 2009:
+    Σ_i exp(−λ_i t) φ_i(x)² / Σ_i exp(−λ_i t). O(n k n_times).
 
     Examples
     --------

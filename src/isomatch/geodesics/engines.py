@@ -83,6 +83,11 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
     MissingDependencyError
         If the engine needs an extra that is not installed.
 
+    Notes
+    -----
+    Setting up takes O(n log n) time for fast marching and Dijkstra, a factorisation of the Laplacian for the heat method,
+    and O(n²) for a matrix, whose entries are checked. Later calls of the engine share it.
+
     Examples
     --------
     >>> line = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))

@@ -73,6 +73,11 @@ def bake_texture(
     SettingError
         If the size is not a number of texels.
 
+    Notes
+    -----
+    Each texel on the surface takes the colour at its place under the piecewise linear map. O(size²) time and memory,
+    beside the reversal of the map if the target receives.
+
     Examples
     --------
     A square with texture coordinates takes the colours at the corners of another one, black below and white above.

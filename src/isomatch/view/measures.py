@@ -163,8 +163,8 @@ MEASURES = {
         "doubt of a part",
         "{:.1e}",
         "score / (1 − score / score of the next best map)",
-        "The score of the map, low if all measures are good, over how clearly it is better than that of the best different "
-        "map. The map of a part is sure if its doubt is small.",
+        "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
+        "different map. The map of a part is sure if its doubt is small.",
         most_of="parts.poor_doubt",
     ),
     "landmark_error": Measure(

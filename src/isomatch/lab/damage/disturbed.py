@@ -48,7 +48,7 @@ def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
 
 
 def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
-    """Glue together limbs that touch: what is near in space but far along the surface is merged, as in a fused scan.
+    """Glue together limbs that touch: vertices near in space but far along the surface are merged, as in a fused scan.
 
     Pairs of vertices are merged, the nearest first, each into one vertex halfway between them.
 

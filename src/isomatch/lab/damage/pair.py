@@ -1,4 +1,4 @@
-"""A pair of shapes that are damaged: what a method is given, and what its map is judged by."""
+"""A damaged pair of shapes: the input of a method, and the truth by which its map is judged."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class DamagedPair:
 def damaged_pair(
     pair: BenchmarkPair, source: Damaged | None = None, target: Damaged | None = None
 ) -> DamagedPair:
-    """Replace the shapes of a pair by what damage made of them, and restrict the truth to what remains.
+    """Replace the shapes of a pair by damaged ones, and restrict the truth to the vertices that remain.
 
     Parameters
     ----------
