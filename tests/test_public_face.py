@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+import isomatch
+import isomatch.correspondence
 from isomatch.values.cached import cached_property
 from isomatch.values.settings import Settings
 
@@ -39,6 +41,15 @@ ROOMS = (
     "lab.baselines",
     "lab.evaluation",
 )
+WITHOUT_EXAMPLE = {  # shrinks to nothing: an entry that has an example is refused
+    "BothDirections",
+    "MatchResult",
+    "Outcome",
+    "PreparedShape",
+    "Quality",
+    "prepare",
+    "write_asset",
+}
 OPERATORS = {"__matmul__", "__rmatmul__", "__call__", "__len__", "__getitem__", "__iter__", "__contains__"}
 
 
@@ -63,6 +74,26 @@ def test_the_record_sees_names_signatures_and_methods():
     assert any(
         line.startswith("isomatch.Correspondence.load: classmethod (path: str | Path") for line in lines
     )
+
+
+def test_every_name_of_the_first_rooms_has_an_example():
+    without = {
+        name
+        for module in (isomatch, isomatch.correspondence)
+        for name in module.__all__
+        if (documented := as_written(getattr(module, name))) and not has_example(documented)
+    }
+    assert without == WITHOUT_EXAMPLE
+
+
+def has_example(documented) -> bool:
+    return bool(re.search(r"^Examples\n-{8}\n(.*\n)*?>>> ", inspect.getdoc(documented) or "", re.MULTILINE))
+
+
+def as_written(thing):
+    """Return a class or a function, of a compiled one that which was written, and None for anything else."""
+    thing = getattr(thing, "py_func", thing)
+    return thing if inspect.isclass(thing) or inspect.isfunction(thing) else None
 
 
 def public_face() -> Iterator[str]:

@@ -44,6 +44,20 @@ class CanonicalForm:
     stress : float
         √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
         that a Euclidean space of this dimension cannot reproduce.
+
+    Examples
+    --------
+    A flat square is its own canonical form. The four corners of a tetrahedron are equally far from each other, which no
+    four points of the plane are.
+
+    >>> from isomatch import Mesh
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> flat = canonical_form(square, dim=2, method="exact")
+    >>> float(np.linalg.norm(flat.points[0] - flat.points[2]).round(3)), round(flat.stress, 3)
+    (1.414, 0.0)
+    >>> tetrahedron = Mesh(np.eye(4)[:, :3], [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    >>> canonical_form(tetrahedron, dim=2, method="exact").stress > 0.1
+    True
     """
 
     points: FloatArray

@@ -1,4 +1,4 @@
-"""The names of what can be chosen about a basis."""
+"""Names of the methods and of the weightings of a basis."""
 
 from typing import Literal
 

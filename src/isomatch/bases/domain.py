@@ -1,4 +1,4 @@
-"""What a basis needs of a surface: distances, a weight for each vertex, and paths between all of them."""
+"""The domain of a basis: distances, a weight for each vertex, and paths between all of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from isomatch.values.arrays import FloatArray
 def basis_domain(
     surface: MetricSpace, weights: Weighting = "area", engine: str | None = None, n_columns: int = 1
 ) -> tuple[DistanceEngine, FloatArray]:
-    """Set up the distances and the weights of a surface, or say why it cannot have a basis.
+    """Set up the distances and the weights of a surface, or refuse one that cannot have a basis.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def basis_domain(
 
 
 def require_one_component(surface: MetricSpace) -> None:
-    """Raise `MeshError` if a surface has several components; a matrix or a function cannot be told."""
+    """Raise `MeshError` if a surface has several components; a matrix or a function is not examined."""
     components = getattr(surface, "components", None)
     if components is not None and components.any():
         raise MeshError(
@@ -67,7 +67,7 @@ def require_one_component(surface: MetricSpace) -> None:
 
 
 def require_areas(areas: FloatArray, remedy: str = "") -> FloatArray:
-    """Return the areas of vertices if they are positive and can be multiplied, else raise `MeshError`."""
+    """Return the areas of vertices if they are positive and their products do not overflow, else raise `MeshError`."""
     with np.errstate(over="ignore", invalid="ignore"):
         bad = int((~((areas > 0) & np.isfinite(areas * areas.sum()))).sum())
     if bad:

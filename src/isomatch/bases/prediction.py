@@ -71,14 +71,16 @@ class ColumnPredictor:
             covariance[:, a] += solve(masses * solve(source))
         among: FloatArray = covariance[samples]  # K_SS
         among[np.diag_indices(p)] += RIDGE * among.trace() / p
+        # M = K_·S K_SS⁻¹
         interpolant = cho_solve(cho_factor((among + among.T) / 2), covariance.T, overwrite_b=True).T
         among = powers[:, samples]  # E_SS
-        half = powers.T - interpolant @ ((among + among.T) / 4)
+        half = powers.T - interpolant @ ((among + among.T) / 4)  # the mean of E_SS and its transpose, halved
         return cls(interpolant, half, unit)
 
     def distances(self, rows: IntArray | slice, columns: IntArray) -> FloatArray:
         """Predicted distances from r points to c others, (r, c), in mesh units. O(r c p)."""
         left = np.hstack([self.interpolant[rows], self.half[rows]])
+        # (M H) (H M)ᵀ = M Hᵀ + H Mᵀ: (r, 2 p) (2 p, c) -> (r, c)
         power = left @ np.hstack([self.half[columns], self.interpolant[columns]]).T
         predicted: FloatArray = self.unit * np.cbrt(np.maximum(power, 0.0)) ** 2
         return predicted
@@ -118,6 +120,8 @@ def predicted_basis(
         gain = np.cbrt(density_of(surface, weights))
         n_nodes = max(NODES_PER_VECTOR * rank, FEWEST_NODES)
         nodes, shares = representative_points(surface.vertices, sampling.vertices, weights, gain, n_nodes)
+        # W^½ D̂ W^½ v = λ v on the nodes, with their weights W. Extended to all vertices, Q = D̂ W^½ V Λ⁻¹ and Q Λ Qᵀ is
+        # S Λ⁻¹ Sᵀ with S = D̂ W^½ V, (n, rank)
         root = np.sqrt(shares)
         among = predictor.distances(nodes, nodes)
         values, vectors = leading_eigenpairs((among + among.T) / 2 * root * root[:, None], rank)

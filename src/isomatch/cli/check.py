@@ -48,7 +48,7 @@ def check(
     json : bool
         Print a single JSON object, of several files a list of them, and nothing else.
     """
-    paths = [path for given in (file, *more) for path in _meshes(given)]
+    paths = [path for place in (file, *more) for path in _meshes(place)]
     several = len(paths) > 1 or file.is_dir()
     records = [_examined(path, in_table=several) for path in paths]
     if json:
@@ -59,8 +59,8 @@ def check(
     else:
         [record] = records
         say(record["report"])
-        for each, reason in record["refused_by"].items():
-            say(f"not fit for {each}: {reason}" if reason else f"fit for {each}")
+        for purpose, reason in record["refused_by"].items():
+            say(f"not fit for {purpose}: {reason}" if reason else f"fit for {purpose}")
     bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
     if several and bad:
         raise isomatch.MeshError(f"{len(bad)} of {len(paths)} meshes are not fit: {', '.join(bad)}")
@@ -72,10 +72,10 @@ def _meshes(given: Path) -> list[Path]:
     """Meshes in a folder and the folders in it, by name; or the file itself."""
     if not given.is_dir():
         return [given]
-    found = sorted(path for path in given.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
-    if not found:
+    paths = sorted(path for path in given.rglob("*") if path.suffix.lower() in FORMATS and path.is_file())
+    if not paths:
         raise isomatch.MissingFileError(f"{given}: no mesh in this folder; known are {', '.join(FORMATS)}")
-    return found
+    return paths
 
 
 def _examined(path: Path, in_table: bool) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _examined(path: Path, in_table: bool) -> dict[str, Any]:
             raise
         return {"file": str(path), "ok": False, "unreadable": str(error)}
     report = isomatch.check(mesh)
-    refusals = {each: _refusal(each, mesh) for each in get_args(Verb)}
+    refusals = {verb: _refusal(verb, mesh) for verb in get_args(Verb)}
     return {"file": str(path), **report.to_dict(), "report": str(report), "refused_by": refusals}
 
 

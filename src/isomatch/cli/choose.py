@@ -75,7 +75,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
                 seed=record["seed"],
                 progress=part(tell, 0.05, 0.85),
             )
-        left = [_alternative(each, found) for each, found in zip(others, maps)]
+        left = [_alternative(alternative, found) for alternative, found in zip(others, maps)]
         origin = left.pop(number - 1).origin
         left.insert(0, replace(_alternative(record, former), origin=BEFORE + record["origin"]))
         chosen = f"alternative {number}, from {origin}"
@@ -108,13 +108,13 @@ def _record(path: Path) -> dict[str, Any]:
         record = loads(text)
     except ValueError:
         record = None
-    known = record if isinstance(record, dict) else {}
-    missing = [name for name, kind in _NEEDED.items() if not isinstance(known.get(name), kind)]
+    fields = record if isinstance(record, dict) else {}
+    missing = [name for name, kind in _NEEDED.items() if not isinstance(fields.get(name), kind)]
     if missing:
         raise FormatError(
             f"{path}: lacks {', '.join(missing)}; give the folder of a result of isomatch match"
         )
-    return known
+    return fields
 
 
 def _alternative(evidence: Mapping[str, Any], found: isomatch.Correspondence) -> matching.Alternative:

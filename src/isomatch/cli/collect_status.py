@@ -1,4 +1,4 @@
-"""What ``isomatch collect`` tells: how far a collection is, and each step of a run."""
+"""The messages of ``isomatch collect``: how far a collection is, and each step of a run."""
 
 from __future__ import annotations
 

@@ -60,20 +60,20 @@ def evaluate(
         tell("reading", 0.0)
         shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
         sizes = shapes[0].n_vertices, shapes[1].n_vertices
-        found = isomatch.Correspondence.load(map_file, sizes[1])
-        if found.shape != sizes:
+        judged = isomatch.Correspondence.load(map_file, sizes[1])
+        if judged.shape != sizes:
             raise FormatError(
-                f"{map_file}: maps {len(found.vertices)} vertices, but {source} has {sizes[0]}; give the map of these "
+                f"{map_file}: maps {len(judged.vertices)} vertices, but {source} has {sizes[0]}; give the map of these "
                 "two shapes in this direction"
             )
-        found.check_fits(*shapes)
+        judged.check_fits(*shapes)
         pairs = _truth(truth, sizes[1]) if target_marks is None else _of_marks(truth, target_marks)
         _require_within(truth, pairs, sizes)
         tell("geodesic distances", 0.1)
         errors = evaluation.geodesic_errors(
-            shapes[1], found, pairs, None if points is None else min(points, len(pairs)), seed
+            shapes[1], judged, pairs, None if points is None else min(points, len(pairs)), seed
         )
-        coverage = evaluation.coverage(shapes[1], found)
+        coverage = evaluation.coverage(shapes[1], judged)
         tell("done", 1.0)
     counted = evaluation.counted(errors)
     record: dict[str, Any] = {
@@ -101,8 +101,8 @@ def _truth(path: Path, n_target: int) -> IntArray:
         if len(first.replace(",", " ").split()) == 2:
             return read_pairs(path, "a pair", "of the source and of the target")
     image = isomatch.Correspondence.load(path, n_target).vertices
-    known = np.flatnonzero(image != correspondence.UNMATCHED)
-    return np.column_stack([known, image[known]])
+    mapped = np.flatnonzero(image != correspondence.UNMATCHED)
+    return np.column_stack([mapped, image[mapped]])
 
 
 def _of_marks(of_source: Path, of_target: Path) -> IntArray:

@@ -1,4 +1,4 @@
-"""The inputs of commands: what a file of points means; pairs, an initial map, settings."""
+"""The inputs of commands: surfaces without faces, pairs, an initial map, settings, outcomes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,11 @@ def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
     """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
     found = []
     for word in filter(None, map(str.strip, (names or "").split(","))):
-        named = [each for each in isomatch.Outcome if word in (_dashed(each), *_dashed(each).split("-"))]
+        named = [
+            outcome
+            for outcome in isomatch.Outcome
+            if word in (_dashed(outcome), *_dashed(outcome).split("-"))
+        ]
         if not named:
             known = ", ".join(map(_dashed, isomatch.Outcome))
             raise SettingError(f"--fail-on {word!r} is not an outcome; known are {known}")

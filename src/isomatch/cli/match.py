@@ -125,7 +125,7 @@ def match(
         with folder.claimed(force), claimed_files(as_mesh, force=force):
             if as_mesh is not None:
                 require_writable(as_mesh)
-            given = {
+            inputs = {
                 "source": source,
                 "target": target,
                 "landmarks": landmarks,
@@ -136,7 +136,7 @@ def match(
             again |= {"both": both or None, "as_mesh": as_mesh}
             shown: dict[str, Any] = {
                 "names": (source.name, target.name),
-                "facts": {what: str(path) for what, path in given.items() if path is not None},
+                "facts": {what: str(path) for what, path in inputs.items() if path is not None},
                 "landmarks": pairs,
                 "command": _with_landmarks(source, target, **again),
             }
@@ -180,8 +180,8 @@ def match(
         say_files(record["files"])
 
     talk.result(record, summary)
-    for each in filter(None, (result, back)):
-        refuse_outcomes(each, refused, folder.folder)
+    for matched in filter(None, (result, back)):
+        refuse_outcomes(matched, refused, folder.folder)
 
 
 def _one_way(

@@ -169,9 +169,9 @@ def say_result(result: isomatch.MatchResult) -> None:
     say("")
     say_table(_quality_rows(result))
     say("")
-    for side, found in zip(("source", "target"), result.symmetries):
-        if found:
-            say(f"{side} maps onto itself: {found}")
+    for side, symmetry in zip(("source", "target"), result.symmetries):
+        if symmetry:
+            say(f"{side} maps onto itself: {symmetry}")
     say("seconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in result.timings.items()))
     for note in result.notes:
         say(f"note: {note}")
@@ -187,7 +187,9 @@ def write_wrapped(
     """
     asset = isomatch.read_asset(source)
     moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
-    turned = [each.name for each in moved.attributes if each.kind == "normal" or each.is_tangent]
+    turned = [
+        attribute.name for attribute in moved.attributes if attribute.kind == "normal" or attribute.is_tangent
+    ]
     errors = Attribute("expected_error", "point", "scalar", expected_error)
     isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(errors))
     counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
@@ -212,7 +214,7 @@ def say_wrapped(record: dict[str, Any]) -> None:
 
 
 def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:
-    """Raise an error about a result that ended as the user does not accept."""
+    """Raise an error if the outcome of a result is one that the user refuses."""
     if result.outcome in refused:
         raise isomatch.NotConvergedError(
             f"{result.outcome.value} ({result.map!r}); the files are in {where}. {result.outcome.advice}"

@@ -157,8 +157,10 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     for row in read_csv(pairs):
         for end in ("source", "target"):
             outcomes.setdefault(row.get(end) or "", set()).add(row.get("outcome") or "FAILED")
-    doubtful = {name: found for name in names if (found := outcomes.get(name)) and not found & TRUSTED}
-    return [f"{name} may be matched wrongly: {', '.join(sorted(found))}" for name, found in doubtful.items()]
+    doubtful = {name: doubts for name in names if (doubts := outcomes.get(name)) and not doubts & TRUSTED}
+    return [
+        f"{name} may be matched wrongly: {', '.join(sorted(doubts))}" for name, doubts in doubtful.items()
+    ]
 
 
 def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
@@ -216,9 +218,9 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
     say_table(rows)
     for name, error in record["scored"].items():
         say(f"{name}: error {error:.4g}")
-    if found := record["groups"]:
-        one, two = (f"{name} ({count})" for name, count in zip(found["names"], found["counts"]))
-        share = found["significant_share_of_area"]
+    if tested := record["groups"]:
+        one, two = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
+        share = tested["significant_share_of_area"]
         say(f"{one} and {two} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
     for note in record["notes"]:
         say(f"note: {note}")

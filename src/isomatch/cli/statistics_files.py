@@ -69,7 +69,7 @@ class StatisticsFolder:
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours."""
         rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
-        attributes = [Attribute(each, "point", "scalar", numbers) for each, numbers in values.items()]
+        attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 

@@ -25,7 +25,7 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) i
 
 
 def print_anything() -> None:
-    """Make both streams escape what their encoding lacks, so that no text, such as a file name, is an error."""
+    """Make both streams escape characters that their encoding lacks, so that no text, such as a file name, fails."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -64,17 +64,17 @@ def transfer(
         tell("reading", 0.0)
         assets = isomatch.read_asset(source), isomatch.read_asset(target)
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
-        found = isomatch.Correspondence.load(map_file, n_target)
+        correspondence = isomatch.Correspondence.load(map_file, n_target)
         tell("carrying", 0.3)
         names: tuple[str, ...]
         counts: dict[str, int]
         with naming_files(source=source, target=target):
             if bake:
-                baked = isomatch.bake_texture(found, *assets, bake, to=to)
+                baked = isomatch.bake_texture(correspondence, *assets, bake, to=to)
                 asset, names, counts = baked.asset, ("texture",), {"n_unmatched_texels": baked.unmatched}
             else:
                 words = [word.strip() for word in data.split(",")]
-                carried = isomatch.carry_attributes(found, *assets, words, to=to, labels=labels)
+                carried = isomatch.carry_attributes(correspondence, *assets, words, to=to, labels=labels)
                 asset, names = carried.asset, carried.names
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)

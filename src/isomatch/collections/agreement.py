@@ -1,4 +1,4 @@
-"""Agreement: maps that the others of a collection contradict are found, and replaced where a better one is known."""
+"""Agreement: find the maps that contradict the others of a collection, and replace them by compositions that agree."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ MOST_PATHS = 8  # compositions that are compared; more hardly change which is in
 
 
 class Agreement(NamedTuple):
-    """What is known of the agreement of a collection.
+    """The agreement of the maps of a collection.
 
     Parameters
     ----------
     compared : int
         Pairs that are in triangles of matched pairs.
     contradicted : list of two str
-        Those whose maps the others contradict, still.
+        Those whose maps the others still contradict.
     replaced : list of two str
         Those whose maps were replaced.
     turned : list of str
-        Shapes whose maps to the others mostly reverse the orientation. Maps that are wrong together agree: of shapes
-        with a symmetry, nothing else tells that all maps to one of them are mirrored or turned.
+        Shapes whose maps to the others mostly reverse the orientation. Maps that are wrong in the same way agree with
+        each other; if all maps to one symmetric shape are mirrored, only the orientation shows it.
     """
 
     compared: int
@@ -105,11 +105,11 @@ def agree(
         )
         job = CycleJob(collection.of(names), {name: ledger.rows.shapes[name]["key"] for name in names})
         for _ in range(MOST_ROUNDS):
-            found = _measured(job, ledger, workers, late)
+            inconsistencies = _measured(job, ledger, workers, late)
             if late():
                 return
-            _write(ledger, job, found)
-            repairs = _repairs(ledger.rows, job, found)
+            _write(ledger, job, inconsistencies)
+            repairs = _repairs(ledger.rows, job, inconsistencies)
             n_replaced = 0
             tasks = [Task((repair,), job.repaired) for repair in repairs]
             for count, (repair, result) in enumerate(workers.completed(tasks, late), 1):
@@ -119,9 +119,9 @@ def agree(
                 yield Event("agreement", repair.pair, row, count, len(repairs))
             if not n_replaced:
                 return
-        found = _measured(job, ledger, workers, late)
+        inconsistencies = _measured(job, ledger, workers, late)
         if not late():
-            _write(ledger, job, found)
+            _write(ledger, job, inconsistencies)
 
 
 def agreement_of(rows: Rows) -> Agreement:
@@ -150,8 +150,8 @@ def _in_triangles(rows: Rows) -> list[str]:
     for a, b in done:
         near[a].add(b)
         near[b].add(a)
-    found = {name for a, b in done if not near[a].isdisjoint(near[b]) for name in (a, b)}
-    return [name for name in rows.shapes if name in found]
+    in_triangles = {name for a, b in done if not near[a].isdisjoint(near[b]) for name in (a, b)}
+    return [name for name in rows.shapes if name in in_triangles]
 
 
 def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[], bool]) -> FloatArray:
@@ -204,9 +204,9 @@ def _prior(row: Record, config: Config) -> float:
     return UNSURE if turned or unsure else 1.0
 
 
-def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:
+def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
     """Write how far each pair is from the others; those that are contradicted have low confidence."""
-    for a, b, value in _known(job, found):
+    for a, b, value in _values_of_pairs(job, inconsistencies):
         pair = (a, b) if (a, b) in ledger.rows.pairs else (b, a)
         row = ledger.rows.pairs[pair]
         known = {"before": value, **row.get("agreement", {})}
@@ -222,18 +222,18 @@ def _write(ledger: Ledger, job: CycleJob, found: FloatArray) -> None:
             ledger.put_pair(pair, {**new, "time": time.time()})
 
 
-def _known(job: CycleJob, found: FloatArray) -> Iterator[tuple[str, str, float]]:
+def _values_of_pairs(job: CycleJob, inconsistencies: FloatArray) -> Iterator[tuple[str, str, float]]:
     names = list(job.prepared)
-    for i, j in np.argwhere(np.triu(np.isfinite(found), 1)):
-        yield names[i], names[j], round(float(found[i, j]), 4)
+    for i, j in np.argwhere(np.triu(np.isfinite(inconsistencies), 1)):
+        yield names[i], names[j], round(float(inconsistencies[i, j]), 4)
 
 
-def _repairs(rows: Rows, job: CycleJob, found: FloatArray) -> Sequence[Repair]:
-    """Plan what to do about the pairs that are contradicted and were not yet tried with as many shapes."""
+def _repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence[Repair]:
+    """Plan the repair of contradicted pairs, without those already tried with as many shapes."""
     names = list(job.prepared)
-    trusted = np.where(found <= CONTRADICTED, trust_in(found), 0.0)
+    trusted = np.where(inconsistencies <= CONTRADICTED, trust_in(inconsistencies), 0.0)
     repairs = []
-    for a, c in np.argwhere(np.triu(found > CONTRADICTED)):
+    for a, c in np.argwhere(np.triu(inconsistencies > CONTRADICTED)):
         pair = (names[a], names[c]) if (names[a], names[c]) in rows.pairs else (names[c], names[a])
         paths = trusted[a] * trusted[c]
         middles = [int(b) for b in np.argsort(-paths)[:MOST_PATHS] if paths[b] > 0]

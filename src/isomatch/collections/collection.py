@@ -46,6 +46,20 @@ class Collection:
         Settings of the matches.
     seed : int
         Their seed.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from isomatch import Mesh, write_mesh
+    >>> triangle = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> with TemporaryDirectory() as folder:
+    ...     for name in "abc":
+    ...         write_mesh(f"{folder}/{name}.off", triangle)
+    ...     collection = Collection.create(f"{folder}/maps", folder, template="b")
+    ...     Collection.open(f"{folder}/maps").wanted_pairs(collection.rows())
+    []
+    >>> collection.names, collection.pairs, collection.template
+    (['a', 'b', 'c'], 'star', 'b')
     """
 
     folder: Path
@@ -98,12 +112,12 @@ class Collection:
         names = [entry.name for entry in entries]
         if template is not None and template not in names:
             by_file = {entry.path: entry.name for entry in entries}
-            found = by_file.get(Path(template).resolve())
-            if found is None:
+            named = by_file.get(Path(template).resolve())
+            if named is None:
                 raise InputError(
                     f"template {template!r} is no shape of this collection; give its name or file"
                 )
-            template = found
+            template = named
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
@@ -196,13 +210,13 @@ class Collection:
         """
         if self.template is not None:
             return self.template
-        known = [name for name in self.names if name in rows.shapes]
-        usable = [name for name in known if rows.shapes[name]["state"] == "done"]
+        prepared = [name for name in self.names if name in rows.shapes]
+        usable = [name for name in prepared if rows.shapes[name]["state"] == "done"]
         possible = set(usable)
         centres = Counter(source for source, _ in rows.pairs if source in possible)
         if self.pairs == "star" and centres:
             return centres.most_common(1)[0][0]
-        if not usable or len(known) < len(self.names):
+        if not usable or len(prepared) < len(self.names):
             return None
         return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
 

@@ -1,4 +1,4 @@
-"""Cycles tell wrong maps from right ones: how far each map of a collection is from what the others say together."""
+"""Cycle consistency: how far each map of a collection is from the compositions of the others."""
 
 from __future__ import annotations
 
@@ -31,29 +31,30 @@ def inconsistency(readings: FloatArray, prior: FloatArray | None = None) -> Floa
 
     Notes
     -----
-    A right map disagrees with the composition of two others exactly if one of these is wrong, so their average counts
-    each triangle by the trust in its two other maps, exp(−β × their inconsistencies), in rounds of rising β: cycle-edge
-    message passing (Lerman & Shi, *Robust Group Synchronization via Cycle-Edge Message Passing*, FoCM 2022). O(n³) time
-    and memory. Maps that are wrong together, as all of one shape that is mirrored, are consistent.
+    A right map disagrees with the composition of two others exactly if one of these is wrong. So the disagreements of a
+    map are averaged with the weight exp(−β × inconsistencies) of the two other maps of each triangle, in rounds of
+    rising β: cycle-edge message passing (Lerman & Shi, *Robust Group Synchronization via Cycle-Edge Message Passing*,
+    FoCM 2022). O(n³) time and memory. Maps that are wrong in the same way, such as all maps of one shape that is
+    mirrored, are consistent.
     """
     triangles = _triangles(readings)
-    known = np.isfinite(triangles)
-    errors = np.where(known, triangles, 0.0)
-    found: FloatArray = np.full(errors.shape[:2], np.nan)
-    given = np.ones_like(found) if prior is None else prior
-    trust = given
+    measured = np.isfinite(triangles)
+    errors = np.where(measured, triangles, 0.0)
+    inconsistencies: FloatArray = np.full(errors.shape[:2], np.nan)
+    prior_trust = np.ones_like(inconsistencies) if prior is None else prior
+    trust = prior_trust
     for sharpness in SHARPNESS:
-        weights = np.where(known, trust[:, :, None] * trust[None, :, :], 0.0)
+        weights = np.where(measured, trust[:, :, None] * trust[None, :, :], 0.0)
         total = weights.sum(axis=1)
         with np.errstate(invalid="ignore"):
-            found = (weights * errors).sum(axis=1) / total
-        trust = given * trust_in(np.nan_to_num(found, nan=np.inf), sharpness)
-    symmetric: FloatArray = (found + found.T) / 2  # up to rounding it was
+            inconsistencies = (weights * errors).sum(axis=1) / total
+        trust = prior_trust * trust_in(np.nan_to_num(inconsistencies, nan=np.inf), sharpness)
+    symmetric: FloatArray = (inconsistencies + inconsistencies.T) / 2  # up to rounding it was
     return symmetric
 
 
 def trust_in(inconsistencies: FloatArray, sharpness: float = SHARPNESS[-1]) -> FloatArray:
-    """Weight of maps with these inconsistencies, from 1 down to 0."""
+    """Weight exp(−sharpness × inconsistency) of maps, from 1 down to 0."""
     weights: FloatArray = np.exp(-sharpness * inconsistencies)
     return weights
 
@@ -69,27 +70,27 @@ def turned_shapes(orientations: FloatArray) -> IntArray:
     Returns
     -------
     array of int
-        The smaller side if maps between two groups of shapes reverse the orientation and those within them do not; for
-        shapes that no maps join, of each group that they do.
+        If maps between two groups of shapes reverse the orientation and maps within them do not, the smaller group. Where
+        maps do not connect all shapes, those of each connected set.
     """
-    known = np.nan_to_num(orientations)
-    np.fill_diagonal(known, 1.0)
-    count, group = connected_components(known != 0, directed=False)
-    sides = [_smaller_side(known, np.flatnonzero(group == i)) for i in range(count)]
+    links = np.nan_to_num(orientations)
+    np.fill_diagonal(links, 1.0)
+    count, group = connected_components(links != 0, directed=False)
+    sides = [_smaller_side(links, np.flatnonzero(group == i)) for i in range(count)]
     return np.sort(np.concatenate(sides))
 
 
-def _smaller_side(known: FloatArray, members: IntArray) -> IntArray:
-    side = np.linalg.eigh(known[np.ix_(members, members)])[1][:, -1]
+def _smaller_side(links: FloatArray, members: IntArray) -> IntArray:
+    side = np.linalg.eigh(links[np.ix_(members, members)])[1][:, -1]
     return min(members[side < 0], members[side >= 0], key=len)
 
 
 def _triangles(readings: FloatArray) -> FloatArray:
     """Mean over the six readings of each triangle that are known; nan if none is, or two of its shapes are one."""
     turned = [readings.transpose(order) for order in permutations(range(3))]
-    known = sum(np.isfinite(each).astype(np.int64) for each in turned)
-    total = sum(np.nan_to_num(each) for each in turned)
+    n_measured = sum(np.isfinite(reading).astype(np.int64) for reading in turned)
+    total = sum(np.nan_to_num(reading) for reading in turned)
     i = np.arange(len(readings))
-    mean: FloatArray = np.where(known > 0, total / np.maximum(known, 1), np.nan)
+    mean: FloatArray = np.where(n_measured > 0, total / np.maximum(n_measured, 1), np.nan)
     mean[i, i, :] = mean[i, :, i] = mean[:, i, i] = np.nan
     return mean

@@ -95,18 +95,21 @@ class CycleJob:
         return [row_of(partial(self._repaired, repair)) for repair in repairs]
 
     def _images(self, pair: Pair) -> Record:
-        found = self.collection.maps(*pair)
-        images = [one.vertices[self._samples(name)] for one, name in zip((found.there, found.back), pair)]
-        return {"images": images, "record": found.record}
+        maps = self.collection.maps(*pair)
+        images = [
+            correspondence.vertices[self._samples(name)]
+            for correspondence, name in zip((maps.there, maps.back), pair)
+        ]
+        return {"images": images, "record": maps.record}
 
     def _readings(self, images: IntArray, target: str) -> Record:
         names = list(self.prepared)
         shape, column = self._shape(target), names.index(target)
-        found = np.full((len(names), len(names)), np.nan)
+        readings = np.full((len(names), len(names)), np.nan)
         for b in np.flatnonzero((images[:, column] >= 0).any(axis=1)):
             onwards = self.collection.maps(names[b], target).there.vertices
-            found[:, b] = _mean_distances(shape, _mapped(onwards, images[:, b]), images[:, column])
-        return {"readings": found}
+            readings[:, b] = _mean_distances(shape, _mapped(onwards, images[:, b]), images[:, column])
+        return {"readings": readings}
 
     def _repaired(self, repair: Repair) -> Record:
         pair, turned = repair.pair, repair.pair[::-1]
@@ -119,7 +122,7 @@ class CycleJob:
         apart = np.array([_mean_distances(target, end[None], ends) for end in ends])
         best = int(np.nan_to_num(apart, nan=1.0).dot(trust).argmin())
         config = self.collection.config
-        found = match_both(
+        rematched = match_both(
             source,
             target,
             initial_map=paths[best],
@@ -131,22 +134,22 @@ class CycleJob:
             forth = _mean_distances(target, ends, there[None, samples])
             home = _mean_distances(source, paths_back[:, samples_back], back[None, samples_back])
             apart, weights = np.concatenate([forth, home]), np.tile(trust, 2)
-            known = np.isfinite(apart)
-            return float(np.average(apart[known], weights=weights[known])) if known.any() else np.inf
+            finite = np.isfinite(apart)
+            return float(np.average(apart[finite], weights=weights[finite])) if finite.any() else np.inf
 
         before = disagreement(old.there.vertices, old.back.vertices)
-        after = disagreement(found.there.map.vertices, found.back.map.vertices)
+        after = disagreement(rematched.there.map.vertices, rematched.back.map.vertices)
         over = repair.middles[best]
         if not after < min(before, CONTRADICTED):
             return {
                 "refused": f"the composition over {over} agrees no better once refined: {after:.2f} √area"
             }
-        if any(each.outcome is Outcome.HINTS_CONTRADICTED for each in found):
+        if any(result.outcome is Outcome.HINTS_CONTRADICTED for result in rematched):
             return {"refused": f"the composition over {over} changes when it is refined"}
         side = {"preserve": 1, "reverse": -1, "any": 0}[config.orientation]
-        if any(side * each.quality.orientation < 0 for each in found):
+        if any(side * result.quality.orientation < 0 for result in rematched):
             return {"refused": f"the composition over {over} does not {config.orientation} the orientation"}
-        worst = float(np.nanmax([0.0, *(1 / each.quality.rival for each in found)]))
+        worst = float(np.nanmax([0.0, *(1 / result.quality.rival for result in rematched)]))
         if worst > config.outcome.tie:
             return {
                 "refused": f"the composition over {over} fits worse than another map, by a factor {worst:.2f}"
@@ -155,12 +158,14 @@ class CycleJob:
             f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition over "
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
-        known = Outcome[repair.outcomes[best]]
+        of_composition = Outcome[repair.outcomes[best]]
         results = [
             replace(
-                each, outcome=Outcome.least_sure((each.outcome, known)), notes=(note, *each.notes)
+                result,
+                outcome=Outcome.least_sure((result.outcome, of_composition)),
+                notes=(note, *result.notes),
             ).to_dict()
-            for each in found
+            for result in rematched
         ]
         record = {
             **old.record,
@@ -169,7 +174,7 @@ class CycleJob:
             "memory": peak_memory(),
             "replaced_by": [pair[0], over, pair[1]],
         }
-        PairMaps(found.there.map, found.back.map, record).save(self.collection.layout.maps(pair))
+        PairMaps(rematched.there.map, rematched.back.map, record).save(self.collection.layout.maps(pair))
         return record
 
     def _paths(self, ends: Pair, middles: Sequence[str]) -> IntArray:
@@ -199,9 +204,9 @@ def _mean_distances(shape: PreparedShape, first: IntArray, second: IntArray) -> 
     a, b = (
         np.where(rows >= 0, shape.body_vertex[rows], UNMATCHED) for rows in np.broadcast_arrays(first, second)
     )
-    known = (a >= 0) & (b >= 0)
+    matched = (a >= 0) & (b >= 0)
     apart = np.zeros(a.shape)
-    apart[known] = shape.distance(a[known], b[known])
-    count = known.sum(axis=1)
+    apart[matched] = shape.distance(a[matched], b[matched])
+    count = matched.sum(axis=1)
     enough = count >= LEAST_KNOWN * a.shape[1]
     return np.where(enough, apart.sum(axis=1) / np.maximum(count, 1), np.nan)

@@ -69,10 +69,10 @@ def export(
             write_mesh(path, read_mesh(collection.layout.corresponded(name)))
             yield path
         for pair in pairs:
-            found = collection.maps(*pair)
-            for ends, one in ((pair, found.there), (pair[::-1], found.back)):
+            pair_maps = collection.maps(*pair)
+            for ends, correspondence in ((pair, pair_maps.there), (pair[::-1], pair_maps.back)):
                 path = last.parent / "maps" / f"{BETWEEN.join(ends)}{maps}"
-                one.save(path)
+                correspondence.save(path)
                 yield path
         write_table(rows, last)
         yield last

@@ -30,7 +30,7 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. In place of what has no image, the surface around it continues; see `isomatch.wrap`.
+    before. Vertices without an image continue the surface around them; see `isomatch.wrap`.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def finish(
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
-    lines = _known_lines(collection)
+    lines = _lines_of_table(collection)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
@@ -80,7 +80,7 @@ def surfaces_written(collection: Collection) -> list[str]:
     template = collection.chosen_template(rows)
     if template is None:
         return []
-    plans, lines = _planned(collection, rows, template), _known_lines(collection)
+    plans, lines = _planned(collection, rows, template), _lines_of_table(collection)
     return [plan.name for plan in plans if _is_written(collection.layout, plan, lines)]
 
 
@@ -97,11 +97,11 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
 
 def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
     line = lines.get(plan.name, {})
-    known = line.get("key") == plan.key and not line.get("error")
-    return known and layout.corresponded(plan.name).exists()
+    up_to_date = line.get("key") == plan.key and not line.get("error")
+    return up_to_date and layout.corresponded(plan.name).exists()
 
 
-def _known_lines(collection: Collection) -> dict[str, Any]:
+def _lines_of_table(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
     lines = read_csv(path) if path.exists() else []
     return {

@@ -1,4 +1,4 @@
-"""The jobs of a collection, as worker processes run them: from files to files, each with a row for the ledger."""
+"""The jobs of a collection, which worker processes run: they read files, write files and return rows for the ledger."""
 
 from __future__ import annotations
 
@@ -80,18 +80,18 @@ class Job:
         return time.time() > self.end
 
     def prepare_shapes(self, entries: Sequence[Entry]) -> list[Record]:
-        """Read and prepare shapes, unless that was done; return their rows."""
+        """Read and prepare shapes that are not prepared yet; return the rows of all."""
         return [self._row_of_shape(entry) for entry in entries]
 
     def match_pairs(self, plans: Sequence[PlannedPair]) -> list[Record]:
-        """Match pairs, unless that was done; return their rows, as far as there was time."""
+        """Match pairs that are not matched yet; return the rows of all that there was time for."""
         return [row_of(partial(self._matched, plan)) for plan in plans if not self.is_late()]
 
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
         if entry.path.exists():
-            found = entry.path.stat()
-            stat = {"size": found.st_size, "changed": found.st_mtime_ns}
+            file = entry.path.stat()
+            stat = {"size": file.st_size, "changed": file.st_mtime_ns}
         return stat | row_of(partial(self._prepared, entry))
 
     def _prepared(self, entry: Entry) -> Record:
@@ -119,17 +119,17 @@ class Job:
             return earlier.record
         start = time.perf_counter()
         source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
-        found = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
+        matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
         record = {
             "key": plan.key,
             "source_hash": plan.hashes[0],
             "target_hash": plan.hashes[1],
-            "there": _summary(found.there),
-            "back": _summary(found.back),
+            "there": _summary(matches.there),
+            "back": _summary(matches.back),
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
-        maps = PairMaps(found.there.map, found.back.map, record)
+        maps = PairMaps(matches.there.map, matches.back.map, record)
         if (
             earlier
             and plan.attempt
@@ -153,7 +153,7 @@ def _unsureness(record: Record) -> tuple[int, float]:
 
 
 def row_of(work: Callable[[], Record]) -> Record:
-    """Do something and say when; what cannot be done is a row with the reason."""
+    """Run a job and return its row, with the time; a failure becomes a row with its reason."""
     start = time.perf_counter()
     try:
         record = work()
@@ -187,10 +187,10 @@ _taking = Lock()  # a worker of a cluster may have several threads
 
 
 def loaded_shape(file: Path, config: Config) -> PreparedShape:
-    """Read a prepared shape, or take it from memory; what was not used for longest leaves it."""
+    """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
-        found = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
-        _shapes[file, config] = found
+        held = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
+        _shapes[file, config] = held
         while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
             _shapes.popitem(last=False)
-    return found[0]
+    return held[0]

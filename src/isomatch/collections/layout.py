@@ -1,4 +1,4 @@
-"""The folder of a collection, and what identifies its contents."""
+"""The folder of a collection, and the keys that identify its contents."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Layout:
 
     @property
     def plan(self) -> Path:
-        """What the collection consists of, and its settings."""
+        """The shapes and the settings of the collection."""
         return self.folder / "collection.json"
 
     @property
@@ -79,15 +79,15 @@ class Layout:
         return sorted(self.folder.glob("ledger*.sqlite"))
 
     def remove_unfinished(self, shard: tuple[int, int]) -> None:
-        """Remove what killed runs left; while shards may be at work, only what is older than they would need for it."""
-        # these first: a run that writes what is found has a ledger by now
-        found = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
+        """Remove unfinished files of killed runs; while other shards may be at work, only files too old to be theirs."""
+        # listed before the ledgers: a run that is writing one of these files has a ledger by then
+        unfinished = list(self.folder.glob(f"**/{UNFINISHED.format('*')}"))
         alone = shard[1] == 1 and self.ledgers() == [self.ledger(shard)]
-        remove_unfinished(found, 0.0 if alone else OLD)
+        remove_unfinished(unfinished, 0.0 if alone else OLD)
 
 
 def key_of(config: Config, seed: int, *hashes: str) -> str:
-    """Identify what is computed from surfaces with these hashes, by these settings and this version."""
+    """Return the key of a result: it depends on the hashes of the surfaces, the settings and this version."""
     text = json.dumps([_settings(config), seed, *hashes])
     return blake2b(text.encode(), digest_size=16).hexdigest()
 

@@ -26,7 +26,7 @@ COMMIT;
 
 @dataclass
 class Rows:
-    """What is known of the shapes and of the pairs of a collection, by name."""
+    """The rows of the shapes and of the pairs of a collection, by name."""
 
     shapes: dict[str, Record] = field(default_factory=dict)
     pairs: dict[Pair, Record] = field(default_factory=dict)
@@ -64,7 +64,7 @@ def _counts_more(one: Record, other: Record) -> bool:
 
 
 class Ledger:
-    """A ledger that is open for writing; `rows` are what it holds."""
+    """A ledger that is open for writing; `rows` are its contents."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection, self._path = connection, path
@@ -150,7 +150,7 @@ def _connected(path: Path, one_host: bool) -> sqlite3.Connection:
 
 @contextmanager
 def _named(path: Path, problem: str) -> Iterator[None]:
-    """Turn errors of SQLite into ours: a file that is locked or on a full disk is none that should be moved away."""
+    """Turn errors of SQLite into ours; a file that is locked, or on a full disk, is not reported as damaged."""
     try:
         yield
     except sqlite3.Error as error:
@@ -174,7 +174,7 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
     """
     rows = Rows()
     for path in paths:
-        # what a killed process left half written is undone by the next that reads: mode=ro could not
+        # reading undoes the half-written changes of a killed process, which mode=ro could not
         address = f"{path.resolve().as_uri()}?mode=rw"
         with (
             _named(path, "cannot be read as a ledger"),

@@ -56,10 +56,10 @@ class PairMaps:
         """Write an ``.npz`` file; indices take 4 bytes and barycentric coordinates too."""
         arrays: dict[str, object] = {"record": np.array(json.dumps(self.record))}
         for side in SIDES:
-            one: Correspondence = getattr(self, side)
-            arrays[f"{side}_vertices"] = one.vertices.astype(np.int32)
-            arrays[f"{side}_faces"] = one.faces.astype(np.int32)
-            arrays[f"{side}_barycentric"] = one.barycentric.astype(np.float32)
+            correspondence: Correspondence = getattr(self, side)
+            arrays[f"{side}_vertices"] = correspondence.vertices.astype(np.int32)
+            arrays[f"{side}_faces"] = correspondence.faces.astype(np.int32)
+            arrays[f"{side}_barycentric"] = correspondence.barycentric.astype(np.float32)
         save_arrays(path, FORMAT.version, arrays, compressed=True)
 
     @classmethod

@@ -29,7 +29,7 @@ def write_page(
     collection : Collection
         The collection.
     rows : Rows
-        What its ledgers hold.
+        The contents of its ledgers.
     template : str, optional
         Name of the template.
     lines : mapping of str to mapping
@@ -53,7 +53,7 @@ def write_page(
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, Mapping[str, Any]]) -> str:
-    """Show one shape: its picture, and what is wrong with it."""
+    """Show one shape: its picture and its problems."""
     line, record = lines.get(name, {}), rows.shapes.get(name, {})
     problems = [str(each["error"]) for each in (record, line) if each.get("error")]
     if int(line.get("inverted") or 0):

@@ -53,10 +53,10 @@ def _listed(path: Path, names: Collection[str]) -> list[Pair]:
         raise InputError(f"{path}: {', '.join(strangers)} are no shapes of this collection; give their names")
     if any(a == b for a, b in pairs):
         raise InputError(f"{path}: a shape is paired with itself; remove these lines")
-    known: dict[frozenset[str], Pair] = {}
+    by_ends: dict[frozenset[str], Pair] = {}
     for pair in pairs:
-        known.setdefault(frozenset(pair), pair)
-    return list(known.values())
+        by_ends.setdefault(frozenset(pair), pair)
+    return list(by_ends.values())
 
 
 def tiles_of(pairs: Sequence[Pair], names: Sequence[str], side: int, most: int) -> list[list[Pair]]:

@@ -35,7 +35,7 @@ def write_reports(
     jobs: int | None = None,
     time_limit: float | None = None,
 ) -> Iterator[tuple[Pair, Record]]:
-    """Write reports of pairs, those with the present map excepted that are there already.
+    """Write the reports of pairs that have none of their present map.
 
     Parameters
     ----------
@@ -63,13 +63,13 @@ def write_reports(
     late = late_after(time_limit)
     rows = collection.rows()
     chosen = [(pair, rows.pairs[pair]) for pair in _chosen(table_of(rows), which)]
-    todo = [each for each in chosen if not has_report(collection.layout, *each)]
+    todo = [(pair, row) for pair, row in chosen if not has_report(collection.layout, pair, row)]
     if not todo:
         return
     folder = collection.layout.folder / "reports"
     with writing(folder):
         folder.mkdir(exist_ok=True)
-    tasks = [Task((each,), partial(_reported, collection.of(each[0]))) for each in todo]
+    tasks = [Task(((pair, row),), partial(_reported, collection.of(pair))) for pair, row in todo]
     with workers_of(executor, jobs) as workers:
         for (pair, _), row in workers.completed(tasks, late):
             yield pair, row if isinstance(row, dict) else {"state": "failed", "error": str(row)}
@@ -83,10 +83,10 @@ def has_report(layout: Layout, pair: Pair, record: Record) -> bool:
 
 def _chosen(lines: list[dict[str, Any]], which: int | str) -> list[Pair]:
     """Choose from the lines of the table, worst first."""
-    known = [line for line in lines if line["state"] == "done"]
+    matched = [line for line in lines if line["state"] == "done"]
     if which == "doubtful":
-        which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in known) + ALSO, MOST_SHOWN)
-    return [(line["source"], line["target"]) for line in known[: None if which == "all" else int(which)]]
+        which = min(sum(line["outcome"] != Outcome.CONVERGED.name for line in matched) + ALSO, MOST_SHOWN)
+    return [(line["source"], line["target"]) for line in matched[: None if which == "all" else int(which)]]
 
 
 def _reported(collection: Collection, items: Sequence[tuple[Pair, Record]]) -> list[Record]:
@@ -109,27 +109,27 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
 
 
 def _result(collection: Collection, pair: Pair, record: Record) -> MatchResult:
-    """Make the result of a match from what is kept of it: no alternatives, and no expected error of each vertex."""
-    there, known = collection.maps(*pair).there, record["there"]
-    notes = list(known["notes"])
-    if known["alternatives"]:
+    """Restore the result of a match from its saved parts, without alternatives and expected errors of the vertices."""
+    there, summary = collection.maps(*pair).there, record["there"]
+    notes = list(summary["notes"])
+    if summary["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if is_contradicted(record):
         notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
     return MatchResult(
         map=there,
-        outcome=Outcome[known["outcome"]],
+        outcome=Outcome[summary["outcome"]],
         quality=Quality(
-            **{name: math.nan if value is None else value for name, value in known["quality"].items()}
+            **{name: math.nan if value is None else value for name, value in summary["quality"].items()}
         ),
         expected_error=np.full(len(there.vertices), np.nan),
         alternatives=(),
-        timings=known["timings"],
+        timings=summary["timings"],
         notes=tuple(notes),
-        engine=known["engine"],
-        origin=known["origin"],
-        reason=known["reason"],
+        engine=summary["engine"],
+        origin=summary["origin"],
+        reason=summary["reason"],
         config=collection.config,
-        seed=known["seed"],
-        symmetries=(known["symmetries"]["source"], known["symmetries"]["target"]),
+        seed=summary["seed"],
+        symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
     )

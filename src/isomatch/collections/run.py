@@ -1,4 +1,4 @@
-"""A run of a collection: what is not done is planned, sent to workers, and written to the ledger."""
+"""A run of a collection: open jobs are planned, sent to workers, and their rows written to the ledger."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 
 
 class Event(NamedTuple):
-    """A step of a run: what was done for which shape or pair, its row, and how many of how many are."""
+    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done."""
 
     what: Literal["shape", "pair", "agreement"]
     name: str | Pair
@@ -43,7 +43,7 @@ class Run:
     shard: tuple[int, int]
 
     def events(self, executor: str | Executor, jobs: int | None, time_limit: float | None) -> Iterator[Event]:
-        """Do what is not done, and yield each step; see `Collection.run`."""
+        """Prepare and match all that is still open, and yield each step; see `Collection.run`."""
         end = math.inf if time_limit is None else time.time() + time_limit
         layout = self.collection.layout
         job = Job(layout, self.collection.config, self.collection.seed, end)
@@ -62,7 +62,7 @@ class Run:
                 yield from self._matched_pairs(job, workers, ledger)
 
     def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
-        """Prepare the shapes that are not."""
+        """Prepare the shapes that are not prepared yet."""
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
@@ -71,16 +71,16 @@ class Run:
             yield Event("shape", entry.name, row, count, len(todo))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
-        """Match the pairs that are not, in tiles, as far as their shapes could be prepared."""
-        known = ledger.rows
-        usable = {name for name, record in known.shapes.items() if record["state"] == "done"}
-        pairs = [pair for pair in self.pairs_of_shard(known) if usable.issuperset(pair)]
-        plans = [self._planned(pair, known) for pair in pairs]
+        """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
+        rows = ledger.rows
+        usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
+        pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
+        plans = [self._planned(pair, rows) for pair in pairs]
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         missing = {
-            plan.pair: plan for plan in plans if not self._is_matched(plan, known.pairs.get(plan.pair), files)
+            plan.pair: plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)
         }
-        largest = max((known.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
+        largest = max((rows.shapes[name]["bytes"] for pair in missing for name in pair), default=1)
         most = min(max(1, len(missing) // (TILES_PER_WORKER * workers.count())), MOST_PAIRS)
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
@@ -140,7 +140,7 @@ class Run:
 
 
 def _row_of(record: Record | Exception) -> Record:
-    """Row of a job, or of its end: a worker that died of it."""
+    """Return the row of a job, or one with the error if its worker died."""
     if not isinstance(record, Exception):
         return record
     reason = f"three workers died of it, killed or out of memory ({type(record).__name__}: {record})"

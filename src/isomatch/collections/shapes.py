@@ -51,25 +51,25 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
         If there are none, two have the same name, or a name cannot be part of that of a file.
     """
     if isinstance(shapes, str | Path):
-        found = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _found(str(shapes))
+        entries = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _in_folder(str(shapes))
     else:
-        found = [Entry(Path(path).stem, Path(path)) for path in shapes]
-    if not found:
+        entries = [Entry(Path(path).stem, Path(path)) for path in shapes]
+    if not entries:
         raise InputError(
             f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
         )
-    twice = [name for name, count in Counter(entry.name for entry in found).items() if count > 1]
+    twice = [name for name, count in Counter(entry.name for entry in entries).items() if count > 1]
     if twice:
         raise InputError(
             f"{shapes}: several shapes are named {', '.join(twice)}; give a list.csv with columns name and path"
         )
-    bad = unusable_names(entry.name for entry in found)
+    bad = unusable_names(entry.name for entry in entries)
     if bad:
         raise InputError(
             f"{shapes}: {', '.join(bad)} cannot be names of shapes: they are parts of file names, joined by {BETWEEN!r}; "
             "give a list.csv with columns name and path"
         )
-    return tuple(found)
+    return tuple(entries)
 
 
 def unusable_names(names: Iterable[str]) -> list[str]:
@@ -83,7 +83,7 @@ def unusable_names(names: Iterable[str]) -> list[str]:
     ]
 
 
-def _found(where: str) -> list[Entry]:
+def _in_folder(where: str) -> list[Entry]:
     folder = Path(where)
     paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
     return [

@@ -1,4 +1,4 @@
-"""How a pair stands, as its row tells."""
+"""The state of a pair, by its row in the ledger."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from isomatch.collections.map_file import Record
 
 
 def state_of(record: Record) -> str:
-    """How a pair stands: "todo", "failed", "low" (matched with low confidence) or "done"."""
+    """Return the state of a pair: "todo", "failed", "low" (matched with low confidence) or "done"."""
     if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
         return "low"
     return str(record["state"])

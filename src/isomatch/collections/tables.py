@@ -61,8 +61,8 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
         if result:
             line[f"outcome{ending}"] = result["outcome"]
             line |= {f"{name}{ending}": result["quality"].get(name) for name in MEASURES}
-    known = record.get("agreement", {})
-    line |= {"inconsistency": known.get("inconsistency"), "inconsistency_before": known.get("before")}
+    agreement = record.get("agreement", {})
+    line |= {"inconsistency": agreement.get("inconsistency"), "inconsistency_before": agreement.get("before")}
     if "replaced_by" in record:
         line["replaced_by"] = " > ".join(record["replaced_by"])
     return line

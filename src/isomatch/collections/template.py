@@ -20,8 +20,8 @@ def features_of(shape: PreparedShape) -> list[float]:
     """
     n = N_EIGENVALUES + 1
     values = np.full(n, np.nan)
-    known = shape.laplace.values[:n] * shape.laplace.weights.sum()
-    values[: len(known)] = known
+    scaled = shape.laplace.values[:n] * shape.laplace.weights.sum()
+    values[: len(scaled)] = scaled
     spectrum = values[1:] / (4 * np.pi * np.arange(1, n))
     vertices = shape.sample_vertices[: shape.config.n_search]
     apart = shape.distances_between(vertices)

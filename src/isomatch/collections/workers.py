@@ -36,7 +36,7 @@ class Task:
         Makes the rows of some items, in their order; fewer if it was too late for the last ones. It and the items
         travel to the worker.
     lost : int
-        How often a worker died of it, or beside it.
+        How often a worker died while this task was running, on it or on another worker.
     """
 
     items: tuple[Any, ...]
@@ -49,7 +49,7 @@ class Task:
 
 
 def late_after(time_limit: float | None) -> Callable[[], bool]:
-    """Make a function that tells whether so many seconds from now are over; never without a limit."""
+    """Make a function that tells whether a time limit, in seconds from now, is over; without a limit it never is."""
     end = math.inf if time_limit is None else time.monotonic() + time_limit
     return lambda: time.monotonic() > end
 
@@ -101,11 +101,11 @@ class Workers:
                 if not isinstance(outcome, Exception):
                     yield from zip(task.items, outcome)
                     continue
-                for one in task.alone():
-                    if one.lost > 2:
-                        yield one.items[0], outcome
+                for part in task.alone():
+                    if part.lost > 2:
+                        yield part.items[0], outcome
                     else:
-                        (suspects if one.lost == 2 else waiting).append(one)
+                        (suspects if part.lost == 2 else waiting).append(part)
 
     def _renew(self) -> None:
         """Replace an executor that has broken."""
@@ -143,7 +143,9 @@ class Workers:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 try:
-                    error = future.exception()  # jobs return what fails in them: this is the end of a worker
+                    error = (
+                        future.exception()
+                    )  # jobs return their own failures, so this one is the death of a worker
                 except CancelledError:
                     raise InputError(LOST) from None
                 broken = broken or isinstance(error, BrokenExecutor)

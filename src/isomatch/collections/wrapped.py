@@ -47,7 +47,7 @@ class PlannedSurface(NamedTuple):
 
 @dataclass(frozen=True)
 class WrapJob:
-    """What the surfaces of a collection share.
+    """The data that all surfaces of a collection share.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ class WrapJob:
             )
             if plan.pair is not None:
                 maps = PairMaps.load(self.layout.maps(plan.pair))
-                found = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
-                mesh = found.mesh
-                line |= {name: getattr(found, name) for name in ("inverted_before", "inverted", "extended")}
+                wrapped = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
+                mesh = wrapped.mesh
+                line |= {name: getattr(wrapped, name) for name in ("inverted_before", "inverted", "extended")}
             write_mesh(self.layout.corresponded(plan.name), mesh)
             _draw(template, mesh, self.layout.thumbnail(plan.name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:

@@ -1,4 +1,4 @@
-"""What describes a map, checked: a target vertex for each source vertex, and precise images in triangles."""
+"""Validation of the arrays of a map: a target vertex for each source vertex, and precise images in triangles."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ UNMATCHED = -1
 def checked_map(
     vertices: ArrayLike, n_target: int, faces: ArrayLike | None, barycentric: ArrayLike | None
 ) -> tuple[IntArray, PrecisePoints]:
-    """Return target vertices (n_source,) and precise images, once they describe a map; see `Correspondence`.
+    """Check the arrays of a map; return its target vertices (n_source,) and precise images, see `Correspondence`.
 
     Raises
     ------
     MapError
-        If they do not.
+        If they do not describe a map.
     """
-    given = array_of(vertices, "the vertices of a map", MapError)
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+    indices = array_of(vertices, "the vertices of a map", MapError)
+    if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
         raise MapError(
-            f"a map needs one integer target vertex for each source vertex, not {given.dtype} of shape {given.shape}"
+            f"a map needs one integer target vertex for each source vertex, not {indices.dtype} of shape {indices.shape}"
         )
     if n_target < 0:
         raise MapError(f"n_target = {n_target} is not a number of target vertices")
-    bad = np.flatnonzero((given < UNMATCHED) | (given >= n_target))
+    bad = np.flatnonzero((indices < UNMATCHED) | (indices >= n_target))
     if len(bad):
         raise MapError(
             f"source vertices {some(bad)} are mapped outside the target's vertices 0…{n_target - 1}; "
             "indices count from 0, and −1 means unmatched"
         )
-    image = np.array(given, dtype=np.int64)
+    image = np.array(indices, dtype=np.int64)
     if (faces is None) != (barycentric is None):
         raise MapError("faces and barycentric describe the precise image together; give both or neither")
     if faces is None or barycentric is None:
@@ -45,7 +45,7 @@ def checked_map(
 
 
 def _precise(faces: AnyArray, weights: FloatArray, image: IntArray, n_target: int) -> PrecisePoints:
-    """Return corners and weights once they are precise images of the matched vertices."""
+    """Check that corners and weights are precise images of the matched vertices, and return them."""
     if faces.shape != (len(image), 3) or weights.shape != (len(image), 3):
         raise MapError("faces and barycentric must both have one row of three for each source vertex")
     if faces.size and faces.dtype.kind not in "iu":

@@ -1,4 +1,4 @@
-"""Maps one after the other, and turned round: precise images of precise points, neither across tears nor sheets."""
+"""Composition and inversion of maps at precise points; images never average across a tear or jump to another sheet."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def composed(
     corners = np.take_along_axis(points.corners, by_weight, axis=1)
     weights = np.take_along_axis(points.barycentric, by_weight, axis=1)
     nearest = corners[:, 0]
-    found = np.where(vertices >= 0, image[nearest], UNMATCHED)
+    target_vertex = np.where(vertices >= 0, image[nearest], UNMATCHED)
     faces, barycentric = there.corners[nearest], there.barycentric[nearest]
     weights = np.where((image >= 0)[corners], weights, 0.0)
-    inside = np.flatnonzero((found >= 0) & (weights[:, 1:] > 0).any(axis=1))
+    inside = np.flatnonzero((target_vertex >= 0) & (weights[:, 1:] > 0).any(axis=1))
     weights = weights[inside] / weights[inside].sum(axis=1, keepdims=True)
     between = PrecisePoints(corners[inside], weights)
     precise, changed = (
@@ -58,12 +58,12 @@ def composed(
     )
     rows = inside[changed]
     faces[rows], barycentric[rows] = (part[changed] for part in precise)
-    found[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
-    return found, PrecisePoints(faces, barycentric)
+    target_vertex[rows] = faces[rows, barycentric[rows].argmax(axis=1)]
+    return target_vertex, PrecisePoints(faces, barycentric)
 
 
 def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[PrecisePoints, BoolArray]:
-    """Interpolate where the images of the corners of a point lie in one triangle: m points, and where they do.
+    """Compose exactly where the images of all corners of a point lie in one triangle: m points, and which they are.
 
     Parameters
     ----------
@@ -75,16 +75,16 @@ def composed_in_faces(points: PrecisePoints, there: PrecisePoints) -> tuple[Prec
     m = len(points.corners)
     corners = there.corners[points.corners]  # (m, 3, 3)
     weights = (there.barycentric[points.corners] * points.barycentric[:, :, None]).reshape(m, 9)
-    found = PrecisePoints.at_vertices(np.full(m, -1))
+    composed_points = PrecisePoints.at_vertices(np.full(m, -1))
     inside = np.zeros(m, dtype=bool)
     for k in range(3):
         same = corners.reshape(m, 9, 1) == corners[:, None, k]  # (m, 9, 3)
         new = ~inside & (same.any(axis=2) | (weights == 0)).all(axis=1)
         first_same = same & (same.cumsum(axis=2) == 1)
-        found.corners[new] = corners[new, k]
-        found.barycentric[new] = np.einsum("ma,mac->mc", weights[new], first_same[new])
+        composed_points.corners[new] = corners[new, k]
+        composed_points.barycentric[new] = np.einsum("ma,mac->mc", weights[new], first_same[new])
         inside |= new
-    return found, inside
+    return composed_points, inside
 
 
 def composed_on_surface(
@@ -110,14 +110,14 @@ def composed_on_surface(
     groups = VertexGroups.of(np.arange(target.n_vertices), target.n_vertices)
     start = there.corners[points.corners].reshape(-1, 9)
     start = np.where(start < 0, start[:, :1], start)
-    found = PlacedMesh(target, positions, groups).inverse(between.interpolated(images), start)
-    return found, near[:, 1:].any(axis=1)
+    composed_points = PlacedMesh(target, positions, groups).inverse(between.interpolated(images), start)
+    return composed_points, near[:, 1:].any(axis=1)
 
 
 def inverse(
     image: IntArray, there: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
-    """Find the point of the source whose image is nearest to each vertex of the target; and which have one.
+    """Find the point of the source whose image is nearest to each vertex of the target, and which vertices have one.
 
     The search starts from the source vertices mapped to the target vertex nearest along edges.
     """
@@ -128,11 +128,11 @@ def inverse(
     gap, near = distance_along_edges_to_nearest(target, np.unique(image[matched]))
     reached = gap <= within * np.sqrt(target.area)
     groups = VertexGroups.of(image, n)
-    found = PrecisePoints.at_vertices(np.where(reached, groups.members[groups.start[near * reached]], -1))
+    preimages = PrecisePoints.at_vertices(np.where(reached, groups.members[groups.start[near * reached]], -1))
     if isinstance(source, Mesh) and isinstance(target, Mesh):
         positions, _, _ = normalised(target.vertices)
         places = np.full((len(image), 3), np.nan)
         places[matched] = there.interpolated(positions)[matched]
         exact = PlacedMesh(source, places, groups).inverse(positions[reached], near[reached, None])
-        found.corners[reached], found.barycentric[reached] = exact
-    return found, reached
+        preimages.corners[reached], preimages.barycentric[reached] = exact
+    return preimages, reached

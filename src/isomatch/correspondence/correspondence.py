@@ -37,7 +37,7 @@ class Correspondence:
     barycentric : (n_source, 3) array of float, optional
         Barycentric coordinates of the precise image in that triangle: not negative, with sum 1. By default (1, 0, 0).
     source_hash, target_hash : str
-        ``content_hash`` of the two surfaces, so that no others are taken for them; empty if not known.
+        ``content_hash`` of the two surfaces, by which other surfaces are refused; empty if not known.
 
     Examples
     --------
@@ -111,7 +111,7 @@ class Correspondence:
 
         The surfaces are anything that `surface_from` takes.
         """
-        for name, given, n, known, other in (
+        for name, given, n, own_hash, other_hash in (
             ("source", source, len(self.vertices), self.source_hash, self.target_hash),
             ("target", target, self.n_target, self.target_hash, self.source_hash),
         ):
@@ -123,10 +123,10 @@ class Correspondence:
                     f"{self!r} is not a map of this {name}, which has {surface.n_vertices} vertices; give the {name} "
                     "that the map was made for"
                 )
-            if known and known != surface.content_hash:
+            if own_hash and own_hash != surface.content_hash:
                 remedy = (
                     "source and target are exchanged"
-                    if other == surface.content_hash
+                    if other_hash == surface.content_hash
                     else f"give the {name} that the map was made for, or match again"
                 )
                 raise MapError(

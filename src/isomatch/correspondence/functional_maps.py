@@ -29,6 +29,12 @@ class Embedding(NamedTuple):
     ----------
     source : (n_s, d) array of float
     target : (n_t, d) array of float
+
+    Examples
+    --------
+    >>> both = Embedding(source=np.zeros((3, 2)), target=np.ones((4, 2)))
+    >>> both.source.shape, both.target.shape
+    ((3, 2), (4, 2))
     """
 
     source: FloatArray
@@ -38,13 +44,64 @@ class Embedding(NamedTuple):
 def spectral_embedding(
     functional_map: FloatArray, source_functions: FloatArray, target_functions: FloatArray
 ) -> Embedding:
-    """Φ_source and Φ_target Fᵀ: the space in which images under a functional map (k_s, k_t) are nearest neighbours."""
+    """Place both shapes in the space in which images under a functional map are nearest neighbours.
+
+    Parameters
+    ----------
+    functional_map : (k_s, k_t) array of float
+        F, which carries functions of the target to the source.
+    source_functions, target_functions : (n_s, K_s), (n_t, K_t) arrays of float
+        Φ_source and Φ_target, of which the first k_s and k_t columns are used.
+
+    Returns
+    -------
+    Embedding
+        Φ_source and Φ_target Fᵀ, (n_s, k_s) and (n_t, k_s). O(n_t k_s k_t).
+
+    Notes
+    -----
+    Ovsjanikov et al., *Functional Maps*, SIGGRAPH 2012: the indicator of a vertex has its row of Φ as coefficients, and F
+    carries that of the image to that of the vertex.
+
+    Examples
+    --------
+    The map exchanges the two vertices, so that the second function changes its sign.
+
+    >>> functions = np.array([[1.0, 1.0], [1.0, -1.0]])
+    >>> source, target = spectral_embedding(np.diag([1.0, -1.0]), functions, functions)
+    >>> nearest_rows(target, source)
+    array([1, 0])
+    """
     k_source, k_target = functional_map.shape
     return Embedding(source_functions[:, :k_source], target_functions[:, :k_target] @ functional_map.T)
 
 
 def fit_functional_map(source_functions: FloatArray, target_functions: FloatArray) -> FloatArray:
-    """Least-squares functional map (k_s, k_t) from functions at q corresponding points, (q, k_s) and (q, k_t)."""
+    """Fit a functional map to functions at q corresponding points, by least squares.
+
+    Parameters
+    ----------
+    source_functions, target_functions : (q, k_s), (q, k_t) arrays of float
+        Basis functions of both shapes, one row for each pair of points.
+
+    Returns
+    -------
+    (k_s, k_t) array of float
+        F that minimises ‖Φ_source F − Φ_target‖, the smallest one if there are several. O(q k²), in double precision.
+
+    Examples
+    --------
+    >>> functions = np.array([[1.0, 1.0], [1.0, 0.0], [1.0, -1.0]])
+    >>> fit_functional_map(functions, functions[::-1]).round(6) + 0.0
+    array([[ 1.,  0.],
+           [ 0., -1.]])
+
+    Weighted points count as if they were repeated: multiply the rows of both sides by the square root of the weight.
+
+    >>> root = np.sqrt([[1.0], [2.0], [1.0]])
+    >>> fit_functional_map(root * functions[:, :1], root * np.array([[2.0], [0.0], [2.0]]))
+    array([[1.]])
+    """
     source, target = source_functions.astype(np.float64), target_functions.astype(np.float64)
     return np.asarray(np.linalg.lstsq(source, target, rcond=None)[0])
 
@@ -60,6 +117,17 @@ class FunctionalMap:
         no vertex out, C = Φ_sᵀ A_s P Φ_t.
     source, target : LaplaceBasis
         Φ_s and Φ_t, with k functions each, and the areas A_s and A_t.
+
+    Examples
+    --------
+    >>> from isomatch import Correspondence, Mesh, laplace_basis
+    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    >>> basis = laplace_basis(wedge, k=3)
+    >>> identity = Correspondence(range(4), n_target=4).to_functional(basis, basis, k=3)
+    >>> identity
+    FunctionalMap(LaplaceBasis(4 points, 3 functions) → LaplaceBasis(4 points, 3 functions))
+    >>> bool(np.allclose(identity.matrix, np.eye(3)))
+    True
     """
 
     matrix: FloatArray
@@ -85,6 +153,15 @@ class SampledBasis:
         Functions at all vertices.
     vertices : (m,) array of int
         Vertices at which values are known.
+
+    Examples
+    --------
+    A line is fitted to values at two of five vertices.
+
+    >>> basis = SampledBasis(np.column_stack([np.ones(5), np.arange(5.0)]), vertices=np.array([1, 3]))
+    >>> coefficients = basis.fit(np.array([[30.0], [50.0]]), k=2)
+    >>> (basis.functions @ coefficients).ravel().round(6).tolist()
+    [20.0, 30.0, 40.0, 50.0, 60.0]
     """
 
     functions: FloatArray
@@ -124,6 +201,23 @@ class SpectralPair:
         Basis of the target, at the vertices among which images are sought.
     nearest : callable
         Finds nearest rows among n_t; by default `nearest_rows`.
+
+    Examples
+    --------
+    A cycle of eight vertices, and the same one turned by two vertices. The images of three vertices determine the map of
+    all.
+
+    >>> angle = np.arange(8) * np.pi / 4
+    >>> fourier = np.column_stack([np.ones(8), np.cos(angle), np.sin(angle)])
+    >>> pair = SpectralPair(SampledBasis(fourier, vertices=np.array([0, 3, 5])), fourier)
+    >>> turned = pair.functional_map(np.array([2, 5, 7]), k=3)
+    >>> turned.round(6) + 0.0
+    array([[ 1.,  0.,  0.],
+           [ 0.,  0.,  1.],
+           [ 0., -1.,  0.]])
+    >>> source, target = pair.embedding(turned)
+    >>> nearest_rows(target, source)
+    array([2, 3, 4, 5, 6, 7, 0, 1])
     """
 
     source: SampledBasis

@@ -14,7 +14,7 @@ FORBIDDEN = 50.0  # more than any assignment costs
 
 @dataclass(frozen=True)
 class IntervalCost:
-    """What it costs to place two points at distance d, if the interval is [l, u].
+    """The cost of placing two points at distance d, if it should lie in the interval [l, u].
 
     ``c(d) = min(v + inside |d − u|, most) / (soft + u)``, with v
     the violation of [(1 − tolerance) l, (1 + tolerance) u].
@@ -23,6 +23,14 @@ class IntervalCost:
     ----------
     tolerance, inside, most, soft : float
         As in the formula; ``most`` makes the cost robust, ``inside`` prefers the upper bound.
+
+    Examples
+    --------
+    A distance in the interval [1, 2] costs nothing; farther outside the cost grows with the violation, up to ``most``.
+
+    >>> cost = IntervalCost(tolerance=0.0, inside=0.0, most=3.0, soft=0.0)
+    >>> cost(np.array([1.5, 3.0, 100.0]), lower=np.ones(3), upper=np.full(3, 2.0))
+    array([0. , 0.5, 1.5])
     """
 
     tolerance: float = 0.05
@@ -68,7 +76,7 @@ def assign_points(
     width : int
         Partial assignments that are kept.
     apart : float
-        Mean distance by which any two of them differ. Without it, all would be variants of one.
+        Least mean distance between the candidates of any two of them. Without it, all would be variants of one.
 
     Returns
     -------
@@ -78,17 +86,29 @@ def assign_points(
     Notes
     -----
     O(width m (c m + width)).
+
+    Examples
+    --------
+    Candidates on a line at 0, 1, 3, 7. Three points whose distances are known exactly have one place there.
+
+    >>> places = np.array([0.0, 1.0, 3.0, 7.0])
+    >>> distances = np.abs(places[:, None] - places)
+    >>> known = np.array([[0.0, 4.0, 2.0], [4.0, 0.0, 6.0], [2.0, 6.0, 0.0]])
+    >>> assigned, cost = assign_points(distances, known, known, np.zeros((3, 4)), IntervalCost(), width=20, apart=0.1)
+    >>> assigned[0], float(cost[0])
+    (array([2, 3, 1]), 0.0)
     """
     m, c = unary.shape
     distances, lower, upper = map(np.ascontiguousarray, (distances, lower, upper))
+    # of h partial assignments: candidates (h, point), costs (h,), summed distances Σ_a d(x_a, y_a) of each two (h, h)
     assigned, total, between = np.zeros((1, 0), dtype=np.int64), np.zeros(1), np.zeros((1, 1))
     for point in range(m):
         added = np.zeros((len(assigned), c))
         _add_costs(distances, assigned, lower[point, :point], upper[point, :point], *cost.numbers, added)
-        children = (total[:, None] + unary[point] + added).ravel()
-        take = min(len(children), 12 * width)
+        children = (total[:, None] + unary[point] + added).ravel()  # (h c,): child = parent c + candidate
+        take = min(len(children), 12 * width)  # more than are kept, because variants of one are dropped
         best = np.argpartition(children, take - 1)[:take]
-        best = best[np.lexsort((best, children[best]))]
+        best = best[np.lexsort((best, children[best]))]  # least cost first, ties by number
         parent, candidate = np.divmod(best, c)
         kept, of_kept = np.zeros(width, dtype=np.int64), np.zeros((width, width))
         count = _keep_differing(distances, parent, candidate, apart * (point + 1), between, kept, of_kept)
@@ -133,8 +153,9 @@ def _keep_differing(
 ) -> int:
     """Keep the first assignments whose summed distance to all kept before is at least ``apart``, and count them.
 
-    Each has a parent and one more candidate, the last. Sums are known of parents, and set in ``of_kept`` of what is kept.
-    Most are too near to what was kept of the same parent, which therefore comes first.
+    Each assignment has a parent and one more candidate, the last. ``of_parents`` (h, h) holds the summed distances
+    between parents; those between the assignments kept are written to ``of_kept``. Most assignments are too near to the
+    latest one kept of the same parent, so they are compared with that one first.
     """
     latest = np.full(len(of_parents), -1)
     n = 0
@@ -146,6 +167,7 @@ def _keep_differing(
         differs = True
         for k in range(n - 1, -1, -1):
             other = parent[kept[k]]
+            # Σ_a d(x_a, y_a) of two children: that of their parents, and the distance of their last candidates
             total = of_parents[mine, other] + distances[here, last[kept[k]]]
             of_kept[n, k] = total
             if total < apart:
@@ -154,7 +176,7 @@ def _keep_differing(
         if differs:
             kept[n] = i
             latest[mine] = n
-            for k in range(n + 1):
+            for k in range(n + 1):  # the column; distances need not be symmetric to the last bit
                 of_kept[k, n] = of_parents[parent[kept[k]], mine] + distances[last[kept[k]], here]
             n += 1
             if n == len(kept):
@@ -163,7 +185,23 @@ def _keep_differing(
 
 
 def pin_first(unary: FloatArray, candidates: IntArray) -> None:
-    """Let the first points go to given candidates (q,) alone, by their costs (m, c), which are changed."""
+    """Let the first q points go to given candidates alone.
+
+    Parameters
+    ----------
+    unary : (m, c) array of float
+        Cost of each assignment by itself, changed in place: `FORBIDDEN` for the other candidates of these points.
+    candidates : (q,) array of int
+        Candidate of each of the first points, q ≤ m.
+
+    Examples
+    --------
+    >>> unary = np.ones((2, 3))
+    >>> pin_first(unary, np.array([2]))
+    >>> unary
+    array([[50., 50.,  0.],
+           [ 1.,  1.,  1.]])
+    """
     first = np.arange(len(candidates))
     unary[first] = FORBIDDEN
     unary[first, candidates] = 0.0
@@ -188,6 +226,16 @@ def trilaterate(lower: FloatArray, upper: FloatArray, distances: FloatArray, cos
     Notes
     -----
     O(q m c), in single precision.
+
+    Examples
+    --------
+    Anchors at both ends of a line of five candidates. The first point is known exactly. Two candidates fit the second;
+    the one nearer to its upper bounds costs less.
+
+    >>> to_anchors = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0, 0.0]])
+    >>> lower, upper = np.array([[1.0, 3.0], [0.0, 2.0]]), np.array([[1.0, 3.0], [2.0, 3.0]])
+    >>> trilaterate(lower, upper, to_anchors, IntervalCost())
+    array([1, 2])
     """
     placed = np.zeros(len(lower), dtype=np.int64)
     tolerance, inside, most, soft = single(np.array(cost.numbers))
@@ -217,7 +265,7 @@ def _trilaterate(
     for i in range(q):
         for k in range(c):
             total[k] = 0.0
-        for a in range(m):
+        for a in range(m):  # anchors outside, candidates inside: rows of distances are read in order
             u = upper[i, a]
             low, high = lower[i, a] * (one - tolerance), u * (one + tolerance)
             weight = one / (soft + u)

@@ -43,6 +43,20 @@ def alignments_from_points(
     Notes
     -----
     Shamai & Kimmel 2017, initialisation from feature points. O(h k⁴).
+
+    Examples
+    --------
+    The second columns differ in sign. Two points show it; one at the origin of that column leaves it to the penalty.
+
+    >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
+    >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
+    >>> rows = np.array([[0, 1], [2, 2]])
+    >>> alignments_from_points(cloud, mirrored, rows, rows).round(1) + 0.0
+    array([[[ 1.,  0.],
+            [ 0., -1.]],
+    <BLANKLINE>
+           [[ 1.,  0.],
+            [ 0.,  0.]]])
     """
     k = min(n_columns, len(target.signs), len(source.signs))
     leading = target.coordinates[:, :k]
@@ -93,6 +107,17 @@ def alignment_from_functions(
     -----
     Shamai & Kimmel 2017, initialisation from descriptors. Columns of X = Q W are orthogonal in the areas, so that XᵀA f
     holds W times the coefficients of f, and the problem is that of points. O(n k q + k⁴).
+
+    Examples
+    --------
+    Functions that correspond, the indicators of the vertices, tell that the second column of the target has another sign.
+
+    >>> cloud = SignedPoints(np.array([[1.0, 2.0], [-1.0, 1.0], [3.0, 0.0]]), np.ones(2))
+    >>> mirrored = SignedPoints(cloud.coordinates * [1.0, -1.0], cloud.signs)
+    >>> areas = np.full(3, 1 / 3)
+    >>> alignment_from_functions(cloud, mirrored, np.eye(3), np.eye(3), areas, areas).round(1) + 0.0
+    array([[ 1.,  0.],
+           [ 0., -1.]])
     """
     as_source = SignedPoints(
         (source.coordinates.T @ (source_weights[:, None] * source_functions)).T, source.signs
@@ -108,6 +133,26 @@ def alignment_from_functions(
 
 
 def nearest_under_rotation(source: SignedPoints, target: SignedPoints, rotation: FloatArray) -> IntArray:
-    """Nearest target row of each source row (m_s,), in as many leading columns as the rotation (k_t, k_s) has."""
+    """Find the nearest target row of each source row, once the target is rotated.
+
+    Parameters
+    ----------
+    source, target : SignedPoints
+        m_s and m_t points.
+    rotation : (k_t, k_s) array of float
+        C. As many leading columns of either cloud are used as it has.
+
+    Returns
+    -------
+    (m_s,) array of int
+        Row of target · C nearest to each row of the source, see `nearest_rows`. O(m_s m_t k_s).
+
+    Examples
+    --------
+    >>> source = SignedPoints(np.array([[1.0], [5.0]]), np.ones(1))
+    >>> target = SignedPoints(np.array([[-5.5], [-0.5]]), np.ones(1))
+    >>> nearest_under_rotation(source, target, np.array([[-1.0]]))
+    array([1, 0])
+    """
     k_target, k_source = rotation.shape
     return nearest_rows(target.coordinates[:, :k_target] @ rotation, source.coordinates[:, :k_source])

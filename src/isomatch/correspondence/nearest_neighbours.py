@@ -33,6 +33,12 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
     -----
     2 n m d operations in single precision. The nearest candidate has the largest ``y·x − |x|²/2``; all candidates whose
     score is within the rounding error of the best are ranked by their true distance in double precision.
+
+    Examples
+    --------
+    >>> candidates = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 0.0]])
+    >>> nearest_rows(candidates, np.array([[1.0, 0.0], [3.0, 1.0]]))
+    array([0, 1])
     """
     centre = candidates.mean(axis=0)
     x, y = candidates - centre, queries - centre
@@ -51,7 +57,23 @@ def nearest_rows(candidates: FloatArray, queries: FloatArray) -> IntArray:
 
 
 def nearest_of_few(candidates: FloatArray, queries: FloatArray) -> IntArray:
-    """Give the answer of `nearest_rows` for few rows, but for candidates that are equally near in single precision."""
+    """Find nearest rows as `nearest_rows` does, faster for few rows, in single precision.
+
+    Parameters
+    ----------
+    candidates : (n, d) array of float
+    queries : (m, d) array of float
+
+    Returns
+    -------
+    (m,) array of int
+        Of candidates that are equally near in single precision, any one. O(n m d).
+
+    Examples
+    --------
+    >>> nearest_of_few(np.array([[0.0], [4.0]]), np.array([[3.0], [-1.0], [9.0]]))
+    array([1, 0, 1])
+    """
     table, norms = single(candidates).T, single(0.5 * np.einsum("ij,ij->i", candidates, candidates))
     nearest = []
     for first in range(0, len(queries), ROWS):
@@ -72,6 +94,12 @@ class VertexCells:
     start : (c + 1,) array of int
     members : (n,) array of int
         ``members[start[a]:start[a + 1]]`` are the vertices of cell a, increasing.
+
+    Examples
+    --------
+    >>> cells = VertexCells.of(centres=np.array([0, 3]), owner=np.array([0, 0, 1, 1, 0]))
+    >>> cells.start, cells.members
+    (array([0, 3, 5]), array([0, 1, 4, 2, 3]))
     """
 
     centres: IntArray
@@ -87,7 +115,7 @@ class VertexCells:
 
 
 def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexCells) -> IntArray:
-    """Give the answer of `nearest_rows`, where candidates are the vertices of a surface in smooth coordinates.
+    """Find nearest rows as `nearest_rows` does, among the vertices of a surface in smooth coordinates.
 
     Distances are compared in single precision.
 
@@ -108,6 +136,13 @@ def nearest_in_cells(candidates: FloatArray, queries: FloatArray, cells: VertexC
     By the triangle inequality no vertex of a cell is nearer than the distance to its centre less the cell's radius in
     these coordinates. A surface is two-dimensional whatever d is, so a handful of cells is opened for each query:
     2 m c d operations for the centres, about m d n / c for each cell opened.
+
+    Examples
+    --------
+    >>> line = np.arange(6.0)[:, None]
+    >>> cells = VertexCells.of(np.array([1, 4]), np.array([0, 0, 0, 1, 1, 1]))
+    >>> nearest_in_cells(line, np.array([[2.2], [9.0]]), cells)
+    array([2, 5])
     """
     middle = candidates.mean(axis=0)
     x = _single(candidates[cells.members], middle)

@@ -37,6 +37,16 @@ def nearest_points(
     -----
     Ezuz & Ben-Chen, *Deblurring and Denoising of Maps between Shapes*, SGP 2017, restricted to the faces around
     the nearest vertex. About 6 m faces, 5 d operations each.
+
+    Examples
+    --------
+    The first query lies over the triangle, the nearest point of the second is in the middle of an edge.
+
+    >>> triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> queries = np.array([[0.25, 0.25, 3.0], [0.5, -2.0, 0.0]])
+    >>> nearest_points(triangle, queries, np.array([[0, 1, 2]]), np.array([0, 0])).barycentric
+    array([[0.5 , 0.25, 0.25],
+           [0.5 , 0.5 , 0.  ]])
     """
     start, order = faces_around_vertices(faces, len(coordinates))
     points = PrecisePoints.at_vertices(nearest_vertex)
@@ -52,7 +62,25 @@ def nearest_points(
 
 
 def faces_around_vertices(faces: IntArray, n_vertices: int) -> tuple[IntArray, IntArray]:
-    """Faces around each vertex a: ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each."""
+    """List the faces around each vertex, in compressed sparse rows.
+
+    Parameters
+    ----------
+    faces : (f, 3) array of int
+    n_vertices : int
+
+    Returns
+    -------
+    start : (n_vertices + 1,) array of int
+    order : (3 f,) array of int
+        ``order[start[a]:start[a + 1]]`` holds 3 face + corner for each face around vertex a, increasing. O(f log f).
+
+    Examples
+    --------
+    >>> start, order = faces_around_vertices(np.array([[0, 1, 2], [0, 2, 3]]), n_vertices=4)
+    >>> [(order[start[a] : start[a + 1]] // 3).tolist() for a in range(4)]
+    [[0, 1], [0], [0, 1], [1]]
+    """
     start = np.zeros(n_vertices + 1, dtype=np.int64)
     np.cumsum(np.bincount(faces.ravel(), minlength=n_vertices), out=start[1:])
     return start, np.argsort(faces.ravel(), kind="stable")

@@ -49,13 +49,26 @@ def register_nonrigid(
     -----
     O(m √n d) a step for the nearest neighbours and O(n K d) for the displacement. Using both directions makes a map
     reversible, as in Ezuz, Solomon & Ben-Chen, *Reversible Harmonic Maps*, 2019. The form of the fit is ours.
+
+    Examples
+    --------
+    A square is moved onto one that is shifted by 0.1. Displacements are constant, so that one step does it.
+
+    >>> import numpy as np
+    >>> from isomatch.correspondence import VertexCells
+    >>> square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    >>> index = SurfaceIndex(np.zeros((0, 3), dtype=int), VertexCells.of(np.array([0]), np.zeros(4, dtype=int)))
+    >>> both, every = Embedding(square, square + [0.1, 0.0]), np.arange(4)
+    >>> moved = register_nonrigid(both, index, index, SampledBasis(np.ones((4, 1)), every), every, steps=1)
+    >>> moved.source.round(4)[:2].tolist()
+    [[0.1, 0.0], [1.1, 0.0]]
     """
     of_target = embedding.target
     functions, source_vertices = displacements.functions, displacements.vertices
     moved, at_samples = embedding.source, single(displacements.at_samples)
     for _ in range(steps):
         searches = (target, of_target, moved[source_vertices]), (source, moved, of_target[target_vertices])
-        forth, back = parallel_map(lambda each: each[0].points(*each[1:]), searches)
+        forth, back = parallel_map(lambda search: search[0].points(*search[1:]), searches)
         # forth: u(s) = nearest point − s at samples of the source; back: u(nearest point) = t − nearest point
         design = np.vstack([at_samples, back.interpolated(functions)])
         wanted = np.vstack(

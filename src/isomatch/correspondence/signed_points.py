@@ -1,4 +1,4 @@
-"""Points with an indefinite inner product: what geodesic distance descriptors are, seen as plain arrays."""
+"""Points with an indefinite inner product, as plain arrays; geodesic distance descriptors are such points."""
 
 from __future__ import annotations
 
@@ -17,6 +17,17 @@ class SignedPoints:
         One row for each point. Leading axes are stacks of clouds.
     signs : (k,) array of float
         1 or −1 for each column. A column of sign −1 stands for an imaginary one.
+
+    Examples
+    --------
+    In one real and one imaginary column, a vector may have a negative square, or square 0 without being 0.
+
+    >>> import numpy as np
+    >>> x = SignedPoints(np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0]]), np.array([1.0, -1.0]))
+    >>> x.coordinates @ x.signed().T
+    array([[ 3.,  1., -1.],
+           [ 1.,  0., -1.],
+           [-1., -1., -1.]])
     """
 
     coordinates: FloatArray

@@ -1,4 +1,4 @@
-"""Nearest vertices and nearest points of one surface, in whatever coordinates its vertices are given."""
+"""Nearest vertices and nearest points of one surface, in any coordinates of its vertices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class SurfaceIndex:
-    """What of a surface speeds up searches in any smooth coordinates of its n vertices.
+    """An index of a surface that speeds up searches in any smooth coordinates of its n vertices.
 
     Parameters
     ----------
@@ -20,6 +20,17 @@ class SurfaceIndex:
         Triangles; none for points and graphs.
     cells : VertexCells
         Partition of the vertices into compact cells.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> index = SurfaceIndex(np.array([[0, 1, 2]]), VertexCells.of(np.array([0]), np.zeros(3, dtype=int)))
+    >>> query = np.array([[0.6, 0.1]])
+    >>> index.vertices(triangle, query)
+    array([1])
+    >>> index.points(triangle, query).interpolated(triangle).round(6)
+    array([[0.6, 0.1]])
     """
 
     faces: IntArray

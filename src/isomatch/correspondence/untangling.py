@@ -32,6 +32,7 @@ class Untangling:
         groups = VertexGroups.of(np.arange(target.n_vertices), target.n_vertices)
         self.walk = PlacedMesh(target, places, groups)
         shape = source.moved(normalised(source.vertices)[0])
+        # the shapes that faces should have are those of the source, at the target's area
         self.inverse_shape = _inverse_shapes(
             shape.vertices * np.sqrt(target.moved(places).area / max(shape.area, 1e-12)), faces
         )
@@ -47,10 +48,10 @@ class Untangling:
 
     def _determinants(self) -> FloatArray:
         """(m,) signed area of each face over the area it should have."""
-        found: FloatArray = np.linalg.det(
+        determinants: FloatArray = np.linalg.det(
             _jacobians(self.x, self.faces, _planes(self.n, self.faces), self.inverse_shape)
         )
-        return found
+        return determinants
 
     def run(self) -> tuple[int, int]:
         """Mend; the numbers of inverted faces before and after."""
@@ -62,7 +63,7 @@ class Untangling:
             bad = self.faces[share <= FLAT]
             if not len(bad):
                 break
-            for n in np.unique(rings[bad]):
+            for n in np.unique(rings[bad]):  # a face moves with as many rings as the widest of its corners
                 around = np.zeros(len(self.x), dtype=bool)
                 around[bad[rings[bad].max(axis=1) == n]] = True
                 for _ in range(n):
@@ -84,14 +85,16 @@ class Untangling:
         _, region = connected_components(self.adjacent[rows][:, rows])
         number = np.full(len(moving), -1)
         number[rows] = region
+        # moving corners of a face are adjacent, so in one region, and the others have −1: the maximum is that region
         of_face = number[self.faces].max(axis=1)
-        return [(rows[region == each], np.flatnonzero(of_face == each)) for each in np.unique(number[bad])]
+        return [(rows[region == label], np.flatnonzero(of_face == label)) for label in np.unique(number[bad])]
 
     def _round(self, rows: IntArray, near: IntArray, share: FloatArray, wider: float) -> bool:
         """Move some vertices to a lower energy of the faces near them; False if that is not lower."""
         members, faces = np.unique(self.faces[near], return_inverse=True)
         faces, inverse = faces.reshape(-1, 3), self.inverse_shape[near]
         here, up, moved = self.x[members], self.n[members], np.searchsorted(members, rows)
+        # ε of Garanzha et al., larger for worse inversions: χ(det) stays positive, and the energy finite
         soft = np.sqrt(1e-4 + 0.04 * min(share[near].min(), 0.0) ** 2)
         planes = _planes(up, faces)
         normal = self.n[rows] / np.maximum(np.linalg.norm(self.n[rows], axis=1, keepdims=True), 1e-12)
@@ -101,13 +104,14 @@ class Untangling:
             x[moved] = z.reshape(-1, 3)
             slope = np.zeros_like(x)
             value = _energy(x, faces, planes, inverse, soft, slope)
+            # (I − n nᵀ) ∇E: images move in the tangent planes
             along = slope[moved] - (slope[moved] * normal).sum(axis=1, keepdims=True) * normal
             return value, along.ravel()
 
         start = here[moved]
         steps, longest = int(STEPS * (1 + wider) / 2), wider * LONGEST * self.edge
-        found = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": steps})
-        move = found.x.reshape(-1, 3) - start
+        minimum = minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": steps})
+        move = minimum.x.reshape(-1, 3) - start
         move *= np.minimum(1, longest / np.maximum(np.linalg.norm(move, axis=1), 1e-12))[:, None]
         least = _energy(here, faces, planes, inverse, soft, np.zeros_like(here))
         improved = False
@@ -144,6 +148,7 @@ def _inverse_shapes(x: FloatArray, faces: IntArray) -> FloatArray:
     along = ((c - a) * (b - a)).sum(axis=1) / length
     height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / length
     height = np.maximum(height, 0.05 * np.maximum(length, np.hypot(along, height)))
+    # edges b − a = (length, 0) and c − a = (along, height) are the columns of an upper triangular matrix
     inverse = np.zeros((len(faces), 2, 2))
     inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 1] = 1 / length, -along / (length * height), 1 / height
     return inverse
@@ -152,8 +157,9 @@ def _inverse_shapes(x: FloatArray, faces: IntArray) -> FloatArray:
 def _jacobians(x: FloatArray, faces: IntArray, planes: FloatArray, inverse: FloatArray) -> FloatArray:
     """(m, 2, 2) derivative of the map on each face, projected to its plane."""
     a, b, c = (x[faces[:, k]] for k in range(3))
-    found: FloatArray = planes @ np.stack([b - a, c - a], axis=2) @ inverse
-    return found
+    # (m, 2, 3) (m, 3, 2) (m, 2, 2) -> (m, 2, 2)
+    jacobians: FloatArray = planes @ np.stack([b - a, c - a], axis=2) @ inverse
+    return jacobians
 
 
 @compiled()
@@ -172,16 +178,19 @@ def _energy(
             uq += planes[f, 0, d] * second
             vq += planes[f, 1, d] * second
         i00, i01, i10, i11 = inverse[f, 0, 0], inverse[f, 0, 1], inverse[f, 1, 0], inverse[f, 1, 1]
+        # J = (p q; r s), projected edges times the inverse shape
         p, q = up * i00 + uq * i10, up * i01 + uq * i11
         r, s = vp * i00 + vq * i10, vp * i01 + vq * i11
         det = p * s - q * r
         root = np.sqrt(det * det + soft * soft)
-        chi = (det + root if det > 0 else soft * soft / (root - det)) / 2
+        chi = (det + root if det > 0 else soft * soft / (root - det)) / 2  # det + root cancels where det < 0
         size = (p * p + q * q + r * r + s * s + det * det + 1) / 2
         total += size / chi
+        # E = size / χ: ∂E/∂det = det / χ − size χ' / χ² with χ' = (1 + det / root) / 2; ∂det/∂J = (s −r; −q p)
         by_det = det / chi - size * (1 + det / root) / (2 * chi * chi)
         dp, dq = p / chi + s * by_det, q / chi - r * by_det
         dr, ds = r / chi - q * by_det, s / chi + p * by_det
+        # ∂E/∂edges = ∂E/∂J · inverseᵀ, then planesᵀ back to space; a is in both edges, with the sign −1
         u_first, v_first = dp * i00 + dq * i01, dr * i00 + ds * i01
         u_second, v_second = dp * i10 + dq * i11, dr * i10 + ds * i11
         for d in range(3):

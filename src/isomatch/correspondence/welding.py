@@ -1,4 +1,4 @@
-"""A map between files, whose points are doubled at seams, as a map between the surfaces without seams."""
+"""From a map between the points of two files, which are doubled at seams, to one between the welded surfaces."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ def welded_map(given: Correspondence, source_vertex: IntArray, target_vertex: In
         Between the points.
     source_vertex, target_vertex : (n_source,), (n_target,) array of int
         Vertex of each point; every vertex has one.
+
+    Returns
+    -------
+    Correspondence
+        Between the vertices. O(n log n).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The target's surface in the source's topology: images of its vertices, and inverted faces mended."""
+"""The target's surface in the source's topology: the source's faces between images, with inverted faces mended."""
 
 from __future__ import annotations
 
@@ -33,6 +33,13 @@ class Wrapped:
         Faces whose normal was against that of the target, and that remain so after mending.
     extended : int
         Vertices without an image, placed by those around them.
+
+    Examples
+    --------
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> wrapped = wrap(Correspondence([0, 1, 2, -1], n_target=4), square, square)
+    >>> wrapped.extended, wrapped.inverted, wrapped.mesh
+    (1, 0, Mesh(4 vertices, 2 faces))
     """
 
     mesh: Mesh
@@ -53,7 +60,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     correspondence : Correspondence
         Source → target.
     source, target : Mesh, or what `mesh_from` takes
-        Its surfaces. Vertices at the same position, as at seams, stay together.
+        The surfaces of the map. Vertices at the same position, as at seams, stay together.
 
     Returns
     -------
@@ -62,7 +69,7 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     Raises
     ------
     MapError
-        If it is a map of other surfaces, or gives no vertex an image.
+        If the map is one of other surfaces, or has no image.
 
     Notes
     -----
@@ -84,10 +91,10 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
             f"{correspondence!r} gives no vertex an image, so there is nothing to wrap; match again"
         )
     (whole, vertex), (onto, onto_vertex) = _welded(source), _welded(target)
-    found = welded_map(correspondence, vertex, onto_vertex)
-    matched = found.matched
+    welded = welded_map(correspondence, vertex, onto_vertex)
+    matched = welded.matched
     faces = whole.faces[matched[whole.faces].all(axis=1)]
-    images = PrecisePoints(np.maximum(found.faces, 0), np.array(found.barycentric))
+    images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     before = after = 0
     if len(faces) and onto.n_faces:
         mending = Untangling(faces, whole, onto, images)

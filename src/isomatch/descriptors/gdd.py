@@ -23,6 +23,20 @@ class GeodesicDistanceDescriptor:
         In the square root of mesh units; columns in decreasing order of their contribution to D.
     signature : (k,) array of float
         1 for a real column, −1 for an imaginary one.
+
+    Examples
+    --------
+    Three points on a line: D has trace 0, so that one real coordinate is balanced by two imaginary ones.
+
+    >>> from isomatch import distance_basis
+    >>> line = np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 1.0], [2.0, 1.0, 0.0]])
+    >>> x = geodesic_distance_descriptor(distance_basis(line, k=3, p=3, method="exact"))
+    >>> x.signature
+    array([ 1., -1., -1.])
+    >>> (x.coordinates @ x.inner().T).round(6) + 0.0
+    array([[0., 1., 2.],
+           [1., 0., 1.],
+           [2., 1., 0.]])
     """
 
     coordinates: FloatArray

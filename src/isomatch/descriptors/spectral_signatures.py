@@ -32,7 +32,21 @@ def wave_kernel_signature(
 
     Notes
     -----
-    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5. O(n k n_energies).
+    Aubry, Schlickewei & Cremers, *The Wave Kernel Signature*, ICCV Workshops 2011, equation 5: Σ_i g_e(λ_i) φ_i(x)², with
+    the filter g_e a normal distribution of log λ about the energy e, of sum 1. O(n k n_energies).
+
+    Examples
+    --------
+    >>> from isomatch import Mesh, laplace_basis
+    >>> roof = Mesh([[0, 0, 0], [2, 0, 0], [0, 3, 0], [2, 3, 0], [1, 1, 1]], [[0, 1, 4], [1, 3, 4], [3, 2, 4], [2, 0, 4]])
+    >>> signature = wave_kernel_signature(laplace_basis(roof, k=5), n_energies=10)
+    >>> signature.shape
+    (5, 10)
+
+    The corners 0 and 1 are symmetric; 0 and 2 are not.
+
+    >>> bool(np.allclose(signature[0], signature[1])), bool(np.allclose(signature[0], signature[2]))
+    (True, False)
     """
     filters = _wave_filters(basis.values[1:k], n_energies, bandwidth)
     signature: FloatArray = row_product(np.square(basis.vectors[:, 1:k]), filters)  # (n, k) (k, e) -> (n, e)
@@ -96,7 +110,17 @@ def heat_kernel_signature(basis: LaplaceBasis, n_times: int = 100, k: int | None
 
     Notes
     -----
-    Sun, Ovsjanikov & Guibas, *A Concise and Provably Informative Multi-Scale Signature*, SGP 2009. O(n k n_times).
+    Sun, Ovsjanikov & Guibas, *A Concise and Provably Informative Multi-Scale Signature*, SGP 2009:
+    Σ_i exp(−λ_i t) φ_i(x)² / Σ_i exp(−λ_i t). O(n k n_times).
+
+    Examples
+    --------
+    >>> from isomatch import Mesh, laplace_basis
+    >>> roof = Mesh([[0, 0, 0], [2, 0, 0], [0, 3, 0], [2, 3, 0], [1, 1, 1]], [[0, 1, 4], [1, 3, 4], [3, 2, 4], [2, 0, 4]])
+    >>> basis = laplace_basis(roof, k=5)
+    >>> signature = heat_kernel_signature(basis, n_times=3)
+    >>> basis.weights @ signature
+    array([1., 1., 1.])
     """
     values, squares = basis.values[:k], basis.vectors[:, :k] ** 2
     scale = 4 * np.log(10)

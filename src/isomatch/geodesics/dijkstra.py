@@ -57,7 +57,7 @@ class Dijkstra(ColumnEngine):
 
 
 def distance_along_edges_to_nearest(surface: Surface, vertices: IntArray) -> tuple[FloatArray, IntArray]:
-    """Compute the distance along edges from each vertex to the nearest of some, and which one is the nearest.
+    """Compute the distance along edges from each vertex to the nearest of some vertices, and which one that is.
 
     Parameters
     ----------

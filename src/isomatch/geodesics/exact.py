@@ -43,10 +43,10 @@ class Exact(ComponentEngine):
         self._algorithm = _package()
         super().__init__(mesh)
         report = mending.check(mesh)
-        found = [name.replace("_", " ") for name in _REFUSED if len(getattr(report, name))]
-        if found:
+        defects = [name.replace("_", " ") for name in _REFUSED if len(getattr(report, name))]
+        if defects:
             raise MeshError(
-                f"exact distances need a manifold mesh, and this one has {', '.join(found)}; call repair(mesh), "
+                f"exact distances need a manifold mesh, and this one has {', '.join(defects)}; call repair(mesh), "
                 "look at check(mesh), or use another engine"
             )
 

@@ -101,7 +101,7 @@ def _excess(before: float, radius: float, step: float, gauss: float) -> float:
     front at least 1 / MOST_FOCUS steps.
     """
     start = radius - step
-    if step <= 0.0:
+    if step <= 0.0:  # c is on the edge, or coincides with v
         return before
     spread = before * start  # κ start − 1: how much faster than a circle the front spreads, at the start
     share = start / radius
@@ -128,7 +128,7 @@ def _march(
 
     ``distance`` (n,) is all ``inf`` on entry and holds the result on return. ``bound`` is empty or (n,): a vertex no
     nearer than its bound stays at ``inf``, and the front does not continue from it. The front ends as soon as all
-    ``targets`` are known, if there are any; what it holds of other vertices is then no distance.
+    ``targets`` are known, if there are any; the other entries of ``distance`` are then meaningless.
     """
     n = len(start) - 1
     awaited = np.zeros(n if len(targets) else 0, np.bool_)
@@ -192,9 +192,10 @@ def _march(
                 length, x, y = np.float64(shape[e, 0]), np.float64(shape[e, 1]), np.float64(shape[e, 2])
                 # in the plane of the stencil, v = (0, 0), w = (length, 0), c = (x, y), y > 0; the virtual source at
                 # distances dv and dw is (sx, −√squared), and height is how far above it c lies
+                # sx² + squared = dv², (sx − length)² + squared = dw²
                 sx = 0.5 * (length + (dv * dv - dw * dw) / length)
                 squared = dv * dv - sx * sx
-                if squared > 0.0:
+                if squared > 0.0:  # else these circles do not meet: |dv − dw| > length, by curvature
                     height = y + np.sqrt(squared)
                     # abscissa at which the ray from there to c crosses the edge, times height
                     crossing = sx * y + x * (height - y)

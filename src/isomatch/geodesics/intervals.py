@@ -15,7 +15,7 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class MissingRegion:
-    """What lies beyond the boundary of a surface: how far its vertices are from it, and paths that may lead through it.
+    """The missing region beyond the boundary of a surface: distances to it, and how short paths through it may be.
 
     Parameters
     ----------
@@ -78,9 +78,10 @@ class MissingRegion:
         if not len(self.posts):
             return along
         reached = (self.columns[:, sources].T[:, :, None] + self.between).min(axis=1)  # (m, q)
-        onward = self.columns[:, others]
+        onward = self.columns[:, others]  # (q, r)
         through = np.empty_like(along)
-        for row, each in zip(through, reached):
-            row[:] = (each[:, None] + onward).min(axis=0)
+        for row, to_posts in zip(through, reached):
+            row[:] = (to_posts[:, None] + onward).min(axis=0)
+        # a path may leave between two posts, for which the gap allows
         bound: FloatArray = np.minimum(along, np.maximum(through - self.gap, 0.0))
         return bound

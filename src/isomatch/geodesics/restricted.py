@@ -1,4 +1,4 @@
-"""The distances among some points of a larger space, in a unit of one's own."""
+"""The distances among some points of a larger space, in another unit of length."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class RestrictedEngine(ColumnEngine):
 
     Notes
     -----
-    A column costs what the column of the whole space costs. `lower` stops early where ``engine`` does. The name is that
-    of ``engine``.
+    A column takes as long as a column of the whole space. `lower` stops early where ``engine`` does. The name is that of
+    ``engine``.
 
     Examples
     --------

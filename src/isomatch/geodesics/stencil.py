@@ -75,14 +75,14 @@ def stencil_of(mesh: Mesh) -> Stencil:
     opposite = _opposite_corners(mesh)
     most = 2 * len(faces)  # a face has at most one obtuse corner, which gives at most two updates
     extra = np.zeros((most, 3), dtype=np.int64), np.zeros((most, 3))
-    found = _split_obtuse(mesh.vertices, faces.ravel(), opposite, *extra)
+    n_split = _split_obtuse(mesh.vertices, faces.ravel(), opposite, *extra)
     # every corner c of every face, with its edge (a, b), as (c, a, b, |ab|, x, y)
     corner = faces.ravel()
     a, b = np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()
     points = mesh.vertices
     plain = np.column_stack([corner, a, b]), _triangle(points[a], points[b], points[corner])
     curvature = _gaussian_curvature(mesh, opposite)
-    corners, shape = (np.concatenate([every, split[:found]]) for every, split in zip(plain, extra))
+    corners, shape = (np.concatenate([every, split[:n_split]]) for every, split in zip(plain, extra))
     return _group(corners, shape, curvature)
 
 
@@ -92,8 +92,9 @@ def _gaussian_curvature(mesh: Mesh, opposite: IntArray) -> FloatArray:
     at, following, before = (
         mesh.vertices[np.roll(mesh.sound_faces, -turn, axis=1).ravel()] for turn in range(3)
     )
-    one, two = following - at, before - at
-    angles = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), np.einsum("ij,ij->i", one, two))
+    u, v = following - at, before - at
+    # arctan2(|u × v|, u · v) is accurate at angles near 0 and π, where arccos is not
+    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
     missing = 2 * np.pi - np.bincount(corner, angles, mesh.n_vertices)
     rim = np.flatnonzero(opposite < 0)  # corners that face a boundary edge; its ends are the other two
     missing[corner[rim - rim % 3 + (rim + 1) % 3]] = 0.0
@@ -120,6 +121,7 @@ def _group(corners: IntArray, shape: FloatArray, curvature: FloatArray) -> Stenc
     """Store each update (c; a, b) once for the trigger a and, mirrored, once for the trigger b."""
     n = len(curvature)
     target, a, b = corners.T
+    # with b at the origin and a on the axis, the target is at (|ab| − x, y)
     mirrored = np.column_stack([shape[:, 0], shape[:, 0] - shape[:, 1], shape[:, 2]])
     trigger = np.concatenate([a, b])
     order = np.argsort(trigger, kind="stable")
@@ -164,7 +166,7 @@ def _split_obtuse(
         bx = _product(points, c, a, c, b) / ax
         by = np.sqrt(max(_product(points, c, b, c, b) - bx * bx, 0.0))
         cb_length = np.sqrt(bx * bx + by * by)
-        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:
+        if bx >= -RIGHT_ANGLE * cb_length or by == 0.0:  # cos of the angle at c is bx / |cb|
             continue
         # (lx, ly), (rx, ry): the unfolded edge to cross next. The direction of d must be within 90° of both a and b.
         left, lx, ly = a, ax, 0.0

@@ -1,4 +1,4 @@
-"""Defects of meshes: found, repaired, closed and cut apart."""
+"""Defects of meshes: how to find and repair them, close holes and separate sheets."""
 
 from isomatch.loading.first_use import names_at_first_use
 

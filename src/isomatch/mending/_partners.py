@@ -52,8 +52,8 @@ class Partners:
 
     def fans(self) -> tuple[IntArray, IntArray]:
         """Fan of each corner of each face, (m, 3), and the vertex of each fan, in order of the vertices."""
-        one = np.flatnonzero(self.partner > np.arange(len(self.partner)))
-        here, there = np.concatenate([self._chained, np.column_stack([one, self.partner[one]])]).T
+        paired = np.flatnonzero(self.partner > np.arange(len(self.partner)))
+        here, there = np.concatenate([self._chained, np.column_stack([paired, self.partner[paired]])]).T
         start = self._faces.ravel()
         n_fans, fan = linked(len(start), *corner_links(here, there, start[here] == start[there]))
         vertex = np.zeros(n_fans, dtype=np.int64)

@@ -27,6 +27,13 @@ def check(mesh: SurfaceLike) -> MeshReport:
     MeshReport
         ``fatal``, ``warnings`` and ``ok`` summarise it; ``print(report)`` shows a table.
 
+    Raises
+    ------
+    MeshError
+        If it is no mesh.
+    FormatError
+        If it is a file that cannot be read.
+
     Notes
     -----
     O(n log n) time, in which only hashes are sorted, and O(n) memory: 0.1 s for 100 000 vertices, 1.5 s for a million.

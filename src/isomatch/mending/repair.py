@@ -95,7 +95,12 @@ def repair(
     Returns
     -------
     Repair
-        The mended mesh, index maps both ways, and what was changed.
+        The mended mesh, index maps both ways, and the changes.
+
+    Raises
+    ------
+    MeshError, FormatError
+        As for `check`.
 
     Notes
     -----

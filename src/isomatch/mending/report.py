@@ -101,6 +101,15 @@ class MeshReport:
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
         Closed or nearly closed, consistently wound components of negative volume; see `repair`.
+
+    Examples
+    --------
+    >>> from isomatch import Mesh, check
+    >>> report = check(Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [5, 5, 5]], [[0, 1, 2], [0, 0, 1]]))
+    >>> report
+    MeshReport(4 vertices, 2 faces, 0 fatal defects, 2 warnings)
+    >>> report.ok, report.n_boundary_loops, report.unused_vertices, report.repeated_index_faces
+    (False, 1, array([3]), array([1]))
     """
 
     n_vertices: int
@@ -136,26 +145,28 @@ class MeshReport:
     @property
     def fatal(self) -> tuple[str, ...]:
         """Defects that make geodesic distances impossible to compute, one sentence each."""
-        found = self._sentences(_FATAL)
+        sentences = self._sentences(_FATAL)
         if self.n_faces == 0:
-            found.append("no faces, so there is no surface to measure distances on; give a mesh with faces")
+            sentences.append(
+                "no faces, so there is no surface to measure distances on; give a mesh with faces"
+            )
         elif not self.component_shares.any():
-            found.append(
+            sentences.append(
                 "no sound face of positive area, so there is no surface to measure distances on; export the file again"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Defects that reduce accuracy or leave vertices unmatched, one sentence each."""
-        found = self._sentences(_SURVIVABLE)
+        sentences = self._sentences(_SURVIVABLE)
         if self.n_components > 1:
             shares = ", ".join(f"{share:.1%}" for share in self.component_shares[:5])
-            found.append(
+            sentences.append(
                 f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
                 "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     @property
     def ok(self) -> bool:
@@ -195,8 +206,8 @@ class MeshReport:
         return "\n".join(table + (verdict or ["no defects"]))
 
     def _sentences(self, defects: dict[str, tuple[str, str]]) -> list[str]:
-        found = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
-        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in found if len(where)]
+        defective = ((getattr(self, name), what, advice) for name, (what, advice) in defects.items())
+        return [f"{what} ({_where(where)}): {advice}" for where, what, advice in defective if len(where)]
 
 
 def _where(found: IntArray) -> str:

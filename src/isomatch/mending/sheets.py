@@ -60,10 +60,10 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     Notes
     -----
     Two faces with the same corners and opposite winding lie on two sheets. If one of them has been removed, it is put
-    back. A wrong choice of partners at an edge joins the fans at both ends, and several in a row those at the ends of the
-    row. So vertices with only one fan are connected by paths of edges along which a change of partners costs the normals
-    least, and the partners are changed. What would fall off the rest stays glued, or is left out if it has no vertices
-    for itself.
+    back. A wrong choice of partners at an edge joins the fans at both of its ends; wrong choices along a path of edges
+    join those at the ends of the path. So vertices with only one fan are connected by paths along which exchanging
+    partners loses the least likeness of normals, and the partners there are exchanged. Pieces that would become
+    components of their own stay glued, or are left out if they have no vertices of their own.
 
     O(n log n) time, and about 0.1 ms for each edge of more than two faces.
 
@@ -108,8 +108,9 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
 def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     """Sound faces, (m, 3): without those listed twice, and with those put back that coincided with others.
 
-    Where sheets coincide, each edge is traversed as often in one direction as in the other. Too often where a face is
-    listed twice. Too rarely around a patch of which one layer has been removed, and in the same direction all around.
+    Where sheets coincide, each edge is traversed equally often in both directions. A face that is listed twice traverses
+    its edges once too often. A patch of which one layer has been removed lacks a traversal of each edge of its rim, in
+    the same direction all around.
     """
     bad = unsound_faces(vertices, faces)
     faces = faces[~(bad.any & ~bad.duplicate)]
@@ -147,10 +148,10 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
 
 
 def _without_islands(mesh: Mesh, fan: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Remove components, fans (m, 3) and their vertices, that have no vertex for themselves; rejoin the others.
+    """Remove components, fans (m, 3) and their vertices, that have no vertex of their own; rejoin the others.
 
-    Of what each component of the mesh fell into, the largest stays apart. The fans of others that have vertices of their
-    own, such as rooms with a common wall, are joined with those of the largest.
+    Of the pieces into which a component of the mesh was separated, the largest keeps its fans. Other pieces that have
+    vertices of their own, such as rooms with a common wall, are joined with the largest at the vertices they share.
     """
     label = Mesh(mesh.vertices[vertex], fan).components
     origin = mesh.components[vertex]

@@ -159,8 +159,8 @@ def collapse_edges(
             continue
         x, y, z, _ = _placement(vertices, marks, u, v)
         spoils = False
-        for one, other in ((u, v), (v, u)):
-            spoils = spoils or _spoils(one, other, x, y, z, vertices, marks, corners)
+        for end, other_end in ((u, v), (v, u)):
+            spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
         if spoils:
             continue
         vertices[u, 0], vertices[u, 1], vertices[u, 2] = x, y, z

@@ -47,7 +47,7 @@ class Decimated:
 
     @property
     def is_stalled(self) -> bool:
-        """Whether vertices are left that could not be merged, of a mesh larger than was asked for."""
+        """Whether the mesh is larger than was asked for because the vertices left could not be merged."""
         return self.mesh.n_vertices > self.wanted
 
 

@@ -1,4 +1,4 @@
-"""A mesh whose vertices have places in space: a piecewise linear map, and the points that it takes to given ones."""
+"""A mesh whose vertices have places in space: a piecewise linear map, and its inverse."""
 
 from __future__ import annotations
 
@@ -71,15 +71,15 @@ class PlacedMesh:
         From the nearest vertex of the groups by steps to neighbours that are nearer; the point, in the faces around. So
         another sheet is not reached, however near. O(m).
         """
-        found = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
-        given = positions, near, read_only(self.places), *self.groups, *self._linked_corners
+        preimages = PrecisePoints.at_vertices(np.zeros(len(near), dtype=np.int64))
+        arguments = positions, near, read_only(self.places), *self.groups, *self._linked_corners
         by_group = np.argsort(near[:, 0])  # neighbours one after the other, for the sake of the cache
 
         def chunk(first: int) -> None:
-            _inverse_image(by_group[first : first + CHUNK], *given, *found)
+            _inverse_image(by_group[first : first + CHUNK], *arguments, *preimages)
 
         parallel_map(chunk, range(0, len(near), CHUNK))
-        return found
+        return preimages
 
     @cached_property
     def _linked_corners(self) -> tuple[AnyArray, AnyArray]:

@@ -77,7 +77,7 @@ class Prolongation:
         normals = vertex_normals(points, self.fine.sound_faces)
         coarse = self._coarse
         start, near = _faces_near(coarse)
-        found = PrecisePoints.at_vertices(self.coarse.owner)
+        places = PrecisePoints.at_vertices(self.coarse.owner)
         by_owner = self._groups.members
 
         def chunk(first: int) -> None:
@@ -90,11 +90,11 @@ class Prolongation:
                 coarse.faces,
                 start,
                 near,
-                *found,
+                *places,
             )
 
         parallel_map(chunk, range(0, self.fine.n_vertices, CHUNK))
-        return found
+        return places
 
     @cached_property
     def nearest_members(self) -> IntArray:

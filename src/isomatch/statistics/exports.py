@@ -74,8 +74,8 @@ def write_statismo(path: str | Path, model: ShapeModel) -> None:
 
     Notes
     -----
-    Version 0.9 of the format, in single precision. Its modes are orthonormal without weights, so they are others than
-    those of a model with area weights; the distribution of shapes is the same.
+    Version 0.9 of the format, in single precision. Its modes are orthonormal without weights, so they differ from those
+    of a model with area weights; the distribution of shapes is the same.
     """
     if not model.n_modes:
         raise InputError(

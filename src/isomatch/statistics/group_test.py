@@ -126,8 +126,8 @@ def _labels(groups: Sequence[str], m: int) -> tuple[BoolArray, tuple[str, str], 
         raise InputError(f"{len(groups)} groups for {m} shapes; give one for each")
     labels, index, counts = np.unique(np.asarray(groups, dtype=str), return_inverse=True, return_counts=True)
     if len(labels) != 2 or counts.min() < 2:
-        found = ", ".join(f"{str(label)!r} of {count}" for label, count in zip(labels, counts))
-        raise InputError(f"groups {found}; give two groups with at least two shapes each")
+        sizes = ", ".join(f"{str(label)!r} of {count}" for label, count in zip(labels, counts))
+        raise InputError(f"groups {sizes}; give two groups with at least two shapes each")
     return index == 1, (str(labels[0]), str(labels[1])), (int(counts[0]), int(counts[1]))
 
 

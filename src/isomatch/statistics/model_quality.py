@@ -50,7 +50,7 @@ def compactness(model: ShapeModel) -> FloatArray:
 
 
 def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
-    """Measure how well the model describes shapes that it does not know.
+    """Measure how well the model describes shapes that it was not made from, leaving out one at a time.
 
     Parameters
     ----------

@@ -191,7 +191,7 @@ def draw_embedding(
     figure = Figure((7, 6), layout="constrained")
     axes = figure.subplots()
     for i, group in enumerate(sorted(set(groups or [""]))):
-        chosen = np.array([each == group for each in groups or [""] * len(names)])
+        chosen = np.array([of_shape == group for of_shape in groups or [""] * len(names)])
         axes.scatter(
             points[chosen, 0], points[chosen, 1], 18, color=COLOURS[i % len(COLOURS)], label=group or None
         )

@@ -78,7 +78,7 @@ def geodesic_distortions(
         columns.append((between + between.T).ravel() / (2 * np.sqrt(mesh.area)))
     distances = np.array(columns)
     distances = distances[:, np.isfinite(distances).all(axis=0)]
-    return np.array([np.sqrt(((distances - each) ** 2).mean(axis=1)) for each in distances])
+    return np.array([np.sqrt(((distances - row) ** 2).mean(axis=1)) for row in distances])
 
 
 def shape_tree(distances: FloatArray) -> FloatArray:

@@ -152,9 +152,9 @@ class ShapeModel:
             raise SettingError(f"weights = {weights!r} is not one of 'area', 'uniform'")
         n = shapes.n_vertices
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
-        found = generalised_procrustes(shapes.vertices, share, scale)
-        mean = found.mean
-        about_mean, about_centre = found.aligned - mean, mean - share @ mean
+        superimposed = generalised_procrustes(shapes.vertices, share, scale)
+        mean = superimposed.mean
+        about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean
         with serial_blas():
             u, values, _ = np.linalg.svd(
                 (about_mean * np.sqrt(share)[:, None]).reshape(len(shapes), -1), full_matrices=False
@@ -173,7 +173,7 @@ class ShapeModel:
             modes * signs[:, None, None],
             values**2 / max(len(shapes) - 1, 1),
             u * values * signs,
-            found.size,
+            superimposed.size,
         )
 
     @property
@@ -209,12 +209,12 @@ class ShapeModel:
         SettingError
             If there are more scores than modes.
         """
-        given = numbers_of(scores, "scores", SettingError)
-        if given.ndim != 1 or len(given) > self.n_modes:
+        leading = numbers_of(scores, "scores", SettingError)
+        if leading.ndim != 1 or len(leading) > self.n_modes:
             raise SettingError(
-                f"scores have shape {given.shape}; give at most {self.n_modes}, one for each mode"
+                f"scores have shape {leading.shape}; give at most {self.n_modes}, one for each mode"
             )
-        shape: FloatArray = self.mean + np.tensordot(given, self.modes[: len(given)], 1)
+        shape: FloatArray = self.mean + np.tensordot(leading, self.modes[: len(leading)], 1)
         return shape
 
     def mesh(self, scores: ArrayLike = ()) -> Mesh:

@@ -170,7 +170,7 @@ class CorrespondedShapes:
                 f"left_right has entries outside 0…{self.n_vertices - 1}; give a vertex for each vertex"
             )
         uniform = np.full(self.n_vertices, 1 / self.n_vertices)
-        images = [aligned_to(one, one[other] * [-1.0, 1.0, 1.0], uniform) for one in self.vertices]
+        images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
         names = (*self.names, *(f"{name}_mirrored" for name in self.names))
         return CorrespondedShapes(names, np.concatenate([self.vertices, images]), self.faces, self.left_out)
 
@@ -196,7 +196,7 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     MeshError
         If no shape is left.
     """
-    files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(each) for each in source]
+    files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
     twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
@@ -208,7 +208,7 @@ def _files_of(folder: Path) -> list[Path]:
     folder = inner if inner.is_dir() else folder
     if not folder.is_dir():
         raise MissingFileError(f"{folder}: no such folder; give a folder of meshes in one topology")
-    found = sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
-    if not found:
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
+    if not files:
         raise FormatError(f"{folder}: no meshes; give a folder of {', '.join(FORMATS)} files in one topology")
-    return found
+    return files

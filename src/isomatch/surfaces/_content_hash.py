@@ -1,4 +1,4 @@
-"""A hash of what a surface is made of, and the surfaces in use by their hashes."""
+"""A hash of the contents of a surface, and the surfaces in use by their hashes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _LOCK = Lock()  # a set must not grow while it is listed
 
 def hash_of(surface: Surface, *arrays: AnyArray) -> str:
     """32 hexadecimal digits, the same on every machine, for a surface and its arrays of float64 or int64."""
-    found = blake2b(type(surface).__name__.encode(), digest_size=16)
+    digest = blake2b(type(surface).__name__.encode(), digest_size=16)
     for array in arrays:
-        found.update(str(array.shape).encode())
-        found.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
+        digest.update(str(array.shape).encode())
+        digest.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
     with _LOCK:
         _IN_USE.add(surface)
-    return found.hexdigest()
+    return digest.hexdigest()
 
 
 def surface_in_use(content_hash: str) -> Surface | None:

@@ -53,24 +53,26 @@ class Graph:
     def __init__(
         self, n_vertices: int, edges: ArrayLike, lengths: ArrayLike, weights: ArrayLike | None = None
     ) -> None:
-        ends, given = _ends(edges, n_vertices), numbers_of(lengths, "lengths", MeshError)
-        if given.shape != (len(ends),):
-            raise MeshError(f"lengths have shape {given.shape}, expected ({len(ends)},): one per edge")
-        _require(np.isfinite(given) & (given >= 0), "edges {} have lengths that are negative or not finite")
+        ends, measured = _ends(edges, n_vertices), numbers_of(lengths, "lengths", MeshError)
+        if measured.shape != (len(ends),):
+            raise MeshError(f"lengths have shape {measured.shape}, expected ({len(ends)},): one per edge")
+        _require(
+            np.isfinite(measured) & (measured >= 0), "edges {} have lengths that are negative or not finite"
+        )
         measure = np.ones(n_vertices) if weights is None else numbers_of(weights, "weights", MeshError)
         if measure.shape != (n_vertices,):
             raise MeshError(f"weights have shape {measure.shape}, expected ({n_vertices},): one per vertex")
         _require(
             np.isfinite(measure) & (measure > 0), "vertices {} have weights that are not positive numbers"
         )
-        order = np.lexsort([given, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
-        ends, given = ends[order], given[order]
+        order = np.lexsort([measured, ends[:, 1], ends[:, 0]])  # of equal edges the shortest comes first
+        ends, measured = ends[order], measured[order]
         first = np.ones(len(ends), dtype=bool)
         first[1:] = (ends[1:] != ends[:-1]).any(axis=1)
         object.__setattr__(self, "n_vertices", int(n_vertices))
         for name, array in (
             ("edges", ends[first]),
-            ("edge_lengths", given[first]),
+            ("edge_lengths", measured[first]),
             ("vertex_areas", measure.copy()),
         ):
             array.flags.writeable = False

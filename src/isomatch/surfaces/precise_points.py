@@ -20,6 +20,13 @@ class PrecisePoints(NamedTuple):
         Vertices of the triangle that holds each point.
     barycentric : (m, 3) array of float
         Their weights: not negative, sum 1.
+
+    Examples
+    --------
+    >>> points = PrecisePoints(np.array([[0, 1, 2], [2, 2, 2]]), np.array([[0.5, 0.5, 0.0], [1.0, 0.0, 0.0]]))
+    >>> points.interpolated(np.array([[0.0], [10.0], [20.0]]))
+    array([[ 5.],
+           [20.]])
     """
 
     corners: IntArray
@@ -50,7 +57,34 @@ class PrecisePoints(NamedTuple):
 
 @compiled(inline="always")
 def nearest_in_triangle(uu: float, uv: float, vv: float, up: float, vp: float) -> tuple[float, float, float]:
-    """Minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, from inner products: s, t and the minimum less |p|²."""
+    """Find the point of a triangle nearest to another point, from inner products alone.
+
+    Parameters
+    ----------
+    uu, uv, vv, up, vp : float
+        Inner products of the edges u = b − a and v = c − a of a triangle (a, b, c), and of p, the point less a. They are
+        those of any space of any dimension.
+
+    Returns
+    -------
+    s, t, gain : float
+        Barycentric weights of b and c, which minimise |s u + t v − p|² over s, t ≥ 0, s + t ≤ 1, and the minimum less
+        |p|²: never positive, and 0 at the corner a.
+
+    Notes
+    -----
+    The minimum is inside, or else on one of the edges: all four are tried. The inside of a triangle without area is left
+    out.
+
+    Examples
+    --------
+    In the plane, with u = (1, 0) and v = (0, 1): p = (¼, ¼) lies inside, p = (2, 2) beyond the edge from b to c.
+
+    >>> nearest_in_triangle(1.0, 0.0, 1.0, 0.25, 0.25)
+    (0.25, 0.25, -0.125)
+    >>> nearest_in_triangle(1.0, 0.0, 1.0, 2.0, 2.0)
+    (0.5, 0.5, -3.5)
+    """
     best_s = best_t = best = 0.0
     # the edges (a, b), (a, c), (b, c), then the inside
     for case in range(4):

@@ -1,4 +1,4 @@
-"""`Surface`: what can be matched."""
+"""`Surface`: everything that can be matched."""
 
 from typing import TypeAlias
 

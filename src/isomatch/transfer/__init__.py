@@ -1,4 +1,4 @@
-"""Transfer: what one surface file carries, written onto another by the map between them."""
+"""Transfer: the attributes of one surface file carried to another by the map between them."""
 
 from isomatch.loading.first_use import names_at_first_use
 

@@ -72,6 +72,24 @@ def bake_texture(
         If the one has no texture coordinates, or the other neither texture nor colours.
     SettingError
         If the size is not a number of texels.
+
+    Notes
+    -----
+    Each texel on the surface takes the colour at its place under the piecewise linear map. O(size²) time and memory,
+    beside the reversal of the map if the target receives.
+
+    Examples
+    --------
+    A square with texture coordinates takes the colours at the corners of another one, black below and white above.
+
+    >>> from isomatch.assets import Attribute, Polygons
+    >>> square = Asset([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], Polygons([0, 1, 2, 3], [4]))
+    >>> unfolded = square.with_attributes(Attribute("uv", "point", "uv", square.points[:, :2]))
+    >>> grey = [[0.0] * 3, [0.0] * 3, [1.0] * 3, [1.0] * 3]
+    >>> coloured = square.with_attributes(Attribute("color", "point", "colour", grey))
+    >>> baked = bake_texture(Correspondence(range(4), n_target=4), unfolded, coloured, size=8)
+    >>> baked.picture.shape, baked.unmatched, baked.picture[[0, -1], 0, 0]
+    ((8, 8, 4), 0, array([239,  16], dtype=uint8))
     """
     from scipy.ndimage import distance_transform_edt
 

@@ -1,4 +1,4 @@
-"""The map from the asset that receives to the one that gives, and where points of the one lie on the other."""
+"""The map from the asset that receives to the one that gives, and places of the receiver's points on the giver."""
 
 from __future__ import annotations
 
@@ -87,10 +87,10 @@ class Bridge:
                     f"{name}: has no polygons, and values are carried between surfaces; give a mesh"
                 )
         given.check_fits(*(_mapped(asset, n) for asset, n in zip((source, target), given.shape)))
-        found = welded_map(given, *(_vertices(asset, n) for asset, n in zip((source, target), given.shape)))
+        welded = welded_map(given, *(_vertices(asset, n) for asset, n in zip((source, target), given.shape)))
         if to_source:
-            return cls(found, source, target)
-        return cls(found.reversed(source.mesh, target.mesh), target, source)
+            return cls(welded, source, target)
+        return cls(welded.reversed(source.mesh, target.mesh), target, source)
 
     @cached_property
     def at_vertices(self) -> Places:
@@ -132,12 +132,12 @@ class Bridge:
         n = self.giver.mesh.n_vertices
         order, corner_order = np.argsort(images.faces, axis=1), np.argsort(faces, axis=1)
         triples = np.take_along_axis(images.faces, order, axis=1)
-        known = np.take_along_axis(faces, corner_order, axis=1)
-        keys = _keys(known, n)
+        sorted_faces = np.take_along_axis(faces, corner_order, axis=1)
+        keys = _keys(sorted_faces, n)
         by_key = np.argsort(keys, kind="stable")
         at = np.searchsorted(keys, _keys(triples, n), sorter=by_key)
         triangle = by_key[np.minimum(at, len(keys) - 1)]
-        inside = images.matched & (known[triangle] == triples).all(axis=1)
+        inside = images.matched & (sorted_faces[triangle] == triples).all(axis=1)
         barycentric = np.zeros((len(triples), 3))
         held = np.flatnonzero(inside)
         sorted_weights = np.take_along_axis(images.barycentric, order, axis=1)

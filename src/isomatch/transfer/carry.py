@@ -1,4 +1,4 @@
-"""What one asset carries, written onto another: labels by nearest or majority, other values by interpolation."""
+"""Attributes carried from one asset to another: labels by nearest or majority, other values by interpolation."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def carry_attributes(
     """Carry attributes from one asset to the other.
 
     Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
-    weights are interpolated at the precise images. Of the weights as many are kept as the other had, and they sum to 1.
-    Normals are turned with the surface. What differs at the corners of one point, as texture coordinates at a seam, is
-    carried to corners, and a polygon takes all its corners from one side. Labels
-    are never averaged; other values of polygons are, by area.
+    weights are interpolated at the precise images. As many weights are kept as the other asset has, and they sum to 1.
+    Normals are turned with the surface. Values that differ at the corners of one point, such as texture coordinates at
+    a seam, are carried to corners, and a polygon takes all its corners from one side. Labels are never averaged; other
+    values of polygons are averaged by area.
 
     Parameters
     ----------
@@ -135,18 +135,18 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     words = [data] if isinstance(data, str) else list(data)
     if words == ["all"]:
         return asset.attributes
-    found: dict[int, Attribute] = {}
+    by_index: dict[int, Attribute] = {}
     for word in words:
         kind = word.lower().removesuffix("s")
         kind = "weights" if kind == "weight" else _SYNONYMS.get(kind, kind)
         those = [a for a in asset.attributes if word == a.name or kind == a.kind]
         if not those:
-            known = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
+            available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
-                f"nothing to carry is named {word!r} or of that kind ({', '.join(get_args(Kind))}); there is {known}"
+                f"nothing to carry is named {word!r} or of that kind ({', '.join(get_args(Kind))}); there is {available}"
             )
-        found |= {asset.attributes.index(a): a for a in those}
-    return tuple(found[i] for i in sorted(found))
+        by_index |= {asset.attributes.index(a): a for a in those}
+    return tuple(by_index[i] for i in sorted(by_index))
 
 
 def _interpolated(attribute: Attribute, bridge: Bridge) -> tuple[Attribute, int]:
@@ -187,7 +187,7 @@ def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
 
 
 def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
-    """Carry labels, and what polygons have, to the same domain; by the area around each row unless nearest."""
+    """Carry labels and values of polygons to the same domain, by the area around each row unless by nearest."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
@@ -205,10 +205,10 @@ def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attr
     area = np.repeat(receiver.mesh.face_areas, 3)[places.found] + np.finfo(float).tiny
     owner, rows = owner[places.found], places.nearest_rows(attribute)[places.found]
     if attribute.kind == "label":
-        known, code = np.unique(attribute.values, return_inverse=True)
-        votes = csr_array((area, (owner, code[rows])), shape=(n_owners, len(known)))
+        distinct, code = np.unique(attribute.values, return_inverse=True)
+        votes = csr_array((area, (owner, code[rows])), shape=(n_owners, len(distinct)))
         voted = np.bincount(owner, minlength=n_owners) > 0
-        values = _or_none(known[votes.argmax(axis=1)], voted)
+        values = _or_none(distinct[votes.argmax(axis=1)], voted)
     else:
         sums = csr_array((area, (owner, rows)), shape=(n_owners, len(attribute)))
         with np.errstate(invalid="ignore"):

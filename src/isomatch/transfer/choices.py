@@ -1,4 +1,4 @@
-"""The words for what can be chosen; apart, so that the command line knows them before anything slow is loaded."""
+"""The values of options, in a file of their own: the command line lists them before anything slow is loaded."""
 
 from typing import Literal
 

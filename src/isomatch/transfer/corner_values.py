@@ -1,4 +1,4 @@
-"""Values that differ at the corners of one point: they are carried within the sheets between the seams."""
+"""Values that differ at the corners of one point are carried within the pieces between the seams."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def is_seamless(asset: Asset, attribute: Attribute) -> bool:
 def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[FloatArray, int]:
     """Interpolate at the corners of the receiver, and count its polygons that lie across a seam.
 
-    The giver's mesh is cut along its seams. Where the middle of a polygon lies, the search for the images of its corners
-    starts; it walks to neighbours that are nearer, and so ends at the cut where a corner lies beyond.
+    The giver's mesh is cut along its seams. The search for the images of a polygon's corners starts at the place of the
+    polygon's middle and walks to neighbours that are nearer. If a corner lies beyond a seam, it ends at the cut.
 
     Returns
     -------
@@ -44,11 +44,11 @@ def interpolated_at_corners(bridge: Bridge, attribute: Attribute) -> tuple[Float
     images = bridge.map.pull_back(positions)[receiver.vertex_of_corner]
     held = np.flatnonzero((start >= 0) & bridge.map.matched[receiver.vertex_of_corner])
     walk = PlacedMesh(cut, cut.vertices, VertexGroups.of(np.arange(cut.n_vertices), cut.n_vertices))
-    found = walk.inverse(images[held], cut.faces[start[held]])
-    off = np.linalg.norm(found.interpolated(cut.vertices) - images[held], axis=1)
+    places = walk.inverse(images[held], cut.faces[start[held]])
+    off = np.linalg.norm(places.interpolated(cut.vertices) - images[held], axis=1)
     of_corner = columns(attribute)[rows_of_corners(giver, attribute)]
     values = np.full((len(polygon), of_corner.shape[1]), np.nan)
-    values[held] = found.interpolated(of_corner[corner_of_piece])
+    values[held] = places.interpolated(of_corner[corner_of_piece])
     return values, len(np.unique(polygon[held[off > ACROSS]]))
 
 

@@ -12,7 +12,7 @@ from isomatch.values.arrays import FloatArray
 def rotations(bridge: Bridge) -> FloatArray:
     """(n_vertices, 3, 3) the rotation from the giver to the receiver that fits best the edges and normals of the faces.
 
-    It is the identity where the map says nothing.
+    It is the identity where no vertex around is matched.
     """
     mesh = bridge.receiver.mesh
     normals = bridge.map.pull_back(bridge.giver.mesh.vertex_normals)

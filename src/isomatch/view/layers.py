@@ -65,10 +65,10 @@ class Layer:
 def user_layers(values: Mapping[str, ArrayLike], n_source: int) -> dict[str, Layer]:
     """Check values by name, and let the ramp span all but the outliers; `DescriptorError` if they do not fit."""
     layers = {}
-    for name, given in values.items():
+    for name, layer_values in values.items():
         if name in BUILT_IN:
             raise DescriptorError(f"every report has a layer {name!r} of its own; give yours another name")
-        rows = numbers_of(given, f"layer {name!r}", DescriptorError)
+        rows = numbers_of(layer_values, f"layer {name!r}", DescriptorError)
         if rows.shape != (n_source,):
             raise DescriptorError(
                 f"layer {name!r} has shape {rows.shape}, expected one value for each of the {n_source} source vertices"
@@ -98,10 +98,10 @@ def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer
     a, b = source.edges.T
     before = ((source.vertices[a] - source.vertices[b]) ** 2).sum(axis=1)
     after = ((images[a] - images[b]) ** 2).sum(axis=1)
-    known = np.isfinite(after)
-    corners = np.concatenate([a[known], b[known]])
+    mapped = np.isfinite(after)
+    corners = np.concatenate([a[mapped], b[mapped]])
     sums = [
-        np.bincount(corners, np.tile(squares[known], 2), source.n_vertices) for squares in (after, before)
+        np.bincount(corners, np.tile(squares[mapped], 2), source.n_vertices) for squares in (after, before)
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.sqrt(sums[0] / sums[1])

@@ -163,8 +163,8 @@ MEASURES = {
         "doubt of a part",
         "{:.1e}",
         "score / (1 − score / score of the next best map)",
-        "What speaks against the map, all measures together, over how clearly it is better than the best different map. "
-        "Little doubt makes the map of a part sure.",
+        "The score of the map, low if all measures are good, over how clearly it is better than that of the best "
+        "different map. The map of a part is sure if its doubt is small.",
         most_of="parts.poor_doubt",
     ),
     "landmark_error": Measure(

@@ -200,7 +200,7 @@ def _page(
     landmarks: IntArray,
     **parts: str,
 ) -> str:
-    """Fill the template: what every page has, and the parts that differ, as HTML."""
+    """Fill the template with the contents of every page, and with the given parts as HTML."""
     # the list is kept for these shapes and landmarks
     given = {"shapes": [mesh.content_hash for mesh in shapes], "landmarks": landmarks.tolist()}
     return _template("report.html").substitute(

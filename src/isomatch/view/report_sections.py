@@ -62,7 +62,7 @@ def tables_of_run(result: MatchResult, facts: Mapping[str, object]) -> str:
         "selected for": result.reason,
         "geodesic engine": result.engine,
         "seed": result.seed,
-        **{f"{side} onto itself": found for side, found in zip(_SIDES, result.symmetries) if found},
+        **{f"{side} onto itself": symmetry for side, symmetry in zip(_SIDES, result.symmetries) if symmetry},
         **versions(),
     }
     seconds = {stage: f"{spent:.2f}" for stage, spent in result.timings.items()}

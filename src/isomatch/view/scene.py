@@ -64,9 +64,14 @@ def scene_of(
     from_target = _Shown(target, camera, most, kept[1])
     colours = position_colours(target)
     packed = []
-    for name, each in maps.items():
-        known = {"stretch": stretch(source, target, each), **(layers or {} if name == first else {})}
-        packed.append({"name": name, **_packed_map(from_source, from_target, colours, each, known)})
+    for name, correspondence in maps.items():
+        map_layers = {
+            "stretch": stretch(source, target, correspondence),
+            **(layers or {} if name == first else {}),
+        }
+        packed.append(
+            {"name": name, **_packed_map(from_source, from_target, colours, correspondence, map_layers)}
+        )
     filed = camera @ turn.T @ camera.T
     lying = from_source.points[from_source.index] @ filed.T
     at_source = from_source.packed()

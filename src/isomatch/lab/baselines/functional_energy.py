@@ -1,4 +1,4 @@
-"""The quadratic energy of a functional map: what it should preserve and commute with, minimised in closed form."""
+"""The quadratic energy of a functional map that preserves functions and commutes with operators; its minimiser."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
-RIDGE = 1e-9  # of the mean diagonal entry; determines what no term determines
+RIDGE = 1e-9  # of the mean diagonal entry; decides where the energy is flat
 
 
 class FunctionalEnergy:

@@ -113,14 +113,16 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     task.timer.start("functional map")
     k = task.functions_at_most(config.n_functions)
     source, target = task.shapes
-    given = [_coefficients(shape, task, side, k, config.signatures) for side, shape in enumerate(task.shapes)]
+    coefficients = [
+        _coefficients(shape, task, side, k, config.signatures) for side, shape in enumerate(task.shapes)
+    ]
     constant = np.eye(k)[:, :1]
     energy = FunctionalEnergy(k, k)
-    for of_source, of_target in (*zip(*given), (constant, constant)):
+    for of_source, of_target in (*zip(*coefficients), (constant, constant)):
         energy.preserve(of_source, of_target, config.descriptor_weight)
     if len(task.hints.known):
         energy.preserve(task.functional_map_at(task.hints.known, k), np.eye(k), k * config.descriptor_weight)
-    a, b = (np.hstack(groups) for groups in given)
+    a, b = (np.hstack(groups) for groups in coefficients)
     energy.commute(
         *_comparable(products(source.laplace, a), products(target.laplace, b)), config.product_weight
     )

@@ -1,4 +1,4 @@
-"""The methods of the paper: `match` without what goes beyond it."""
+"""The methods of the paper: `match` without its extensions."""
 
 from __future__ import annotations
 

@@ -117,15 +117,15 @@ def descended(
     cloud, signs = np.ascontiguousarray(target.points.coordinates), target.points.signs
     wanted = distances_to(pair, points).source[points.vertices]
     np.fill_diagonal(wanted, 0.0)
-    found = replace(points, corners=corners, barycentric=barycentric)
-    stresses = [relative_stress(pair, found)]
+    placed = replace(points, corners=corners, barycentric=barycentric)
+    stresses = [relative_stress(pair, placed)]
     for _ in range(n_sweeps):
-        inner = found.interpolated(cloud * signs)
+        inner = placed.interpolated(cloud * signs)
         _sweep(cloud, signs, inner, wanted, n_held, target.faces, start, order, corners, barycentric)
-        stresses.append(relative_stress(pair, found))
+        stresses.append(relative_stress(pair, placed))
         if stresses[-1] >= (1 - SETTLED) * stresses[-2]:
             break
-    return found, tuple(stresses)
+    return placed, tuple(stresses)
 
 
 @compiled()

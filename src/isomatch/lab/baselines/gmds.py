@@ -105,11 +105,11 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
     if pair.target.triangles is None:
         raise SettingError("points are placed on triangles, and the target has none; give a mesh")
     task.timer.start("start")
-    known, origin = _start(task, config)
+    anchored_at, origin = _start(task, config)
     task.timer.start("stress")
     held = Placement.at_vertices(task.hints.landmarks)
     samples = pair.source.column_vertices[~np.isin(pair.source.column_vertices, held.vertices)]
-    points, anchors = held, Placement.at_vertices(known)
+    points, anchors = held, Placement.at_vertices(anchored_at)
     stresses: tuple[float, ...] = ()
     for first, last in pairwise((0, *config.levels)):
         points = points.joined(placed(pair, samples[first:last], anchors))

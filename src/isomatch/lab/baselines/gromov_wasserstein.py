@@ -119,11 +119,11 @@ def gromov_wasserstein(
     with serial_blas():
         task = Task.of(source, target, landmarks, initial_map, initial_descriptors, seed)
         features, origin = _features(task)
-        found = transport(task, features, config)
-        k = task.functions_at_most(min(config.n_functions, min(map(len, found.rows)) // 2))
-        functions = task.pair.target.laplace.vectors[found.rows[1], :k]
-        averages = found.plan @ functions / found.plan.sum(axis=1, keepdims=True)
-        functional_map = task.functional_map_from(found.rows[0], averages)
+        transported = transport(task, features, config)
+        k = task.functions_at_most(min(config.n_functions, min(map(len, transported.rows)) // 2))
+        functions = task.pair.target.laplace.vectors[transported.rows[1], :k]
+        averages = transported.plan @ functions / transported.plan.sum(axis=1, keepdims=True)
+        functional_map = task.functional_map_from(transported.rows[0], averages)
         return task.spectral_result(functional_map, config, origin)
 
 

@@ -129,8 +129,8 @@ def coefficient_map(task: Task, config: SpectralGmdsConfig) -> tuple[FloatArray,
         of_source, of_target = (d[None, :k, :k] for d in distances)
         energy = FunctionalEnergy(k, k)
         energy.commute(of_source, of_target, k * config.distance_weight)
-        for known in data.values():
-            energy.preserve(known[0][:k], known[1][:k], config.data_weight)
+        for coefficients in data.values():
+            energy.preserve(coefficients[0][:k], coefficients[1][:k], config.data_weight)
         energy.preserve(grown, np.eye(k, len(alpha)), config.previous_weight)
         alpha = polar(energy.minimiser(prescribed))[0]
     return alpha, next(iter(data))

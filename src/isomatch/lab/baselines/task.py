@@ -36,7 +36,7 @@ AT_FULL_RESOLUTION = Config(resolution="full")
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Two prepared shapes, and what is known of their map.
+    """Two prepared shapes, and the hints about their map.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What every damage returns: the damaged mesh, and where each of its vertices was before."""
+"""The result of a damage: the damaged mesh, and the original vertex of each of its vertices."""
 
 from __future__ import annotations
 

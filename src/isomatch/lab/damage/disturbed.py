@@ -48,7 +48,7 @@ def noise(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
 
 
 def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
-    """Glue together limbs that touch: what is near in space but far along the surface is merged, as in a fused scan.
+    """Glue together limbs that touch: vertices near in space but far along the surface are merged, as in a fused scan.
 
     Pairs of vertices are merged, the nearest first, each into one vertex halfway between them.
 
@@ -92,11 +92,11 @@ def weld(mesh: Mesh, gap: float = 0.02, *, seed: int = 0) -> Damaged:
             free[pair] = False
             merged.append(pair)
     if not merged:
-        found = (
+        apart = (
             f"; the nearest are {widths.min() / np.sqrt(mesh.area):.3f} √area apart" if len(widths) else ""
         )
         raise MeshError(
-            f"no limbs of {mesh!r} are as near as {gap:g} √area{found}; give a larger gap, or a pose in which limbs touch"
+            f"no limbs of {mesh!r} are as near as {gap:g} √area{apart}; give a larger gap, or a pose in which limbs touch"
         )
     return _merged(mesh, np.array(merged))
 

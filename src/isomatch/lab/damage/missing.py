@@ -1,4 +1,4 @@
-"""Parts that are missing: a plane cut, holes, a limb, and what a camera does not see. No vertex moves."""
+"""Parts that are missing: a plane cut, holes, a limb, and parts hidden from a camera. No vertex moves."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_PIXELS = 3000  # along each side of the depth buffer
 
 
 def cut(mesh: Mesh, share: float = 0.3, *, seed: int = 0) -> Damaged:
-    """Cut off what lies beyond a plane in a random direction.
+    """Cut off the part beyond a plane in a random direction.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A pair of shapes that are damaged: what a method is given, and what its map is judged by."""
+"""A damaged pair of shapes: the input of a method, and the truth by which its map is judged."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class DamagedPair:
 def damaged_pair(
     pair: BenchmarkPair, source: Damaged | None = None, target: Damaged | None = None
 ) -> DamagedPair:
-    """Replace the shapes of a pair by what damage made of them, and restrict the truth to what remains.
+    """Replace the shapes of a pair by damaged ones, and restrict the truth to the vertices that remain.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def damaged_pair(
         return np.column_stack([side[column] for side, column in zip(became, rows.T)])
 
     truths = [rows for rows in (pair.truth, pair.mirrored) if rows is not None]
-    known = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
-    if not known.any():
+    left = np.all([(moved(rows) >= 0).all(axis=1) for rows in truths], axis=0)
+    if not left.any():
         raise InputError(
             f"{pair.name}: nothing of the truth remains after the damage; damage less of the shapes"
         )
-    whole = [rows[known] for rows in truths]
+    whole = [rows[left] for rows in truths]
     given = [moved(rows) for rows in whole]
     on_source, on_target = moved(pair.truth).T
     merged = np.isin(pair.truth[:, 1], target.merged)

@@ -65,7 +65,7 @@ def _distinct(rows: list[dict[str, Any]], key: str) -> list[str]:
 
 
 def _family(method: str) -> str:
-    """Name of a method without what it is given and what continues from its map."""
+    """Name of a method without its hints and its continuation."""
     return method.partition("+")[0].removesuffix("_5pt")
 
 

@@ -48,8 +48,8 @@ class Method:
     ) -> tuple[Correspondence, dict[str, Any]]:
         """Match source to target with hints, by argument name; return the map and the method's diagnostics."""
         settings = {} if self.config is None else {"config": self.config}
-        found = self.function(source, target, **hints, **settings)
-        return (found.map, found.to_dict()) if isinstance(found, MatchResult) else (found, {})
+        result = self.function(source, target, **hints, **settings)
+        return (result.map, result.to_dict()) if isinstance(result, MatchResult) else (result, {})
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that the method is set to, as plain values."""

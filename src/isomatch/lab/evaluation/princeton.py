@@ -140,8 +140,8 @@ def sided_errors(
 def smallest(sides: Iterable[SidedErrors]) -> SidedErrors:
     """Take, point by point, the smallest error of several maps that are equally good readings of one."""
     sides = list(sides)
-    direct = np.min([each.direct for each in sides], axis=0)
-    mirrored = [each.mirrored for each in sides if each.mirrored is not None]
+    direct = np.min([side.direct for side in sides], axis=0)
+    mirrored = [side.mirrored for side in sides if side.mirrored is not None]
     return SidedErrors(direct, np.min(mirrored, axis=0) if mirrored else None)
 
 

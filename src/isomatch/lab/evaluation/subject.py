@@ -170,7 +170,7 @@ class Subject:
         }
 
     def _matched(self, found: Correspondence) -> dict[str, float]:
-        """Precision and recall of what is matched, where some vertices have no counterpart."""
+        """Precision and recall of the matched vertices, where some vertices have no counterpart."""
         has, alone = np.unique(self.pair.truth[:, 0]), self._dense.alone
         if not len(alone):
             return {}
@@ -199,5 +199,5 @@ class Subject:
 
 
 def _plain(numbers: Mapping[str, Any]) -> Row:
-    """Turn numbers into those of JSON, which has None for what is not finite."""
+    """Turn numbers into those of JSON, with None in place of numbers that are not finite."""
     return {name: float(number) if np.isfinite(number) else None for name, number in numbers.items()}

@@ -73,7 +73,7 @@ def _comparable(rows: list[Row]) -> list[Row]:
 
 
 def _group(row: Row) -> tuple[str, str, str]:
-    """Set, damage ("" without) and method of a row: what means are taken over."""
+    """Set, damage ("" without) and method of a row: means are taken over rows in which these agree."""
     return row["set"], row.get("damage") or "", row["method"]
 
 

@@ -32,9 +32,9 @@ def _above(above: str, below: str, curves: princeton_curves.Curves) -> Verdict:
     lead, name, error = princeton_curves.least_lead(curves, above, below)
     sets = dict.fromkeys(name for name, _ in curves)
     areas = "; ".join(
-        f"{one}: area {princeton_curves.area(curves[one, above]):.3f} against "
-        f"{princeton_curves.area(curves[one, below]):.3f}"
-        for one in sets
+        f"{set_name}: area {princeton_curves.area(curves[set_name, above]):.3f} against "
+        f"{princeton_curves.area(curves[set_name, below]):.3f}"
+        for set_name in sets
     )
     return Verdict(
         f"{METHODS[above][0]} lies above {METHODS[below][0]}, from the same five points, everywhere on [0, 0.25]",

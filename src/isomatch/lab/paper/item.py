@@ -1,4 +1,4 @@
-"""The interface of every figure and table of the paper: what it is made from, and what it returns."""
+"""The interface of every figure and table of the paper: its input and its result."""
 
 from __future__ import annotations
 

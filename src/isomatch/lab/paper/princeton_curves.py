@@ -41,12 +41,12 @@ def measured(setting: Setting, methods: tuple[str, ...]) -> tuple[Curves, dict[s
         rows = benchmark_rows(setting, name, methods)
         facts["pairs"][name] = pairs
         for method in methods:
-            found = [row for row in rows if row["method"] == method and "curve" in row]
-            missing = len(pairs) - len(found)
+            matched = [row for row in rows if row["method"] == method and "curve" in row]
+            missing = len(pairs) - len(matched)
             if missing:
                 facts["without a map"][f"{name}, {method}"] = missing
             # a pair without a map counts: none of its correspondences is within any error
-            curves[name, method] = sum((np.array(row["curve"]) for row in found), NOTHING) / len(pairs)
+            curves[name, method] = sum((np.array(row["curve"]) for row in matched), NOTHING) / len(pairs)
     return curves, facts
 
 

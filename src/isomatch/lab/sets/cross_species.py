@@ -52,12 +52,12 @@ class CrossSpecies:
         FormatError
             If the truth does not fit the shapes.
         """
-        (one, a), (other, b) = self._class_of(source), self._class_of(target)
+        (source_class, a), (target_class, b) = self._class_of(source), self._class_of(target)
         key = f"{a}|{b}"
         if key not in arrays(self.truth):
             raise MissingFileError(f"{self.truth}: no array {key!r} with the truth of {source} and {target}")
         image = stored_indices(self.truth, key)
-        mesh, onto = one.mesh(source), other.mesh(target)
+        mesh, onto = source_class.mesh(source), target_class.mesh(target)
         if len(image) != mesh.n_vertices or image.max(initial=-1) >= onto.n_vertices:
             raise FormatError(
                 f"{self.truth}: {key!r} has {len(image)} entries up to {image.max(initial=-1)}, which do not map the "

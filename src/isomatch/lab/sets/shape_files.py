@@ -85,10 +85,10 @@ def read_indices(path: Path) -> IntArray:
 
 def stored_indices(path: Path, key: str) -> IntArray:
     """Read vertices from an array of an archive, counted from 0."""
-    found = _from(0, path, arrays(path)[key])
-    if found.ndim != 1:
-        _refuse(path, f"{key} has shape {found.shape}, not one index for each known vertex")
-    return found
+    indices = _from(0, path, arrays(path)[key])
+    if indices.ndim != 1:
+        _refuse(path, f"{key} has shape {indices.shape}, not one index for each known vertex")
+    return indices
 
 
 def read_landmarks(path: Path) -> tuple[IntArray, IntArray | None]:

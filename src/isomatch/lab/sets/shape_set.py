@@ -152,13 +152,13 @@ class ShapeSet:
         name = f"{source}-{target}"
         dense = self._map(source, target)
         if dense is not None and self.landmarks is None:
-            one, other, image = self.mesh(source), self.mesh(target), read_indices(dense)
-            if len(image) != one.n_vertices or image.max() >= other.n_vertices:
+            mesh, onto, image = self.mesh(source), self.mesh(target), read_indices(dense)
+            if len(image) != mesh.n_vertices or image.max() >= onto.n_vertices:
                 raise FormatError(
-                    f"{dense}: {len(image)} entries up to {image.max() + 1} do not map the {one.n_vertices} vertices of "
-                    f"{source} to the {other.n_vertices} of {target}"
+                    f"{dense}: {len(image)} entries up to {image.max() + 1} do not map the {mesh.n_vertices} vertices of "
+                    f"{source} to the {onto.n_vertices} of {target}"
                 )
-            return BenchmarkPair(name, one, other, np.column_stack([np.arange(len(image)), image]))
+            return BenchmarkPair(name, mesh, onto, np.column_stack([np.arange(len(image)), image]))
         a, b = self[source], self[target]
         if len(a.marks) != len(b.marks) or (self.shared and _group(source) != _group(target)):
             raise FormatError(
