@@ -32,7 +32,6 @@ OBJECTS = {
     "PyVista": Asset.to_pyvista,
     "meshio": Asset.to_meshio,
     "Open3D": Asset.to_open3d,
-    "Open3D tensors": lambda asset: asset.to_open3d(tensors=True),
 }
 
 
@@ -94,28 +93,7 @@ def open3d(monkeypatch):
     module.geometry = SimpleNamespace(
         TriangleMesh=lambda vertices, triangles: SimpleNamespace(vertices=vertices, triangles=triangles)
     )
-    module.core = SimpleNamespace(Tensor=StubTensor)
-    module.t = SimpleNamespace(
-        geometry=SimpleNamespace(
-            TriangleMesh=lambda vertices, triangles: SimpleNamespace(
-                vertex={"positions": vertices}, triangle={"indices": triangles}
-            )
-        )
-    )
     monkeypatch.setitem(sys.modules, "open3d", module)
-
-
-class StubTensor:
-    """A tensor as Open3D has them: numpy does not know what it is."""
-
-    def __init__(self, values):
-        self.values = values
-
-    def cpu(self):
-        return self
-
-    def numpy(self):
-        return self.values
 
 
 def test_the_page_lists_every_format_and_library():

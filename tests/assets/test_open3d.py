@@ -16,10 +16,9 @@ def shown(asset):
     return np.rint(255 * pixels_of(picture)).astype(np.uint8)
 
 
-@pytest.mark.parametrize("tensors", [False, True])
-def test_vertices_and_faces_are_the_same(tensors):
-    given = whole().to_open3d(tensors=tensors)
-    assert isinstance(given, (o3d.t if tensors else o3d).geometry.TriangleMesh)
+def test_vertices_and_faces_are_the_same():
+    given = whole().to_open3d()
+    assert isinstance(given, o3d.geometry.TriangleMesh)
     found = mesh_from(given)
     assert np.array_equal(found.vertices, POINTS)
     assert np.array_equal(found.faces, POLYGONS.triangles)
@@ -29,30 +28,16 @@ def test_what_open3d_made_itself():
     box = o3d.geometry.TriangleMesh.create_box()
     box.compute_vertex_normals()
     box.paint_uniform_color([1, 0.5, 0])
-    of_tensors = o3d.t.geometry.TriangleMesh.from_legacy(box)
-    for given in (box, of_tensors):
-        found = Asset.from_object(given)
-        assert found.mesh.n_vertices == 8
-        assert found.mesh.n_faces == 12
-        assert np.allclose(found.attribute("normal", "point").values, np.asarray(box.vertex_normals))
-        assert np.allclose(found.attribute("normal", "face").values, np.asarray(box.triangle_normals))
-        assert np.allclose(found.attribute("color").fractions, [1, 0.5, 0])
+    found = Asset.from_object(box)
+    assert found.mesh.n_vertices == 8
+    assert found.mesh.n_faces == 12
+    assert np.allclose(found.attribute("normal", "point").values, np.asarray(box.vertex_normals))
+    assert np.allclose(found.attribute("normal", "face").values, np.asarray(box.triangle_normals))
+    assert np.allclose(found.attribute("color").fractions, [1, 0.5, 0])
 
 
-def test_tensors_of_any_type_and_name():
-    given = whole().to_open3d(tensors=True)
-    given.vertex["height"] = o3d.core.Tensor(np.arange(7.0)[:, None])
-    given.triangle["part"] = o3d.core.Tensor(np.arange(7, dtype=np.int64))
-    found = Asset.from_object(given)
-    assert found.attribute("height").kind == "scalar"
-    assert found.attribute("part", "face").values.tolist() == list(range(7))
-    assert np.array_equal(found.attribute("uv").values, BY_CORNER[POLYGONS.corner_of_triangle.ravel()])
-
-
-@pytest.mark.parametrize("tensors", [False, True])
-def test_empty_meshes(tensors):
-    classes = (o3d.t if tensors else o3d).geometry
-    for made in (classes.TriangleMesh(), classes.PointCloud()):
+def test_empty_meshes():
+    for made in (o3d.geometry.TriangleMesh(), o3d.geometry.PointCloud()):
         assert len(Asset.from_object(made).points) == 0
 
 
@@ -60,16 +45,13 @@ def test_point_clouds_are_points():
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
     cloud.estimate_normals()
     cloud.paint_uniform_color([1, 0, 0])
-    for given in (cloud, o3d.t.geometry.PointCloud.from_legacy(cloud, o3d.core.float64)):
-        assert isinstance(surface_from(given), PointCloud)
-        assert np.array_equal(surface_from(given).vertices, POINTS)
-        found = Asset.from_object(given)
-        assert {a.kind for a in found.attributes} == {"normal", "colour"}
+    assert isinstance(surface_from(cloud), PointCloud)
+    assert np.array_equal(surface_from(cloud).vertices, POINTS)
+    assert {a.kind for a in Asset.from_object(cloud).attributes} == {"normal", "colour"}
 
 
-@pytest.mark.parametrize("tensors", [False, True])
-def test_a_texture_goes_out_and_in(tensors):
-    assert np.array_equal(shown(Asset.from_object(textured().to_open3d(tensors=tensors))), TEXTURE)
+def test_a_texture_goes_out_and_in():
+    assert np.array_equal(shown(Asset.from_object(textured().to_open3d())), TEXTURE)
 
 
 def test_open3d_reads_our_files_and_we_read_its(tmp_path):
@@ -78,10 +60,6 @@ def test_open3d_reads_our_files_and_we_read_its(tmp_path):
     found = o3d.io.read_triangle_mesh(str(path))
     assert np.array_equal(np.asarray(found.textures[0])[::-1], TEXTURE)
     assert np.allclose(np.asarray(found.triangle_uvs), BY_CORNER[POLYGONS.corner_of_triangle.ravel()])
-    found = o3d.t.io.read_triangle_mesh(str(path))
-    assert np.array_equal(found.material.texture_maps["albedo"].as_tensor().numpy(), TEXTURE)
-    o3d.t.io.write_triangle_mesh(str(tmp_path / "b.glb"), textured().to_open3d(tensors=True))
-    assert np.array_equal(shown(read_asset(tmp_path / "b.glb")), TEXTURE)
     o3d.io.write_triangle_mesh(str(tmp_path / "c.ply"), whole().to_open3d())
     again = read_asset(tmp_path / "c.ply")
     assert np.array_equal(again.points, POINTS)

@@ -95,7 +95,7 @@ class Asset:
         Parameters
         ----------
         given : object
-            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D, of tensors too;
+            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D;
             or a ``PointCloud`` of trimesh or Open3D.
 
         Raises
@@ -262,11 +262,8 @@ class Asset:
 
         return to_meshio(self)
 
-    def to_open3d(self, *, tensors: bool = False) -> Any:
-        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates.
-
-        With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
-        """
+    def to_open3d(self) -> Any:
+        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates."""
         from isomatch.assets.to_libraries import to_open3d
 
-        return to_open3d(self, tensors)
+        return to_open3d(self)

@@ -62,18 +62,6 @@ def _triangles(given: object, points: Any, faces: Any) -> Geometry:
     )
 
 
-def _tensors(given: Any, vertex: Any, triangle: Any) -> Geometry:
-    return _triangles(given, _tensor(vertex, "positions"), _tensor(triangle, "indices"))
-
-
-def _tensor(tensors: Any, name: str) -> AnyArray:
-    return _numpy(tensors[name]) if name in tensors else np.zeros((0, 3), dtype=np.int64)
-
-
-def _numpy(tensor: Any) -> AnyArray:
-    return np.asarray(tensor.cpu().numpy())
-
-
 def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
     """Read faces stored one after the other, each as the number of its corners and these."""
     flat = np.asarray(faces, dtype=np.int64)
@@ -163,24 +151,6 @@ def _open3d_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
             yield Attribute(name, domain, kind, values)
 
 
-def _tensor_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:
-    is_cloud = _has(given, "point")
-    yield from _of_tensors(given.point if is_cloud else given.vertex, "point")
-    if not is_cloud:
-        yield from _of_tensors(given.triangle, "face")
-
-
-def _of_tensors(tensors: Any, domain: Domain) -> Iterator[Attribute]:
-    for name, tensor in sorted(tensors.items()):
-        if name not in ("positions", "indices"):
-            values = _numpy(tensor)
-            title = "uv" if name == "texture_uvs" else name
-            if values.ndim == 3:  # one row for each corner
-                yield from _arrays({title: values.reshape(-1, values.shape[2])}, "corner")
-            else:
-                yield from _arrays({title: values}, domain)
-
-
 def _arrays(arrays: Mapping[str, Any], domain: Domain, rows: IntArray | None = None) -> Iterator[Attribute]:
     """Make attributes of arrays whose meaning is not told, without those that hold no numbers or words."""
     for title, values in arrays.items():
@@ -199,18 +169,10 @@ Reader = tuple[Callable[[Any, Any, Any], Geometry], Callable[[Any, Geometry], It
 _LIBRARIES: dict[tuple[str, str], Reader] = {
     ("vertices", "faces"): (_triangles, _trimesh_attributes),
     ("vertices", "triangles"): (_triangles, _open3d_attributes),
-    ("vertex", "triangle"): (_tensors, _tensor_attributes),
     ("points", "faces"): (_polydata, _polydata_attributes),
     ("points", "cells"): (_blocks, _blocks_attributes),
 }
-"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, its tensors, PyVista, meshio."""
-_CLOUDS: dict[str, Callable[[Any, Geometry], Iterator[Attribute]]] = {
-    "vertices": _open3d_attributes,
-    "points": _open3d_attributes,
-    "point": _tensor_attributes,
-}
-"""How a ``PointCloud`` is read that has this attribute: trimesh, Open3D, its tensors."""
-
+"""How the mesh of a library is read that has these two attributes: trimesh, Open3D, PyVista, meshio."""
 
 _REMEDIES = {
     "extract_surface": "; its extract_surface() is one",  # grids of PyVista
@@ -220,11 +182,13 @@ _REMEDIES = {
 
 def _library(given: object) -> tuple[Any, Any, Reader]:
     if type(given).__name__ == "PointCloud":
-        for name, attributes in _CLOUDS.items():
+        for name in ("vertices", "points"):  # trimesh, Open3D
             if _has(given, name):
-                points = getattr(given, name)
-                points = _tensor(points, "positions") if name == "point" else points
-                return points, np.zeros((0, 3), dtype=np.int64), (_triangles, attributes)
+                return (
+                    getattr(given, name),
+                    np.zeros((0, 3), dtype=np.int64),
+                    (_triangles, _open3d_attributes),
+                )
     for names, readers in _LIBRARIES.items():
         if all(_has(given, name) for name in names) and (names[1] != "cells" or _has_blocks(given)):
             return getattr(given, names[0]), getattr(given, names[1]), readers

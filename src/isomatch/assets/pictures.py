@@ -55,10 +55,6 @@ def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:
     for image in getattr(given, "textures", ()):  # of Open3D, upside down
         if np.asarray(image).size > 1:
             found.append(np.asarray(image)[::-1])
-    if getattr(given, "has_valid_material", lambda: False)():  # of its tensors
-        maps = given.material.texture_maps
-        if "albedo" in maps:
-            found = [maps["albedo"].as_tensor().cpu().numpy()]
     return (found[0], _tint(material)) if len(found) == 1 else None
 
 

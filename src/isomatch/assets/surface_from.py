@@ -26,8 +26,8 @@ def surface_from(given: SurfaceLike) -> Surface:
     ----------
     given : Mesh, PointCloud, Graph, path_like, tuple or object
         A surface, which is returned as it is; the path of a mesh file, see `read_mesh`; a tuple (vertices, faces) of
-        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, as
-        tensors or not, or anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D. Of a meshio
+        array_likes; or a ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, a ``TriangleMesh`` of Open3D, or
+        anything else with the same attributes; or a ``PointCloud`` of trimesh or Open3D. Of a meshio
         mesh, triangles, quads and polygons are taken.
 
     Returns

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute_names import told_apart, unused_name
+from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.pictures import texture_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
@@ -89,27 +89,11 @@ def to_meshio(asset: Asset) -> Any:
     )
 
 
-def to_open3d(asset: Asset, tensors: bool = False) -> Any:
-    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates.
-
-    With ``tensors``, an ``open3d.t.geometry.TriangleMesh`` with all values.
-    """
+def to_open3d(asset: Asset) -> Any:
+    """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
     open3d = package("open3d", None, "a mesh of Open3D")
-    texture, placed = texture_of(asset), asset.placed
-    if tensors:
-        mesh = _of_tensors(open3d, placed)
-        if texture is not None:
-            mesh.material.set_default_properties()
-            mesh.material.texture_maps["albedo"] = open3d.t.geometry.Image(open3d.core.Tensor(texture))
-        return mesh
-    mesh = _of_vectors(open3d, placed)
-    if texture is not None:  # row 0 is at the bottom there
-        mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
-        mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
-    return mesh
+    texture, asset = texture_of(asset), asset.placed
 
-
-def _of_vectors(open3d: Any, asset: Asset) -> Any:
     def vector(values: AnyArray) -> Any:
         kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector
         return kind(np.array(values, dtype=np.float64))  # which can be written to
@@ -130,27 +114,9 @@ def _of_vectors(open3d: Any, asset: Asset) -> Any:
                 mesh.triangle_uvs = vector(values[polygons.triangles.ravel(), :2])
             case "uv", "corner":
                 mesh.triangle_uvs = vector(values[polygons.corner_of_triangle.ravel(), :2])
-    return mesh
-
-
-def _of_tensors(open3d: Any, asset: Asset) -> Any:
-    def tensor(values: AnyArray) -> Any:
-        return open3d.core.Tensor(np.array(values, dtype=values.dtype.newbyteorder("=")))
-
-    polygons = asset.polygons
-    mesh = open3d.t.geometry.TriangleMesh(tensor(asset.points), tensor(polygons.triangles))
-    names = {"normal": "normals", "color": "colors", "uv": "texture_uvs"}
-    for attribute in asset.attributes:
-        values, domain = attribute.plain, attribute.domain
-        name = names.get(attribute.name, attribute.name)
-        if domain == "point" and name == "texture_uvs":
-            values, domain = values[polygons.corners], "corner"
-        tensors = mesh.vertex if domain == "point" else mesh.triangle
-        if domain == "corner":
-            values = values[polygons.corner_of_triangle]
-        elif domain == "face":
-            values = values[polygons.of_triangle]
-        tensors[unused_name(name, tensors)] = tensor(values)
+    if texture is not None:  # row 0 is at the bottom there
+        mesh.textures = [open3d.geometry.Image(np.ascontiguousarray(texture[::-1]))]
+        mesh.triangle_material_ids = open3d.utility.IntVector(np.zeros(len(mesh.triangles), dtype=np.int32))
     return mesh
 
 

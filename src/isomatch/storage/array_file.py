@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-import re
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, NoReturn
+from tokenize import TokenError
+from typing import Any, BinaryIO, Literal, NamedTuple, NoReturn
 
 import numpy as np
+from numpy.lib import format as npy
 
 from isomatch.errors import FormatError, some
 from isomatch.runtime.memory import require_memory
@@ -24,15 +27,16 @@ FIRST_VERSION = 1
 """Format of files that carry no version, which isomatch 0.1 wrote."""
 
 _VERSION = "format_version"
-_DAMAGED = (OSError, EOFError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error)
+_DAMAGED = (
+    OSError, EOFError, ValueError, KeyError, RuntimeError, OverflowError, zipfile.BadZipFile, zlib.error,
+    SyntaxError, TokenError, TypeError, MemoryError,
+)  # fmt: skip
+"""What the zip archive raises, and in the last line the parser of headers of arrays."""
 _KINDS = {"float": ("fiu", "numbers"), "integer": ("iu", "integers"), "text": ("U", "a text")}
-_NPY = re.compile(
-    r"\{'descr': '(?P<type>[<>|=]?(?:f[248]|c8|c16|[iu][1248]|b1|U[1-9]\d{0,5}))', "
-    r"'fortran_order': (?P<fortran>True|False), 'shape': \((?P<shape>(?:\d{1,18}(?:, ?|(?=\))))*)\),? ?\} *\n?"
-)
-LONGEST_HEADER = 10_000  # bytes of the header of an array, as in numpy
+LONGEST_HEADER = 1000  # bytes of the header of an array; numpy writes 128
 LARGEST_RATIO = 1032  # of the sizes before and after deflate
-BLOCK = 2**20  # bytes read at a time
+_NUMBERS_OR_TEXT = "fciubU"  # kinds of types
+_READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def save_arrays(
@@ -185,14 +189,11 @@ def _checked(
     return array
 
 
-@dataclass(frozen=True)
-class Header:
-    """What the header of an array declares, and the position of the contents after it."""
+class Header(NamedTuple):
+    """What the header of an array declares."""
 
-    dtype: np.dtype[np.generic]
     shape: tuple[int, ...]
-    order: Literal["C", "F"]
-    offset: int
+    dtype: np.dtype[np.generic]
 
     @property
     def n_bytes(self) -> int:
@@ -242,37 +243,24 @@ class Archive:
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             self.refuse(f"{name} is compressed by a method other than deflate")
         with self._refusing_damage(), self._zip.open(info) as member:
-            start = member.read(12)
-            width = 2 if start[6:7] == b"\1" else 4
-            offset = 8 + width + int.from_bytes(start[8 : 8 + width], "little")
-            text = (start + member.read(max(min(offset, LONGEST_HEADER) - len(start), 0)))[
-                8 + width :
-            ].decode("latin-1")
-        found = _NPY.fullmatch(text)
-        if not start.startswith(b"\x93NUMPY") or not found:
+            start = BytesIO(member.read(LONGEST_HEADER))  # a header may declare to be longer than memory
+            shape, _, dtype = _READ_HEADER[npy.read_magic(start)](start)
+        header = Header(shape, dtype)
+        if dtype.kind not in _NUMBERS_OR_TEXT or min(shape, default=0) < 0:
             self.refuse(f"{name} is not an array of numbers or text")
-        shape = tuple(int(length) for length in found["shape"].replace(",", " ").split())
-        header = Header(np.dtype(found["type"]), shape, "F" if found["fortran"] == "True" else "C", offset)
         ratio = LARGEST_RATIO if info.compress_type == zipfile.ZIP_DEFLATED else 1
-        if offset + header.n_bytes != info.file_size or info.file_size > ratio * min(
+        if start.tell() + header.n_bytes != info.file_size or info.file_size > ratio * min(
             info.compress_size, self._size
         ):
-            self.refuse(f"{name} declares shape {header.shape}, more or less than the file holds")
+            self.refuse(f"{name} declares shape {shape}, more or less than the file holds")
         return header
 
     def read(self, name: str) -> AnyArray:
         """Read one array."""
-        header = self.header(name)
-        contents = bytearray(header.n_bytes)
-        read = 0
+        self.header(name)
         with self._refusing_damage(), self._zip.open(f"{name}.npy") as member:
-            member.read(header.offset)
-            while part := member.read(min(BLOCK, len(contents) - read)):
-                contents[read : read + len(part)] = part
-                read += len(part)
-            if read < len(contents) or member.read(1):  # at the end, the checksum is compared
-                raise EOFError(f"{name} is cut short")
-        array: AnyArray = np.frombuffer(contents, header.dtype).reshape(header.shape, order=header.order)
+            array: AnyArray = npy.read_array(member, allow_pickle=False)
+            member.read(1)  # at the end, the checksum is compared
         return array
 
     def read_all(self, names: Iterable[str]) -> dict[str, AnyArray]:
@@ -284,6 +272,7 @@ class Archive:
     @contextmanager
     def _refusing_damage(self) -> Iterator[None]:
         try:
-            yield
+            with warnings.catch_warnings(action="ignore"):
+                yield
         except _DAMAGED as error:
-            self.refuse(str(error) or type(error).__name__)
+            self.refuse(str(error).partition("\n")[0] or type(error).__name__)

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import re
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets.formats._scan import POWERS, count_plain_lines, field_of_words, normalise, parse, select
 from isomatch.assets.polygons import spans
 from isomatch.errors import FormatError
-from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray, read_only
+from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 EXPORT_AGAIN = "correct the line or export the file again"
 
-LONGEST_HEAD = 2**16
-"""Bytes at the start of a file that may have comments without all of it being searched for them."""
-
-_WORD = re.compile(rb"[^ \n]*")
-_COPIED = np.array([32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256)], np.uint8)
+SPACE, NEWLINE, BACKSLASH, SLASH, ZERO = b" \n\\/0"
+_COPIED = bytes(32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256))
 """What is copied of each byte: a space of every kind of blank but a line end."""
-_LOWER = _COPIED[list(bytes(range(256)).lower())]
+_WORD = re.compile(rb"[^ \n]+")
+# Objects take many times the memory of what they are made of, so they are made of a piece at a time.
+_PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
+_PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
+_LEADING_OR_COMMENT = re.compile(rb"(?m)^ +|#[^\n]*")
+_TEXTURE = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?![^ \n])")
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class TextLines:
     name : str
         Name of the file, for messages.
     data : (bytes,) array of uint8
-        Read-only. The lines, each closed by a newline; the only other blanks are spaces.
+        The lines, each closed by a newline; the only other blanks are spaces.
     numbers : (rows,) array of int
         The 1-based number of each line in the file.
     before : int
@@ -54,7 +58,7 @@ class TextLines:
     @cached_property
     def ends(self) -> IntArray:
         """(rows,) position of the newline of each line."""
-        return np.flatnonzero(self.data == ord("\n"))
+        return np.flatnonzero(self.data == NEWLINE)
 
     def row(self, i: int) -> str:
         """Return the text of one line."""
@@ -88,35 +92,51 @@ class TextLines:
 
         If they are ``textured``, only the first number of ``v/vt/vn`` is kept; a word in another form is left as it is.
         """
-        chosen, numbers = np.zeros(len(self.data), dtype=np.uint8), np.zeros(len(self), dtype=np.int64)
-        sizes = select(self.data, octets_of(keyword.encode()), textured, self.numbers, chosen, numbers)
-        return TextLines(self.name, *_cut(chosen, numbers, sizes))
+        lengths = np.diff(self.ends, prepend=-1)
+        starts = self.ends + 1 - lengths
+        chosen = _is_blank(self.data.take(starts + len(keyword), mode="clip"))
+        for i, octet in enumerate(keyword.encode()):
+            chosen &= self.data.take(starts + i, mode="clip") == octet
+        kept = np.repeat(chosen, lengths)
+        for i in range(len(keyword)):
+            kept[starts[chosen] + i] = False
+        data = self.data[kept]
+        if textured and (data == SLASH).any():
+            data = octets_of(b"".join(_TEXTURE.sub(b"", piece) for piece in _pieces(data)))
+        return TextLines(self.name, data, self.numbers[chosen])
 
     def fields(self, which: int) -> TextLines:
         """Return the same lines with one field of each ``v/vt/vn`` instead of the word, and 0 where it is missing."""
-        data = np.zeros(2 * len(self.data) + 1, dtype=np.uint8)
-        size = field_of_words(self.data, which, data)
-        data.resize(size, refcheck=False)
-        return TextLines(self.name, read_only(data), self.numbers)
+        data = b"".join(_field_of_words(piece, which) for piece in _pieces(self.data))
+        return TextLines(self.name, octets_of(data), self.numbers)
 
     def parse(self) -> NumberRows:
         """Parse every row as blank-separated numbers."""
-        at = np.zeros(3, dtype=np.int64)
-        values, counts = np.zeros(len(self.data) // 2), np.zeros(len(self), dtype=np.int64)
-        while not parse(self.data, POWERS, at, values, counts):
-            start, count, row = at.tolist()
-            found = _WORD.match(self.data.data, start)
-            word = found[0] if found else b""
-            try:
-                if b"_" in word:  # which Python allows in a number, other readers do not
-                    raise ValueError
-                values[count] = float(word.decode("latin-1"))
-            except ValueError:
-                self.fail(row, "numbers")
-            counts[row] += 1
-            at[:] = start + len(word), count + 1, row
-        values.resize(counts.sum(), refcheck=False)
+        blank = _is_blank(self.data)
+        word_ends = np.flatnonzero(blank[1:] > blank[:-1])
+        counts = np.diff(np.searchsorted(word_ends, self.ends), prepend=0)
+        values = np.zeros(len(word_ends))
+        at = first = 0
+        for piece in _pieces(self.data):
+            at += len(piece)
+            stop = int(np.searchsorted(word_ends, at))
+            found = _plain_numbers(piece, stop - first)
+            if found is None:
+                rows = np.searchsorted(np.cumsum(counts), np.arange(first, stop), side="right")
+                found = np.array(
+                    [self._number(word[0], row) for word, row in zip(_WORD.finditer(piece), rows.tolist())]
+                )
+            values[first:stop] = found
+            first = stop
         return NumberRows(self, values, counts)
+
+    def _number(self, word: bytes, row: int) -> float:
+        try:
+            if b"_" in word:  # which Python allows in a number, other readers do not
+                raise ValueError
+            return float(word)
+        except ValueError:
+            self.fail(row, "numbers")
 
 
 @dataclass(frozen=True)
@@ -186,7 +206,7 @@ def read_lines(
     before : int
         Number of lines that precede these bytes in the file.
     continued : bool
-        Whether a line that ends in ``\`` goes on in the next.
+        Whether a line that ends in ``\\`` goes on in the next.
     lower : bool
         Whether capital letters become small.
 
@@ -194,23 +214,27 @@ def read_lines(
     -----
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
-    octets = octets_of(data.removeprefix(b"\xef\xbb\xbf"))
-    head = data.find(b"\n", data.rfind(b"#", 0, LONGEST_HEAD)) + 1 if data[:1] == b"#" else 0
-    if b"\\" in data[:head] or b"\r" in data[:head]:
-        head = 0
-    n_lines = -1 if lower else count_plain_lines(octets[head:])
-    if n_lines >= 0 and head:
-        first = read_lines(name, data[:head], before, continued)
-        n_head = data.count(b"\n", 0, head)
-        rest = read_lines(name, data[head:], before + n_head, continued)
-        joined = np.concatenate([first.data, rest.data]), np.concatenate([first.numbers, rest.numbers])
-        return TextLines(name, read_only(joined[0]), joined[1], before)
-    if n_lines >= 0:
-        return TextLines(name, octets, np.arange(before + 1, before + n_lines + 1), before)
-    lines = np.zeros(len(octets) + 2, dtype=np.uint8)
-    numbers = np.zeros(len(lines) // 2, dtype=np.int64)  # a line that is kept has a byte and a newline
-    sizes = normalise(octets, _LOWER if lower else _COPIED, continued, lines, numbers, before + 1)
-    return TextLines(name, *_cut(lines, numbers, sizes), before)
+    text = data.removeprefix(b"\xef\xbb\xbf").translate(_COPIED)
+    text = (text.lower() if lower else text).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not text.endswith(b"\n"):
+        text += b"\n"
+    if continued and text.endswith(b"\\\n"):  # the last line is not continued
+        text += b"\n"
+    numbers = np.arange(before + 1, before + 1 + text.count(b"\n"))
+    if continued and b"\\\n" in text:
+        octets = octets_of(text)
+        goes_on = octets[np.flatnonzero(octets == NEWLINE) - 1] == BACKSLASH
+        numbers = numbers[~np.append(False, goes_on[:-1])]
+        text = text.replace(b"\\\n", b"  ")
+    if b"#" in text or b"\n " in text or text[:1] == b" ":
+        pieces = _PIECE_OF_LINES.finditer(text)
+        text = b"".join(_LEADING_OR_COMMENT.sub(b"", piece[0]) for piece in pieces)
+    octets = octets_of(text)
+    if b"\n\n" in text or text[:1] == b"\n":
+        ends = octets == NEWLINE
+        blank = np.append(True, ends[:-1])
+        octets, numbers = octets[~(ends & blank)], numbers[~blank[ends]]
+    return TextLines(name, octets, numbers, before)
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:
@@ -246,8 +270,39 @@ def octets_of(data: bytes) -> AnyArray:
     return np.frombuffer(data, np.uint8)
 
 
-def _cut(lines: AnyArray, numbers: IntArray, sizes: tuple[int, int]) -> tuple[AnyArray, IntArray]:
-    """Free what was not needed of new arrays."""
-    lines.resize(sizes[0], refcheck=False)
-    numbers.resize(sizes[1], refcheck=False)
-    return read_only(lines), numbers
+def _is_blank(octets: AnyArray) -> BoolArray:
+    blank: BoolArray = (octets == SPACE) | (octets == NEWLINE)
+    return blank
+
+
+def _pieces(octets: AnyArray) -> Iterator[bytes]:
+    """Cut bytes between words."""
+    return (piece[0] for piece in _PIECE.finditer(octets.data))
+
+
+def _plain_numbers(text: bytes, n_words: int) -> FloatArray | None:
+    """Parse words as numpy does; None if one of them is no number."""
+    if b"(" in text:  # numpy takes nan(1)
+        return None
+    # integers are much faster to parse, but have no -0
+    for kind in (np.float64,) if b"." in text or b"-0" in text else (np.int64, np.float64):
+        # one word more tells whether numpy read on after the last; it warned of words before it refused them
+        with suppress(ValueError), warnings.catch_warnings(action="ignore"):
+            found = np.fromstring(text + b" 0", kind, sep=" ")[:-1]
+            if len(found) == n_words and (kind is np.float64 or (np.abs(found) < 2**53).all()):
+                return found.astype(np.float64)
+    return None
+
+
+def _field_of_words(text: bytes, which: int) -> bytes:
+    """Replace each word by its field after so many slashes, or 0 if that is empty."""
+    octets = octets_of(text + b" ").copy()
+    blank, slash = _is_blank(octets), octets == SLASH
+    seen = np.cumsum(slash)
+    field = seen - np.maximum.accumulate(np.where(blank, seen, 0))
+    word_ends = np.append(blank[1:], True)
+    empty = slash & (field == which) & (word_ends | np.append(slash[1:], True))
+    missing = empty | (~blank & (field < which) & word_ends)
+    octets[missing] = ZERO
+    fields: bytes = octets[blank | missing | (~slash & (field == which))][:-1].tobytes()
+    return fields

@@ -1,4 +1,4 @@
-"""The compiled scan of text against plain Python: every float to the last bit, every line with its number."""
+"""Lines and numbers of text against plain Python: every float to the last bit, every line with its number."""
 
 import re
 
