@@ -23,6 +23,7 @@ from isomatch.cli import main
 from isomatch.datasets import creature, example_pair
 from isomatch.resolution import decimate
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 ROOT = Path(__file__).parents[1]
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),

@@ -6,6 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 EXAMPLES = sorted(Path(__file__).parents[1].glob("examples/*/*.py"))
 WITHOUT_PICTURES = ("prepare_once", "save_and_load")
 

@@ -19,7 +19,9 @@ MARGIN = 16
 def room_of(module):
     """Room of a module such as ``isomatch.surfaces.mesh``."""
     first = module.split(".")[1] if "." in module else ""
-    return first if first not in BELOW and (PACKAGE / first / "__init__.py").is_file() and first else FOUNDATION
+    return (
+        first if first not in BELOW and (PACKAGE / first / "__init__.py").is_file() and first else FOUNDATION
+    )
 
 
 def imports():

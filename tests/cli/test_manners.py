@@ -13,6 +13,7 @@ from isomatch.cli import app, main
 from isomatch.datasets import example_pair, ground_truth
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 

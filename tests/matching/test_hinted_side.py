@@ -11,6 +11,7 @@ from isomatch.datasets.organs import organ, organ_truth
 from isomatch.lab.damage import holes
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 SIDES = "direct", "other"
 
 

@@ -26,6 +26,8 @@ from isomatch.runtime.threads import serial_blas
 from shapes import disguised
 from zoo import torus
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 def errors(image, truth, target, count=400):
     """Distance on the target from images to truths / √(target area), at evenly chosen source vertices."""

@@ -19,6 +19,8 @@ from isomatch.matching.parts.part_refinement import WholeCoordinates
 from isomatch.matching.quality import covered_share
 from isomatch.settings import PartSettings
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def bodies():

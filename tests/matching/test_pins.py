@@ -12,6 +12,8 @@ from isomatch.lab.damage import holes
 from isomatch.lab.evaluation import torn_edges
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def bodies():

@@ -14,6 +14,7 @@ from isomatch.settings import SymmetrySettings
 from shapes import box, cylinder, disguised, icosphere
 from zoo import torus
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 SYMMETRIC = {
     "cube": lambda: box(14, 14, 14),
     "brick": lambda: box(8, 16, 24),
