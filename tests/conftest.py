@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 from threadpoolctl import threadpool_limits
 
-import isomatch.view
+import isomatch.view.report
 from data import real_file
 from isomatch import Mesh, prepare
 from isomatch.datasets import example_pair, ground_truth
@@ -51,8 +51,9 @@ def prepared_once():
 
 @pytest.fixture
 def small_pictures(monkeypatch):
-    """The picture of a match at a sixth of its width: what is in it is tested in ``view``."""
+    """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
     monkeypatch.setattr(isomatch.view, "draw_map", partial(draw_map, width=300))
+    monkeypatch.setattr(isomatch.view.report, "WIDTH", 300)
 
 
 @pytest.fixture(scope="session")

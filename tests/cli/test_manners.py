@@ -86,7 +86,7 @@ def test_verbose_writes_the_log(matching, capsys):
 def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, monkeypatch, capsys):
     """A ball has every symmetry."""
     monkeypatch.chdir(tmp_path)
-    isomatch.write_mesh("a.off", icosphere(3))
+    isomatch.write_mesh("a.off", icosphere(2))
     assert main(f"match a.off a.off --quiet -o out --fail-on {word}".split()) == code
     said = capsys.readouterr().err
     assert ("the files are in out" in said) == bool(code)

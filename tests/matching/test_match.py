@@ -72,7 +72,7 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     assert after < min(0.2 * before, 0.012)
 
 
-@pytest.mark.parametrize("n_functions", [20, 33, 50])
+@pytest.mark.parametrize("n_functions", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (33, 50))])
 def test_post_processing_with_few_functions(n_functions):
     source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
     truth = ground_truth(source, target).vertices
@@ -120,7 +120,7 @@ def test_orientation_chooses_between_a_map_and_its_mirror_image():
     for orientation, mirrored in (("preserve", False), ("reverse", True)):
         found = match(*shapes, config=replace(shapes[0].config, orientation=orientation))
         truth = new_vertex[ground_truth(source, target, mirrored=mirrored).vertices]
-        assert errors(found.map.vertices, truth, shapes[1].mesh).mean() < 0.025, orientation
+        assert errors(found.map.vertices, truth, shapes[1].surface).mean() < 0.025, orientation
         assert (found.quality.orientation > 0) == (orientation == "preserve")
 
 
@@ -198,6 +198,10 @@ def test_every_outcome_has_advice(outcome):
     assert outcome.advice.endswith(".")
 
 
+def later(*values):
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
 @pytest.fixture(scope="module")
 def wolves():
     """Two poses of the wolf, the target in disguise, and the first five samples as landmarks."""
@@ -207,7 +211,9 @@ def wolves():
     return source, other, np.column_stack([landmarks, other.new_vertex[landmarks]])
 
 
-@pytest.mark.parametrize(("refinement", "bound"), [("none", 0.011), ("laplace_icp", 0.003), ("joint", 0.003)])
+@pytest.mark.parametrize(
+    ("refinement", "bound"), [later("none", 0.011), ("laplace_icp", 0.003), later("joint", 0.003)]
+)
 def test_wolf_from_landmarks(wolves, refinement, bound):
     source, other, pairs = wolves
     config = Config(weights="uniform", hypotheses="given", refinement=refinement)
@@ -254,7 +260,7 @@ def test_a_wrong_given_map_is_not_called_converged():
 def test_another_animal_is_not_called_converged():
     """A quadruped and a biped: no right map exists."""
     source = example_pair()[0].mesh
-    target = creature(3000, kind="biped", pose=2).mesh
+    target = creature(1500, kind="biped", pose=2).mesh
     assert match(source, target).outcome is Outcome.LOW_CONFIDENCE
 
 
