@@ -1,13 +1,18 @@
 """What all tests share; ``zoo.py``, ``shapes.py`` and ``data.py`` beside this file can be imported."""
 
+import os
 import signal
+from functools import partial
 
 import pytest
 from threadpoolctl import threadpool_limits
 
+import isomatch.view.report
 from data import real_file
-from isomatch import prepare
+from isomatch import Mesh, prepare
 from isomatch.datasets import example_pair, ground_truth
+from isomatch.matching import pair
+from isomatch.view import draw_map
 from small_collections import copied, finished, small  # noqa: F401 - fixtures
 
 
@@ -24,6 +29,31 @@ def ctrl_c_is_heard():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="module")
+def prepared_once():
+    """Matches of a module prepare a mesh that they are given again only for other settings."""
+    kept = {}
+
+    def once(shape, config, seed, **told):
+        if not isinstance(shape, Mesh):
+            return prepare(shape, config, seed, **told)
+        key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
+        if key not in kept:
+            kept[key] = prepare(shape, config, seed, **told)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pair, "prepare", once)
+        yield
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
+    monkeypatch.setattr(isomatch.view, "draw_map", partial(draw_map, width=300))
+    monkeypatch.setattr(isomatch.view.report, "WIDTH", 300)
 
 
 @pytest.fixture(scope="session")

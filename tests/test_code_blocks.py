@@ -23,6 +23,7 @@ from isomatch.cli import main
 from isomatch.datasets import creature, example_pair
 from isomatch.resolution import decimate
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 ROOT = Path(__file__).parents[1]
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
@@ -40,6 +41,7 @@ BLOCK = re.compile(
 SCANS = ("a", "b", "mean")
 GROUPS = {f"{group}{i}": group for group in ("patient", "control") for i in range(3)}
 SHELL = ("sh", "bash", "console")
+MATCHED: dict[tuple[str, str], isomatch.MatchResult] = {}
 
 
 class Block(NamedTuple):
@@ -112,6 +114,22 @@ def textured(mesh):
     picture = io.BytesIO()
     matplotlib.image.imsave(picture, np.eye(4), format="png")
     return with_texture(Asset(mesh.vertices, Polygons.of_triangles(mesh.faces), data), picture.getvalue())
+
+
+@pytest.fixture(autouse=True)
+def matched_once(monkeypatch):
+    """Most pages begin with the same match; it is made again only where more is asked for."""
+    match = isomatch.match
+
+    def once(source, target, **options):
+        if options or not (isinstance(source, Mesh) and isinstance(target, Mesh)):
+            return match(source, target, **options)
+        key = source.content_hash, target.content_hash
+        if key not in MATCHED:
+            MATCHED[key] = match(source, target)
+        return MATCHED[key]
+
+    monkeypatch.setattr(isomatch, "match", once)
 
 
 def test_blocks_are_told_by_language_and_mark():

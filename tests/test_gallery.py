@@ -6,20 +6,19 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 EXAMPLES = sorted(Path(__file__).parents[1].glob("examples/*/*.py"))
 WITHOUT_PICTURES = ("prepare_once", "save_and_load")
 
 
 QUICK = (
-    *(
-        "match_two_meshes",
-        "canonical_form",
-        "distances_without_matrix",
-        "own_engine",
-        "save_and_load",
-        "symmetric_shape",
-    ),
-    *("carry_labels", "one_topology", "from_another_map", "live_report", "point_cloud"),
+    "match_two_meshes",
+    "canonical_form",
+    "distances_without_matrix",
+    "own_engine",
+    "save_and_load",
+    "from_another_map",
+    "one_topology",
 )
 
 

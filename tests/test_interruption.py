@@ -165,7 +165,7 @@ INTERRUPTED = """
 import threading, time, _thread
 from isomatch import match
 from isomatch.datasets import creature
-shapes = [creature(5000, pose=pose).mesh for pose in (0, 1)]
+shapes = [creature(3500, pose=pose).mesh for pose in (0, 1)]
 match(*[creature(1500, pose=pose).mesh for pose in (0, 1)])
 since = []
 threading.Timer(0.3, lambda: (since.append(time.perf_counter()), _thread.interrupt_main())).start()

@@ -101,7 +101,9 @@ def test_relabelled_copy_gives_the_relabelling(copies, method):
     assert found.outcome is Outcome.CONVERGED
 
 
-@pytest.mark.parametrize("method", BY_AREA)
+@pytest.mark.parametrize(
+    "method", [pytest.param(each, marks=pytest.mark.long if each is gmds else []) for each in BY_AREA]
+)
 def test_true_initial_map_is_not_left(copies, method):
     shapes, _, truth = copies
     found = method(*shapes, initial_map=truth, config=CONFIG[method])
@@ -152,7 +154,7 @@ def test_example_pair_with_landmarks(example, example_truth, prepared_example, m
     assert found.quality.landmark_error < 0.06
 
 
-@pytest.mark.parametrize("signatures", ["heat", "both"])
+@pytest.mark.parametrize("signatures", [pytest.param("heat", marks=pytest.mark.long), "both"])
 def test_heat_kernel_signatures_serve_as_well(example, example_truth, prepared_example, signatures):
     landmarks = landmarks_of(prepared_example[0], example_truth)
     config = FunctionalMapsConfig(30, signatures=signatures)

@@ -11,6 +11,7 @@ from isomatch.cli import main
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import Alternative
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 QUICK = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
 
 

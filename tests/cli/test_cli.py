@@ -18,6 +18,7 @@ from isomatch.cli.terminal import json_text
 from isomatch.datasets import example_pair, ground_truth
 from shapes import flat_grid, icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 QUICK = """
 n_columns = 40
 rank = 20

@@ -13,6 +13,7 @@ from isomatch.cli import app, main
 from isomatch.datasets import example_pair, ground_truth
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 
@@ -85,7 +86,7 @@ def test_verbose_writes_the_log(matching, capsys):
 def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, monkeypatch, capsys):
     """A ball has every symmetry."""
     monkeypatch.chdir(tmp_path)
-    isomatch.write_mesh("a.off", icosphere(3))
+    isomatch.write_mesh("a.off", icosphere(2))
     assert main(f"match a.off a.off --quiet -o out --fail-on {word}".split()) == code
     said = capsys.readouterr().err
     assert ("the files are in out" in said) == bool(code)

@@ -25,6 +25,7 @@ from isomatch.lab.sets import BenchmarkPair, BenchmarkSet
 from isomatch.view import draw_map
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 NAMES = {
     "not UTF-8": os.fsdecode(b"no\xfftext"),
     "emoji": "wolf🐺",

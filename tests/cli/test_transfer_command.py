@@ -11,6 +11,8 @@ from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
 
+pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
+
 
 @pytest.fixture
 def folder(tmp_path):

@@ -270,7 +270,7 @@ def test_shapes_that_are_mirrored_together_are_named():
 
 
 @pytest.fixture
-def in_threads(monkeypatch):
+def in_threads(monkeypatch, small_pictures):
     """Local workers that need not be started."""
     for module in (agreement_module, run_module, finish_module, reports_module):
         monkeypatch.setattr(

@@ -344,6 +344,7 @@ def test_the_command_line_continues_tells_and_tries_again(small, copied, capsys)
         return json.loads(capsys.readouterr().out)
 
     again = [str(small.shapes), "-o", str(copied.folder), "--pairs", "all", "--config", str(small.settings)]
+    again += ["--reports", "none"]
     status = said(*again, "--jobs", "1")
     assert status["pairs"] == {"all": len(PAIRS), "done": len(PAIRS)}
     assert status == said("status", str(copied.folder))

@@ -15,7 +15,7 @@ from isomatch.errors import FormatError
 from small_collections import arrays_of
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-TIMES = [2, pytest.param(20, marks=pytest.mark.long)]
+TIMES = [1, pytest.param(20, marks=pytest.mark.long)]
 
 
 def started(small, folder):

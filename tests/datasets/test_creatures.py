@@ -58,7 +58,9 @@ def assert_sphere(mesh):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("n_vertices", "style"), [(2000, 1), (3000, 2), (9000, 0)])
+@pytest.mark.parametrize(
+    ("n_vertices", "style"), [(2000, 1), (3000, 2), pytest.param(9000, 0, marks=pytest.mark.long)]
+)
 def test_mesh_is_a_sphere_of_good_triangles(kind, n_vertices, style, monkeypatch):
     monkeypatch.setattr(tessellation, "LARGEST_GRID_MESH", 4000)  # so that the largest is subdivided
     made = creature(n_vertices, kind=kind, style=style, pose=style, triangulation=3)
@@ -96,7 +98,9 @@ def test_vertex_order_reveals_nothing(resting):
     assert apart == pytest.approx(np.linalg.norm(np.diff(random, axis=0), axis=1).mean(), rel=0.05)
 
 
-@pytest.mark.parametrize("seed", range(1, 13))
+@pytest.mark.parametrize(
+    "seed", [*range(1, 4), *(pytest.param(n, marks=pytest.mark.long) for n in range(4, 13))]
+)
 def test_poses_are_near_isometric(resting, seed):
     limbs = body(resting.kind)
     pose = natural_pose(limbs, seed)

@@ -11,6 +11,8 @@ from isomatch.matching.anchors import slid, starts_from_anchors
 from shapes import box, cylinder, disguised, flat_grid, icosphere
 from zoo.made import mobius_strip
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 def organ_pair(kind, symmetry="none", n=1500):
     source, target = (organ(kind, n, symmetry=symmetry, pose=pose) for pose in (1, 2))

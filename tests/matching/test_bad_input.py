@@ -20,6 +20,7 @@ from isomatch.datasets import creature
 from shapes import flat_grid, icosphere
 from zoo import grid, mobius, specimen, torus, zoo
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 GIVEN = Config(hypotheses="given")
 
 

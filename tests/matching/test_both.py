@@ -11,6 +11,8 @@ from isomatch.datasets import ground_truth
 from isomatch.lab.evaluation import cycle_errors, geodesic_errors
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def both(prepared_example):

@@ -13,6 +13,7 @@ from isomatch.matching import ShapePair
 from isomatch.matching.carrier import Carrier
 from shapes import box, disguised, flat_grid, icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 BALL = icosphere(2)
 HAT = icosphere(3).submesh(icosphere(3).vertices[:, 2] > -0.1)[0]
 EYE = 0.022  # radius

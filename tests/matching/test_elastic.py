@@ -17,6 +17,7 @@ from isomatch.matching.elastic.far import far_from_isometric
 from isomatch.matching.elastic.mirror import with_mirror
 from isomatch.settings import ElasticSettings
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 NONE = np.zeros((0, 2), dtype=np.int64)
 
 

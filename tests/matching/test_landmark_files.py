@@ -16,6 +16,7 @@ from isomatch import (
 )
 from zoo import grid
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 SOURCE = grid(4, 4)
 TARGET = Mesh(2 * SOURCE.vertices + [5, 0, 0], SOURCE.faces)
 PAIRS = np.array([[0, 3], [5, 6], [15, 12]])

@@ -25,6 +25,7 @@ from isomatch.lab.damage import cut, weld
 from isomatch.matching import Hints, prepare_pair
 from shapes import box, disguised, icosphere
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 LEVELS = {"matched": 1000, "polished": 1800, "fast_matched": 800, "fast_polished": 1000}
 COARSE = Config.from_dict({"levels": LEVELS})
 FULL = Config.from_dict({"levels": LEVELS, "resolution": "full"})

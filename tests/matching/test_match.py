@@ -26,6 +26,8 @@ from isomatch.runtime.threads import serial_blas
 from shapes import disguised
 from zoo import torus
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 def errors(image, truth, target, count=400):
     """Distance on the target from images to truths / √(target area), at evenly chosen source vertices."""
@@ -70,7 +72,7 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     assert after < min(0.2 * before, 0.012)
 
 
-@pytest.mark.parametrize("n_functions", [20, 33, 50])
+@pytest.mark.parametrize("n_functions", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (33, 50))])
 def test_post_processing_with_few_functions(n_functions):
     source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
     truth = ground_truth(source, target).vertices
@@ -196,6 +198,10 @@ def test_every_outcome_has_advice(outcome):
     assert outcome.advice.endswith(".")
 
 
+def later(*values):
+    return pytest.param(*values, marks=pytest.mark.long)
+
+
 @pytest.fixture(scope="module")
 def wolves():
     """Two poses of the wolf, the target in disguise, and the first five samples as landmarks."""
@@ -205,7 +211,9 @@ def wolves():
     return source, other, np.column_stack([landmarks, other.new_vertex[landmarks]])
 
 
-@pytest.mark.parametrize(("refinement", "bound"), [("none", 0.011), ("laplace_icp", 0.003), ("joint", 0.003)])
+@pytest.mark.parametrize(
+    ("refinement", "bound"), [later("none", 0.011), ("laplace_icp", 0.003), later("joint", 0.003)]
+)
 def test_wolf_from_landmarks(wolves, refinement, bound):
     source, other, pairs = wolves
     config = Config(weights="uniform", hypotheses="given", refinement=refinement)
@@ -252,7 +260,7 @@ def test_a_wrong_given_map_is_not_called_converged():
 def test_another_animal_is_not_called_converged():
     """A quadruped and a biped: no right map exists."""
     source = example_pair()[0].mesh
-    target = creature(3000, kind="biped", pose=2).mesh
+    target = creature(1500, kind="biped", pose=2).mesh
     assert match(source, target).outcome is Outcome.LOW_CONFIDENCE
 
 

@@ -19,6 +19,8 @@ from isomatch.matching.parts.part_refinement import WholeCoordinates
 from isomatch.matching.quality import covered_share
 from isomatch.settings import PartSettings
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def bodies():
@@ -126,23 +128,27 @@ def test_wrong_maps_bend_badly(found):
     assert min(fit.bent.misfit for fit in wrong) > 1.5 * best.bent.misfit
 
 
-def test_a_part_in_doubt_is_not_sure(bodies, prepared):
+@pytest.mark.parametrize("close", [pytest.param(True, marks=pytest.mark.long), False])
+def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
+    """The map is that of a part both times."""
     part = cut(bodies[0], 0.3, seed=4)
-    for close in (True, False):  # the map is that of a part both times
-        settings = PartSettings(poor_doubt=0.0, close=close)
-        found = match(part.mesh, prepared, config=Config(parts=settings))
-        assert found.outcome is Outcome.LOW_CONFIDENCE
-        assert 0 < found.quality.doubt < PartSettings().poor_doubt
-        assert any("the map is not sure, for it fits badly" in note for note in found.notes)
+    settings = PartSettings(poor_doubt=0.0, close=close)
+    found = match(part.mesh, prepared, config=Config(parts=settings))
+    assert found.outcome is Outcome.LOW_CONFIDENCE
+    assert 0 < found.quality.doubt < PartSettings().poor_doubt
+    assert any("the map is not sure, for it fits badly" in note for note in found.notes)
 
 
-def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared):
+@pytest.mark.parametrize(
+    ("poor_doubt", "outcome"),
+    [(0.0, Outcome.LOW_CONFIDENCE), pytest.param(1.0, Outcome.PARTIAL, marks=pytest.mark.long)],
+)
+def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, poor_doubt, outcome):
     part = cut(bodies[0], 0.3, seed=4)
-    for poor_doubt, outcome in ((0.0, Outcome.LOW_CONFIDENCE), (1.0, Outcome.PARTIAL)):
-        settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
-        found = match(part.mesh, prepared, config=Config(parts=settings))
-        assert any("with its holes closed" in note for note in found.notes)
-        assert found.outcome is outcome
+    settings = PartSettings(poor_doubt=poor_doubt, closed_score=np.inf)
+    found = match(part.mesh, prepared, config=Config(parts=settings))
+    assert any("with its holes closed" in note for note in found.notes)
+    assert found.outcome is outcome
 
 
 def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
@@ -232,7 +238,7 @@ def test_landmarks_lead_a_part(bodies, prepared):
     [
         (0.8, "auto"),
         pytest.param(0.9, "free", marks=pytest.mark.long),
-        (1.0, "same"),
+        pytest.param(1.0, "same", marks=pytest.mark.long),
         pytest.param(1.3, "auto", marks=pytest.mark.long),
         pytest.param(7.0, "auto", marks=pytest.mark.long),
     ],
@@ -272,25 +278,35 @@ def test_two_parts_are_matched_with_their_holes_closed(bodies):
     assert mean_error(right, found.map.vertices[both], image[both]) < 0.05
 
 
-@pytest.mark.parametrize(
-    ("poor_doubt", "outcome"), [(PartSettings().poor_doubt, Outcome.PARTIAL), (0.0, Outcome.LOW_CONFIDENCE)]
-)
-def test_two_parts_that_caps_put_in_doubt_are_judged_without(bodies, poor_doubt, outcome):
-    here, there = holes(bodies[0], 0.15, seed=1), holes(bodies[1], 0.15, seed=2)
-    strict = replace(Config().outcome, poor_residual=0.0)
-    config = Config(outcome=strict, parts=PartSettings(poor_doubt=poor_doubt))
-    assert match(here.mesh, there.mesh, config=config).outcome is outcome
+STRICT = Config(outcome=replace(Config().outcome, poor_residual=0.0))
 
 
-def test_the_doubt_of_two_parts_does_not_depend_on_their_unit(bodies):
-    """In metres and in millimetres."""
-    parts = [holes(body, 0.15, seed=1 + side).mesh for side, body in enumerate(bodies[:2])]
-    strict = Config(outcome=replace(Config().outcome, poor_residual=0.0))
-    doubts = [
-        match(*(part.moved(scale * part.vertices) for part in parts), config=strict).quality.doubt
-        for scale in (0.001, 1000.0)
-    ]
-    np.testing.assert_allclose(*doubts, rtol=0.05)
+@pytest.fixture(scope="module")
+def two_parts(bodies):
+    return [holes(body, 0.15, seed=1 + side).mesh for side, body in enumerate(bodies[:2])]
+
+
+@pytest.fixture(scope="module")
+def doubted(two_parts, prepared_once):
+    """Two parts that caps put in doubt."""
+    return match(*two_parts, config=STRICT)
+
+
+def test_two_parts_that_caps_put_in_doubt_are_judged_without(doubted):
+    assert doubted.outcome is Outcome.PARTIAL
+
+
+@pytest.mark.long
+def test_two_parts_that_caps_put_in_doubt_may_stay_so(two_parts):
+    config = replace(STRICT, parts=PartSettings(poor_doubt=0.0))
+    assert match(*two_parts, config=config).outcome is Outcome.LOW_CONFIDENCE
+
+
+@pytest.mark.parametrize("scale", [pytest.param(0.001, marks=pytest.mark.long), 1000.0])
+def test_the_doubt_of_two_parts_does_not_depend_on_their_unit(two_parts, doubted, scale):
+    """In kilometres and in millimetres."""
+    scaled = match(*(part.moved(scale * part.vertices) for part in two_parts), config=STRICT)
+    np.testing.assert_allclose(scaled.quality.doubt, doubted.quality.doubt, rtol=0.05)
 
 
 @pytest.mark.long

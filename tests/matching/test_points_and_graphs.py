@@ -9,6 +9,8 @@ from isomatch import Graph, Mesh, MeshError, PointCloud, match, prepare
 from isomatch.datasets import creature
 from isomatch.lab.evaluation import geodesic_errors
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def mesh():

@@ -24,6 +24,8 @@ from shapes import icosphere
 
 LevelSettings = type(Config().levels)
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def result(prepared_example):

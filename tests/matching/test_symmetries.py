@@ -14,19 +14,20 @@ from isomatch.settings import SymmetrySettings
 from shapes import box, cylinder, disguised, icosphere
 from zoo import torus
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 SYMMETRIC = {
-    "cube": lambda: box(14, 14, 14),
+    "cube": lambda: box(10, 10, 10),
     "brick": lambda: box(8, 16, 24),
-    "flat brick": lambda: box(2, 20, 20),
-    "sphere": lambda: icosphere(4),
-    "torus": lambda: torus(60, 25),
-    "cylinder": lambda: cylinder(40, 40),
+    "flat brick": lambda: box(2, 16, 16),
+    "sphere": lambda: icosphere(3),
+    "torus": lambda: torus(40, 17),
+    "cylinder": lambda: cylinder(28, 28),
 }
 OTHERWISE_CUT = {
-    "cube": lambda: box(17, 17, 17),
+    "cube": lambda: box(12, 12, 12),
     "brick": lambda: box(10, 20, 30),
-    "torus": lambda: torus(71, 29),
-    "cylinder": lambda: cylinder(47, 47),
+    "torus": lambda: torus(47, 20),
+    "cylinder": lambda: cylinder(33, 33),
 }
 
 

@@ -10,6 +10,8 @@ from isomatch.lab.evaluation import counted, geodesic_errors
 from isomatch.lab.sets import BenchmarkPair, relabelled
 from isomatch.settings import PreparationSettings
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
 
 @pytest.fixture(scope="module")
 def pair():

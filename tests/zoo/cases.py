@@ -203,7 +203,7 @@ def cone_with_one_tip():
 
 @case(symmetric=True)
 def filament():
-    return glued(sheet(5, 100, lambda u, v: (0.01 * np.cos(2 * np.pi * u), 0.01 * np.sin(2 * np.pi * u), v)))
+    return glued(sheet(5, 40, lambda u, v: (0.01 * np.cos(2 * np.pi * u), 0.01 * np.sin(2 * np.pi * u), v)))
 
 
 @case(symmetric=True)
