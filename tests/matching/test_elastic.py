@@ -9,12 +9,12 @@ from isomatch import Config, Mesh, Outcome, SettingError, match, prepare
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, ground_truth
 from isomatch.lab.sets import relabelled
-from isomatch.matching import Hints, ShapePair, prepare_pair
-from isomatch.matching.elastic.elastic_fit import ElasticFit, Step
-from isomatch.matching.elastic.elastic_shape import ElasticShape
-from isomatch.matching.elastic.elastic_starts import anchor_starts
-from isomatch.matching.elastic.far import far_from_isometric
-from isomatch.matching.elastic.mirror import with_mirror
+from isomatch.matching import Hints, Isometry, ShapePair, prepare_pair, stages_of
+from isomatch.matching.relations.elastic import far_from_isometric
+from isomatch.matching.relations.elastic_fit import ElasticFit, Step
+from isomatch.matching.relations.elastic_shape import ElasticShape
+from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.relations.mirror import with_mirror
 from isomatch.settings import ElasticSettings
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -81,12 +81,16 @@ def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, fou
     pair = ShapePair(*species[:2], Config())
     none = Hints.of(pair, None, None, None)
     poor = replace(found.quality, misfit=0.9)
-    assert far_from_isometric(pair, none, poor)
-    assert not far_from_isometric(pair, none, replace(poor, misfit=0.4, residual=0.2, stretch=1.0))
+
+    def far(quality, pair=pair, hints=none):
+        return far_from_isometric(Isometry().on(pair, hints, stages_of(pair)), quality)
+
+    assert far(poor)
+    assert not far(replace(poor, misfit=0.4, residual=0.2, stretch=1.0))
     known = Hints.of(pair, None, np.zeros(len(species[2]), dtype=int), None)
-    assert not far_from_isometric(pair, known, poor)
+    assert not far(poor, hints=known)
     for config in (Config(orientation="any"), Config(refinement="none"), Config(hypotheses="given")):
-        assert not far_from_isometric(replace(pair, config=config), none, poor)
+        assert not far(poor, replace(pair, config=config))
 
 
 def test_canonical_coordinates_keep_distances(species):

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from isomatch import Config, Outcome
-from isomatch.matching.parts.evidence import Evidence
-from isomatch.matching.parts.result import _contradicts
+from isomatch.matching.judge import (
+    Evidence,
+    PartDoubt,
+    closed_evidence,
+    held_evidence,
+    outcome_of,
+    part_evidence,
+)
+from isomatch.matching.relations.part import Part
 from isomatch.settings import PartSettings
 
 SETTINGS = PartSettings()
@@ -15,7 +22,7 @@ BOUND = SETTINGS.poor_doubt
 
 
 def evidence(score, rival=np.inf, trusted=1.0):
-    return Evidence(score, rival, trusted, SETTINGS)
+    return PartDoubt(score, rival, trusted, SETTINGS)
 
 
 def test_the_doubt_is_the_score_without_a_rival_and_boundless_at_a_tie():
@@ -26,39 +33,39 @@ def test_the_doubt_is_the_score_without_a_rival_and_boundless_at_a_tie():
 
 
 def test_the_worse_a_map_fits_the_more_clearly_it_must_be_better():
-    assert evidence(BOUND).outcome is Outcome.PARTIAL
-    assert evidence(BOUND * 1.01).outcome is Outcome.LOW_CONFIDENCE
-    assert evidence(BOUND / 2, 2.0).outcome is Outcome.PARTIAL
-    assert evidence(BOUND / 2, 1.9).outcome is Outcome.LOW_CONFIDENCE
-    assert evidence(BOUND / 10, 1.9).outcome is Outcome.PARTIAL
+    assert outcome_of([evidence(BOUND).evidence]) is Outcome.PARTIAL
+    assert outcome_of([evidence(BOUND * 1.01).evidence]) is Outcome.LOW_CONFIDENCE
+    assert outcome_of([evidence(BOUND / 2, 2.0).evidence]) is Outcome.PARTIAL
+    assert outcome_of([evidence(BOUND / 2, 1.9).evidence]) is Outcome.LOW_CONFIDENCE
+    assert outcome_of([evidence(BOUND / 10, 1.9).evidence]) is Outcome.PARTIAL
 
 
 def test_where_little_is_known_a_map_must_be_clearly_better():
     little = SETTINGS.little_trusted - 1e-9
-    assert evidence(BOUND / 100, SETTINGS.clear - 0.1).outcome is Outcome.PARTIAL
+    assert outcome_of([evidence(BOUND / 100, SETTINGS.clear - 0.1).evidence]) is Outcome.PARTIAL
     unclear = evidence(BOUND / 100, SETTINGS.clear - 0.1, little)
-    assert unclear.outcome is Outcome.LOW_CONFIDENCE
-    assert "too much is missing" in unclear.notes(hinted=False)[0]
-    assert evidence(BOUND / 100, SETTINGS.clear, little).outcome is Outcome.PARTIAL
+    assert outcome_of([unclear.evidence]) is Outcome.LOW_CONFIDENCE
+    assert "too much is missing" in unclear.notes(Outcome.LOW_CONFIDENCE, hinted=False)[0]
+    assert outcome_of([evidence(BOUND / 100, SETTINGS.clear, little).evidence]) is Outcome.PARTIAL
 
 
 def test_maps_that_fit_as_well_are_ambiguous_unless_they_fit_badly():
     tie = SETTINGS.tie - 1e-9
-    assert evidence(BOUND / 100, SETTINGS.tie).outcome is Outcome.PARTIAL
-    assert evidence(BOUND / 100, tie).outcome is Outcome.SYMMETRY_AMBIGUOUS
-    assert evidence(BOUND * 1.01, tie).outcome is Outcome.LOW_CONFIDENCE
+    assert outcome_of([evidence(BOUND / 100, SETTINGS.tie).evidence]) is Outcome.PARTIAL
+    assert outcome_of([evidence(BOUND / 100, tie).evidence]) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome_of([evidence(BOUND * 1.01, tie).evidence]) is Outcome.LOW_CONFIDENCE
 
 
 def test_a_score_that_is_unknown_is_not_sure():
-    assert evidence(np.nan).outcome is Outcome.LOW_CONFIDENCE
+    assert outcome_of([evidence(np.nan).evidence]) is Outcome.LOW_CONFIDENCE
 
 
 def test_a_map_that_is_not_sure_says_why_and_what_to_do():
-    assert evidence(BOUND / 10).notes(hinted=False) == []
-    (badly,) = evidence(2 * BOUND).notes(hinted=False)
+    assert evidence(BOUND / 10).notes(Outcome.LOW_CONFIDENCE, hinted=False) == []
+    (badly,) = evidence(2 * BOUND).notes(Outcome.LOW_CONFIDENCE, hinted=False)
     assert "it fits badly" in badly
     assert "three to five landmarks" in badly
-    (nearly,) = evidence(BOUND / 2, 1.5).notes(hinted=True)
+    (nearly,) = evidence(BOUND / 2, 1.5).notes(Outcome.LOW_CONFIDENCE, hinted=True)
     assert "another map is only 1.50 times as high" in nearly
     assert "give more landmarks" in nearly
 
@@ -66,13 +73,43 @@ def test_a_map_that_is_not_sure_says_why_and_what_to_do():
 def test_single_landmarks_do_not_contradict_the_map_of_a_part():
     quality = SimpleNamespace(initial_map_error=np.nan)
     points = SimpleNamespace(corners=np.arange(5)[:, None])
-    hints = SimpleNamespace(landmarks=np.zeros((5, 2), dtype=int))
-    for off, contradicted in (([1, 1, 0, 0, 0], False), ([1, 1, 1, 0, 0], True)):
-        distance = np.array(off, dtype=float)
-        target = SimpleNamespace(distance=lambda a, b, found=distance: found)
+
+    def contradicts(off, quality):
+        target = SimpleNamespace(distance=lambda a, b: np.array(off, dtype=float))
+        hints = SimpleNamespace(landmarks=np.zeros((len(off), 2), dtype=int))
         pair = SimpleNamespace(target=target, config=Config())
-        assert _contradicts(pair, points, quality, hints) is contradicted
-    hints.landmarks = hints.landmarks[:0]
-    target.distance = lambda a, b: np.zeros(0)
-    assert not _contradicts(pair, points, quality, hints)
-    assert _contradicts(pair, points, SimpleNamespace(initial_map_error=1.0), hints)
+        return Part().on(pair, hints)._contradicts(points, quality)
+
+    assert not contradicts([1, 1, 0, 0, 0], quality)
+    assert contradicts([1, 1, 1, 0, 0], quality)
+    assert not contradicts([], quality)
+    assert contradicts([], SimpleNamespace(initial_map_error=1.0))
+
+
+PART, POOR, AMBIGUOUS = Evidence(partial=True), Evidence(partial=True, poor=True), Evidence(ambiguous=True)
+
+
+def test_a_closed_map_that_is_sure_and_agrees_vouches_for_that_of_a_part():
+    assert outcome_of(part_evidence(POOR, (Evidence(),), agrees=True)) is Outcome.PARTIAL
+    assert outcome_of(part_evidence(POOR, (Evidence(),), agrees=False)) is Outcome.LOW_CONFIDENCE
+
+
+def test_a_closed_map_that_differs_or_is_ambiguous_leaves_doubt():
+    assert outcome_of(part_evidence(PART, (AMBIGUOUS,), agrees=True)) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome_of(part_evidence(PART, (POOR,), agrees=False)) is Outcome.LOW_CONFIDENCE
+    assert outcome_of(part_evidence(PART, (POOR,), agrees=True)) is Outcome.PARTIAL
+
+
+def test_where_caps_spoil_the_measures_two_parts_are_judged_as_parts():
+    assert outcome_of(closed_evidence(PART, (Evidence(poor=True),))) is Outcome.PARTIAL
+    assert outcome_of(closed_evidence(POOR, (Evidence(),))) is Outcome.PARTIAL
+    assert outcome_of(closed_evidence(POOR, (AMBIGUOUS,))) is Outcome.SYMMETRY_AMBIGUOUS
+
+
+def test_a_map_that_had_to_be_bent_to_its_landmarks_is_not_sure():
+    held = SimpleNamespace(landmark_error=0.0, initial_map_error=np.nan)
+    against = (Evidence(contradicted=True), PART)
+    assert outcome_of(held_evidence(against, held, 0.1)) is Outcome.LOW_CONFIDENCE
+    assert outcome_of(held_evidence((PART,), held, 0.1)) is Outcome.PARTIAL
+    off = SimpleNamespace(landmark_error=0.2, initial_map_error=np.nan)
+    assert outcome_of(held_evidence(against, off, 0.1)) is Outcome.HINTS_CONTRADICTED

@@ -21,7 +21,7 @@ from isomatch import (
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, example_pair, ground_truth
 from isomatch.matching import prepare_pair
-from isomatch.matching.paper_refinements import laplace_icp_embedding
+from isomatch.matching.refinements import laplace_icp_embedding
 from isomatch.runtime.threads import serial_blas
 from shapes import disguised
 from zoo import torus

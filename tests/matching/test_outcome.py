@@ -1,13 +1,14 @@
 """The outcome from the measures: each bound on either side, and the order where several hold."""
 
 from dataclasses import fields, replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from isomatch import Config, Outcome
-from isomatch.matching import Quality, outcome_of
+from isomatch.matching import Evidence, Quality, measured_evidence, outcome_of
 from isomatch.matching.quality import torn_off_share
 from shapes import icosphere
 
@@ -19,7 +20,7 @@ LITTLE = 1e-9
 
 def outcome(quality, wanted="preserve", hinted=False, left_out=0.0):
     pair = SimpleNamespace(sideless=False, config=Config(), left_out=left_out)
-    return outcome_of(pair, quality, wanted, hinted)
+    return outcome_of([measured_evidence(pair, quality, wanted, hinted)])
 
 
 @pytest.mark.parametrize(
@@ -69,6 +70,21 @@ def test_the_first_outcome_that_holds_is_given():
         everything = replace(everything, **{measure: getattr(GOOD, measure)})
     found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]
     assert found == list(Outcome)
+
+
+def test_a_match_is_partial_if_something_has_no_counterpart_and_nothing_worse_is_found():
+    partial, names = Evidence(partial=True), ("contradicted", "poor", "ambiguous")
+    assert outcome_of([]) is outcome_of([Evidence()]) is Outcome.CONVERGED
+    assert outcome_of([Evidence(), partial]) is Outcome.PARTIAL
+    for name, worse in zip(names, Outcome):
+        assert outcome_of([partial, Evidence(**{name: True})]) is worse
+
+
+def test_no_piece_of_evidence_makes_a_map_surer():
+    pieces = [Evidence(*flags) for flags in product((False, True), repeat=4)]
+    for first, second in product(pieces, repeat=2):
+        both = outcome_of([first, second])
+        assert both.sureness == min(outcome_of([first]).sureness, outcome_of([second]).sureness)
 
 
 def test_a_cap_that_goes_to_the_other_pole_is_torn_off():

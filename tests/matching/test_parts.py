@@ -1,6 +1,7 @@
 """Parts matched to wholes, and wholes to parts."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,14 +11,34 @@ from isomatch.datasets import creature, ground_truth
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.lab.damage import cut, holes, limb_removed
 from isomatch.lab.sets import relabelled
-from isomatch.matching import Hints, prepare_pair
-from isomatch.matching.parts import part_of
-from isomatch.matching.parts.landmark_distances import LandmarkDistances
-from isomatch.matching.parts.match_part import match_part
-from isomatch.matching.parts.part_pair import NO_LANDMARKS, PartPair
-from isomatch.matching.parts.part_refinement import WholeCoordinates
+from isomatch.matching import Hints, Part, ShapePair, prepare_pair, stages_of
 from isomatch.matching.quality import covered_share
+from isomatch.matching.relations.landmark_distances import LandmarkDistances
+from isomatch.matching.relations.part_pair import NO_LANDMARKS, PartPair
+from isomatch.matching.relations.part_refinement import WholeCoordinates
+from isomatch.matching.solve import part_role
 from isomatch.settings import PartSettings
+
+
+def match_part(part, whole, config):
+    """Match a prepared part to a prepared whole, without hints and without closing holes."""
+    pair = ShapePair(part, whole, config)
+    relation = Part().on(pair, Hints.of(pair, None, None, None))
+    selection, scores = relation.match()
+    best = selection.winner
+    return SimpleNamespace(
+        fits=[best, *selection.rivals],
+        scores=scores,
+        pair=best.pair,
+        bent=relation.bent(best),
+        share=best.share,
+        rival=selection.rival,
+    )
+
+
+def part_of(pair, hints):
+    return part_role(pair, hints, stages_of(pair))
+
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 

@@ -5,8 +5,8 @@ import pytest
 
 from isomatch.correspondence import iterative_closest_points
 from isomatch.datasets import creature, ground_truth
-from isomatch.matching import prepare_pair
-from isomatch.matching.search import Hypothesis, flips
+from isomatch.matching import Hypothesis, prepare_pair
+from isomatch.matching.search import flips
 
 
 def apart(pair, one, other):

@@ -8,10 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isomatch.matching.select import contenders, ranked, select, survivors
+from isomatch.matching import contest
+from isomatch.matching.contest import Rules, contenders, distinct, ranked, survivors
 from isomatch.settings import OutcomeSettings, SelectionSettings
 
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
+
+
+def select(fits, eligible, apart, elsewhere, n_tried):
+    rules = Rules.of(SETTINGS, BOUNDS)
+    return contest.select(fits, apart, rules, eligible=eligible, elsewhere=elsewhere, n_tried=n_tried)
 
 
 @dataclass(frozen=True)
@@ -151,36 +157,35 @@ def test_a_fit_of_the_other_side_lends_no_hypothesis():
 
 def test_the_eligible_fit_of_least_score_wins():
     fits = [Fit(1.0, score=3.0), Fit(1.0, score=1.0), Fit(1.0, score=2.0)]
-    chosen = select(fits, [True, False, True], apart(3), NOWHERE, SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True, False, True], apart(3), NOWHERE, 4)
     assert chosen.winner is fits[2]
     assert chosen.rivals == (fits[1], fits[0])
     assert chosen.rival == pytest.approx(0.5), "one that may not win fits better"
     assert chosen.mirrored == inf
-    assert "least misfit" in chosen.reason
-    assert "4 candidates, 3 refined to the end" in chosen.reason
-    assert "0.50 times" in chosen.reason
+    assert chosen.against is fits[1]
+    assert not chosen.hints_decided
 
 
 def test_one_that_was_compared_with_nothing_has_no_rival():
-    alone = select([Fit(1.0)], [True], apart(1), NOWHERE, SETTINGS, BOUNDS, 1)
+    alone = select([Fit(1.0)], [True], apart(1), NOWHERE, 1)
     assert np.isnan(alone.rival)
     assert np.isnan(alone.mirrored)
-    assert select([Fit(1.0)], [True], apart(1), NOWHERE, SETTINGS, BOUNDS, 2).rival == inf
+    assert select([Fit(1.0)], [True], apart(1), NOWHERE, 2).rival == inf
 
 
 def test_a_variant_of_the_winner_is_no_rival():
     fits = [Fit(1.0, score=1.0), Fit(1.0, score=1.1), Fit(1.0, score=1.5, orientation=-0.9)]
-    chosen = select(fits, [True] * 3, apart(3, (0, 1)), NOWHERE, SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True] * 3, apart(3, (0, 1)), NOWHERE, 4)
     assert (chosen.rival, chosen.mirrored) == (pytest.approx(1.5), pytest.approx(1.5))
-    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), NOWHERE, SETTINGS, BOUNDS, 4)
+    alone = select(fits[:2], [True] * 2, apart(2, (0, 1)), NOWHERE, 4)
     assert alone.rival == inf
-    assert "rival" not in alone.reason
+    assert alone.against is None
 
 
 @given(st.lists(st.floats(0.1, 10), min_size=1, max_size=6, unique=True), st.randoms())
 def test_the_winner_does_not_depend_on_the_order(scores, random):
     fits = [Fit(1.0, score=score) for score in scores]
-    chosen = select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, SETTINGS, BOUNDS, 4)
+    chosen = select(fits, [True] * len(fits), apart(len(fits)), NOWHERE, 4)
     assert chosen.winner.score == min(scores)
     assert len(chosen.rivals) == len(fits) - 1
     assert chosen.rival >= 1
@@ -189,13 +194,10 @@ def test_the_winner_does_not_depend_on_the_order(scores, random):
 def test_differences_below_the_noise_of_triangulations_are_ties():
     copy = Fit(0.01, score=0.0001)
     other = Fit(0.1, score=0.02)
-    assert select([copy, other], [True, True], apart(2), NOWHERE, SETTINGS, BOUNDS, 2).rival == 1
+    assert select([copy, other], [True, True], apart(2), NOWHERE, 2).rival == 1
     assert len(survivors([copy, other], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 2
     far = Fit(0.6, score=0.2)
-    assert (
-        select([copy, far], [True, True], apart(2), NOWHERE, SETTINGS, BOUNDS, 2).rival
-        == 0.2 / SETTINGS.score_noise
-    )
+    assert select([copy, far], [True, True], apart(2), NOWHERE, 2).rival == 0.2 / SETTINGS.score_noise
     assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1
 
 
@@ -203,16 +205,14 @@ def test_a_rival_that_contradicts_the_landmarks_counts_only_if_it_is_clearly_bet
     winner = Fit(0.3, score=0.10)
     for score, rival in ((0.101, inf), (0.095, inf), (0.05, 0.5)):
         other = Fit(0.3, score=score, landmark_error=0.4)
-        assert select(
-            [winner, other], [True, False], apart(2), NOWHERE, SETTINGS, BOUNDS, 2
-        ).rival == pytest.approx(rival)
+        assert select([winner, other], [True, False], apart(2), NOWHERE, 2).rival == pytest.approx(rival)
 
 
 def test_a_variant_that_may_not_win_counts_only_if_it_is_clearly_better():
     near = np.array([[0, 0.08], [0.08, 0]])
     for score, rival in ((0.11, inf), (0.095, inf), (0.05, 0.5)):
         fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
-        assert select(fits, [True, False], near, NOWHERE, SETTINGS, BOUNDS, 2).rival == pytest.approx(rival)
+        assert select(fits, [True, False], near, NOWHERE, 2).rival == pytest.approx(rival)
 
 
 def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
@@ -220,7 +220,7 @@ def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
     for share, score, rival in ((0.08, 0.102, 1.02), (0.08, 0.11, inf), (0.02, 0.102, inf)):
         elsewhere = np.array([[0, share], [share, 0]])
         fits = [Fit(0.3, score=0.10), Fit(0.3, score=score)]
-        chosen = select(fits, [True, True], near, elsewhere, SETTINGS, BOUNDS, 2)
+        chosen = select(fits, [True, True], near, elsewhere, 2)
         assert chosen.rival == pytest.approx(rival)
         assert chosen.against is (fits[1] if rival < inf else None)
 
@@ -228,23 +228,18 @@ def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
 def test_a_perfect_map_has_no_rival_though_both_are_below_the_noise():
     near, elsewhere = np.array([[0, 0.07], [0.07, 0]]), np.array([[0, 0.08], [0.08, 0]])
     fits = [Fit(0.01, score=0.0), Fit(0.15, score=0.5 * SETTINGS.score_noise)]
-    assert select(fits, [True, True], near, elsewhere, SETTINGS, BOUNDS, 2).rival == inf
+    assert select(fits, [True, True], near, elsewhere, 2).rival == inf
 
 
 def test_a_variant_of_a_perfect_map_is_no_rival():
     near = np.array([[0, 0.05], [0.05, 0]])
-    assert (
-        select(
-            [Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, NOWHERE, SETTINGS, BOUNDS, 2
-        ).rival
-        == inf
-    )
+    assert select([Fit(0.01, score=0.0), Fit(0.15, score=0.018)], [True, True], near, NOWHERE, 2).rival == inf
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 10), st.floats(0, 0.5)), min_size=1, max_size=6))
 def test_hints_decide_ties_and_nothing_else(fits):
     made = [Fit(1.0, score=score, hint_error=error) for score, error in fits]
-    chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, SETTINGS, BOUNDS, 4)
+    chosen = select(made, [True] * len(made), apart(len(made)), NOWHERE, 4)
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.winner in tied
@@ -253,19 +248,19 @@ def test_hints_decide_ties_and_nothing_else(fits):
 
 def test_of_maps_that_tie_the_one_nearest_to_the_hints_wins():
     better, hinted = Fit(0.3, score=0.10, hint_error=0.4), Fit(0.3, score=0.11, hint_error=0.02)
-    chosen = select([better, hinted], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2)
+    chosen = select([better, hinted], [True] * 2, apart(2), NOWHERE, 2)
     assert chosen.winner is hinted
     assert chosen.rival == 1, "it does not lose to one that it ties with"
-    assert "agrees best with the hints" in chosen.reason
+    assert chosen.hints_decided
     worse = Fit(0.3, score=0.12, hint_error=0.02)
-    assert select([better, worse], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is better
+    assert select([better, worse], [True] * 2, apart(2), NOWHERE, 2).winner is better
 
 
 def test_a_mirror_image_ties_as_far_as_the_outcome_says():
     direct, mirrored = Fit(0.3, score=0.10, hint_error=0.3), Fit(0.3, 0.14, -0.9, hint_error=0.02)
-    assert select([direct, mirrored], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is mirrored
+    assert select([direct, mirrored], [True] * 2, apart(2), NOWHERE, 2).winner is mirrored
     twisted = Fit(0.3, score=0.16, orientation=-0.9, hint_error=0.02)
-    assert select([direct, twisted], [True] * 2, apart(2), NOWHERE, SETTINGS, BOUNDS, 2).winner is direct
+    assert select([direct, twisted], [True] * 2, apart(2), NOWHERE, 2).winner is direct
 
 
 def test_the_candidate_nearest_to_the_hints_is_refined_whatever_its_side():
@@ -279,3 +274,25 @@ def test_the_candidate_nearest_to_the_hints_is_refined_whatever_its_side():
 def test_the_fit_nearest_to_the_hints_is_not_given_up():
     fits = [Fit(1.0, hint_error=0.3), Fit(1.4, hint_error=0.01), Fit(1.3, hint_error=0.2)]
     assert survivors(fits, apart(3), SETTINGS, True, False) == [(0, 0), (1, 1)]
+
+
+@given(st.lists(st.integers(0, 9), max_size=8), st.sampled_from([None, 1, 3]))
+def test_maps_that_are_kept_differ_from_each_other_and_every_other_one_is_like_one_kept(places, most):
+    def distances(place, others):
+        return np.abs(np.subtract(others, place))
+
+    kept = distinct(places, lambda place: place, distances, 1.5, most, known=[20])
+    assert kept == sorted(kept, key=places.index)
+    assert all(abs(a - b) > 1.5 for i, a in enumerate(kept) for b in kept[:i])
+    if most is None:
+        assert all(min(abs(place - other) for other in kept) <= 1.5 for place in places)
+    else:
+        assert len(kept) <= most
+
+
+def test_without_rules_about_limbs_only_the_distance_makes_a_rival():
+    fits = [Fit(0.3, score=0.10), Fit(0.3, score=0.11), Fit(0.3, score=0.12)]
+    rules = Rules(1.0, 1.0, 0.1, 0.0)
+    near = np.array([[0, 0.07, 0.2], [0.07, 0, 0.2], [0.2, 0.2, 0]])
+    assert contest.select(fits, near, rules).rival == pytest.approx(1.2)
+    assert contest.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]

@@ -13,7 +13,7 @@ from isomatch.lab.baselines import BASELINES
 from isomatch.lab.damage import cut
 from isomatch.lab.evaluation import geodesic_errors
 from isomatch.matching import expected_errors, prepare_pair
-from isomatch.matching.vertex_confidence import doubt_of
+from isomatch.matching.confidence import doubt_of
 from shapes import icosphere
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
 from isomatch.matching.fit import Candidate, Fit
-from isomatch.settings import Orientation, SelectionSettings
+from isomatch.settings import Orientation, OutcomeSettings, SelectionSettings
 from isomatch.values.arrays import FloatArray, IntArray
 
 T = TypeVar("T")
@@ -209,6 +209,21 @@ class Rules:
     elsewhere_tie: float = 1.0
     clearly_better: float = np.inf
     same_map: float = 0.0
+
+    @classmethod
+    def of(cls, settings: SelectionSettings, bounds: OutcomeSettings) -> Self:
+        """Return the rules that settings state."""
+        return cls(
+            bounds.tie,
+            bounds.mirror_tie,
+            settings.rival_distance,
+            settings.landmark_slack,
+            settings.score_noise,
+            settings.elsewhere_share,
+            settings.elsewhere_tie,
+            settings.clearly_better,
+            settings.same_map,
+        )
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
     pair, hints = relation.pair, relation.hints
     timer.start("quality")
     measured = relation.measure(found)
-    looks_further = relation.refinement.looks_further
-    if looks_further and far_from_isometric(pair, hints, measured.quality):
+    if far_from_isometric(relation, measured.quality):
         timer.start("elastic match")
         elastic = _elastic(relation, found)
         stretched = elastic.match()

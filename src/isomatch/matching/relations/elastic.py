@@ -13,7 +13,6 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
-from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Solution, measured_evidence
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, measure_quality
@@ -214,15 +213,16 @@ class Elastic(Relation):
         )
 
 
-def far_from_isometric(pair: ShapePair, hints: Hints, quality: Quality) -> bool:
+def far_from_isometric(relation: Relation, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
 
-    Two meshes are needed, without an initial map or descriptors, and maps that are not given.
+    Two meshes are needed, without an initial map or descriptors, maps that are not given, and a refinement that looks
+    further.
     """
-    config = pair.config
-    if not (pair.oriented and config.orientation == "preserve"):
+    pair, config = relation.pair, relation.pair.config
+    if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False
-    if config.hypotheses != "all" or not hints.only_landmarks:
+    if config.hypotheses != "all" or not relation.hints.only_landmarks:
         return False
     bounds = config.outcome
     return (

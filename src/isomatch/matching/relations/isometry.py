@@ -213,18 +213,7 @@ class Isometry(Relation):
     @property
     def rules(self) -> Rules:
         """What decides the contest."""
-        settings, bounds = self.pair.config.selection, self.pair.config.outcome
-        return Rules(
-            bounds.tie,
-            bounds.mirror_tie,
-            settings.rival_distance,
-            settings.landmark_slack,
-            settings.score_noise,
-            settings.elsewhere_share,
-            settings.elsewhere_tie,
-            settings.clearly_better,
-            settings.same_map,
-        )
+        return Rules.of(self.pair.config.selection, self.pair.config.outcome)
 
     def _contest(self, eligible: list[Candidate], rivals: list[Candidate]) -> Selection[Fit]:
         """Refine the contenders, and rivals that may not win, and select."""

@@ -128,6 +128,11 @@ class Part(Relation):
         cost = dict(zip(map(id, fits), costs))
         return selection, [cost[id(fit)] for fit in (selection.winner, *selection.rivals)]
 
+    def bent(self, fit: PartFit) -> BentPart:
+        """Bend the part onto the whole by a map, in full."""
+        settings = self.pair.config.parts
+        return fit.bending.in_full(fit.bent, settings.bending[-settings.n_bent_in_full :])
+
     def _again(self, fit: PartFit) -> PartFit:
         return cast(PartFit, self.refinement.again(self, fit))
 
@@ -182,7 +187,7 @@ class Part(Relation):
         selection, costs = self.match()
         best, settings = selection.winner, self.pair.config.parts
         doubt = PartDoubt(costs[0], selection.rival, best.pair.trusted, settings)
-        share = best.refinement.local_unit(best.image) ** 2
+        share = best.share
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
             image = self.closed.image_of(self.side)
@@ -213,8 +218,7 @@ class Part(Relation):
     ) -> Solution:
         """Bend the part in full, and sum up the map in the direction asked for."""
         pair, hints, best = self.pair, self.hints, selection.winner
-        settings = pair.config.parts
-        bent = best.bending.in_full(best.bent, settings.bending[-settings.n_bent_in_full :])
+        bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.onto_whole, bent.onto_part()
         errors, area = (
             _expected_errors(best.pair, onto_whole),

@@ -56,6 +56,11 @@ class PartFit(Fit):
         return self.bending.coarsely(self.pair, self.refinement, self.image, self.lengths)
 
     @property
+    def share(self) -> float:
+        """Area of the part over that of the whole, by the map."""
+        return self.refinement.local_unit(self.image) ** 2
+
+    @property
     def flat_cost(self) -> float:
         """The cost of the map before the part is bent by it."""
         exponent = self.pair.config.parts.stress_exponent
