@@ -1,6 +1,7 @@
 """Shapes of several components: partners, one map of all, and an honest outcome."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -268,7 +269,7 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     target = prepare(Mesh(2 * dressed.vertices @ turn.as_matrix().T + 1, dressed.faces))
     main = ShapePair(source.components[0], target.components[0], source.config)
     result = match(main.source, main.target)
-    carrier = Carrier.of([(main, result)], 4.0)
+    carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)], 4.0)
     hats = source.components[1], target.components[1]
     assert carrier.length_ratio(*hats) == pytest.approx(1, abs=0.01)
     assert carrier.offset(carrier.moved(hats[0]).mean(axis=0), hats[1]) < 0.01
