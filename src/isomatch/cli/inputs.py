@@ -63,7 +63,7 @@ def read_config(path: Path | None) -> isomatch.Config | None:
 
 def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
     """Read a list of outcomes, such as "low-confidence,ambiguous", where one word of a name will do."""
-    found = []
+    outcomes = []
     for word in filter(None, map(str.strip, (names or "").split(","))):
         named = [
             outcome
@@ -71,10 +71,10 @@ def read_outcomes(names: str | None) -> tuple[isomatch.Outcome, ...]:
             if word in (_dashed(outcome), *_dashed(outcome).split("-"))
         ]
         if not named:
-            known = ", ".join(map(_dashed, isomatch.Outcome))
-            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {known}")
-        found += named
-    return tuple(found)
+            allowed = ", ".join(map(_dashed, isomatch.Outcome))
+            raise SettingError(f"--fail-on {word!r} is not an outcome; known are {allowed}")
+        outcomes += named
+    return tuple(outcomes)
 
 
 def _dashed(outcome: isomatch.Outcome) -> str:

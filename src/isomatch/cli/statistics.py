@@ -219,8 +219,8 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
     for name, error in record["scored"].items():
         say(f"{name}: error {error:.4g}")
     if tested := record["groups"]:
-        one, two = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
+        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
-        say(f"{one} and {two} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
+        say(f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
     for note in record["notes"]:
         say(f"note: {note}")

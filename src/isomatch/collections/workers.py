@@ -185,8 +185,8 @@ def workers_of(executor: str | Executor = "local", jobs: int | None = None) -> I
         raise InputError(f"{jobs} jobs cannot run at once; give a number from 1")
     count = jobs or n_threads()
     if not isinstance(executor, str):
-        given = nullcontext(executor)
-        yield Workers(lambda: given, lambda: count)
+        opened = nullcontext(executor)
+        yield Workers(lambda: opened, lambda: count)
         return
     kind, _, address = executor.partition(":")
     if kind == "local" and not address:

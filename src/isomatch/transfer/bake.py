@@ -134,13 +134,13 @@ def _colours(places: Places) -> FloatArray:
     if looks and uv and any(picture for picture, _ in looks[1]):
         at = places.interpolated(columns(uv[0]), places.rows(uv[0]))
         material = np.where(places.found, looks[0][places.triangle], -1)
-        found = np.ones((len(at), 4))
+        tinted = np.ones((len(at), 4))
         for i, (picture, tint) in enumerate(looks[1]):
             here = material == i
-            found[here] = tint
+            tinted[here] = tint
             if picture and here.any():
-                found[here] *= _sampled(pixels_of(picture), np.nan_to_num(at[here, :2]))
-        return found
+                tinted[here] *= _sampled(pixels_of(picture), np.nan_to_num(at[here, :2]))
+        return tinted
     if not colour:
         raise DescriptorError(
             "there is neither a texture in a glTF file nor a colour to bake; give a file that has one"

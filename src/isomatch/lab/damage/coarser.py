@@ -286,6 +286,6 @@ def _turns_over(points: FloatArray, face: IntArray, k: int, v: int) -> bool:
 @compiled(inline="always")
 def _normal(points: FloatArray, u: int, a: int, b: int, y: int, z: int) -> float:
     """Coordinate x of (a - u) × (b - u), with y and z the axes after x."""
-    one = (points[a, y] - points[u, y]) * (points[b, z] - points[u, z])
-    other = (points[a, z] - points[u, z]) * (points[b, y] - points[u, y])
-    return float(one - other)
+    first = (points[a, y] - points[u, y]) * (points[b, z] - points[u, z])
+    second = (points[a, z] - points[u, z]) * (points[b, y] - points[u, y])
+    return float(first - second)
