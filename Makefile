@@ -73,7 +73,7 @@ lowest: $(VENV)/uv
 	$</bin/uv venv --quiet --clear --python 3.11 $(LOWEST)
 	$</bin/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
 	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest -n auto --dist loadfile \
-		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence baselines view cli)
+		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence lab/baselines view cli)
 
 release-check: $(VENV)/dev $(VENV)/uv
 	PATH="$(CURDIR)/$(VENV)/uv/bin:$$PATH" $(BIN)/python release/check.py $(PYTHONS)

@@ -103,6 +103,36 @@ def test_owners(mesh):
     assert {(min(e), max(e)) for e in zip(a.tolist(), b.tolist(), strict=True) if e[0] != e[1]} >= joined
 
 
+@pytest.mark.parametrize("mesh", SURFACES.values(), ids=SURFACES)
+@pytest.mark.parametrize("weighted", [False, True])
+def test_in_place_no_vertex_moves_and_boundaries_stay(mesh, weighted):
+    weights = np.exp(mesh.vertices[:, 0]) if weighted else None
+    found = decimate(mesh, mesh.n_vertices // 3, in_place=True, weights=weights)
+    apart = np.linalg.norm(mesh.vertices - found.mesh.vertices[found.owner], axis=1)
+    nearest = np.full(found.mesh.n_vertices, np.inf)
+    np.minimum.at(nearest, found.owner, apart)
+    assert nearest.max() < 1e-12
+    assert topology(found.mesh) == topology(mesh)
+    ends = [edges_of_one_face(each) for each in (mesh, found.mesh)]
+    assert len(ends[0]) == len(ends[1])
+    np.testing.assert_array_equal(np.sort(found.owner[np.unique(ends[0])]), np.unique(ends[1]))
+
+
+def edges_of_one_face(mesh: Mesh) -> np.ndarray:
+    sides = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges, counts = np.unique(sides, axis=0, return_counts=True)
+    return edges[counts == 1]
+
+
+def test_the_density_grows_with_the_root_of_the_weight():
+    plane = flat_grid(101, 101)
+    right = plane.vertices[:, 0] > 50
+    coarse = decimate(plane, 1500, weights=np.where(right, 81.0, 1.0)).mesh.vertices
+    inside = (np.abs(coarse[:, :2] - 50) < 45).all(axis=1) & (np.abs(coarse[:, 0] - 50) > 5)
+    n_right = (inside & (coarse[:, 0] > 50)).sum()
+    assert n_right / (inside.sum() - n_right) == pytest.approx(9, rel=0.25)
+
+
 def test_a_mesh_that_is_small_enough_stays():
     mesh = icosphere(2)
     for n in (mesh.n_vertices, 10**6):

@@ -21,7 +21,6 @@ Index: TypeAlias = int | np.int64
 
 FIRST, KIND, VERSION, MARK, PARENT = range(5)
 INSIDE, BOUNDARY, FIXED = range(3)  # kinds of vertices
-POINT_WEIGHT = 1e-2  # of squared distances to the merged vertices, beside those to the planes of faces
 BOUNDARY_WEIGHT = 1.0  # of a plane through a boundary edge, beside a face as large as the square on that edge
 LARGEST_TURN = 0.2  # least cosine of the angle by which a face may turn in one collapse
 SLIVER = 0.2  # shape of a face, 4 √3 area / squared edges, below which it must not be halved
@@ -40,7 +39,9 @@ def link_corners(marks: AnyArray, corners: AnyArray) -> None:
 
 
 @compiled(error_model="numpy")
-def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray) -> None:
+def describe_vertices(
+    vertices: FloatArray, marks: AnyArray, corners: AnyArray, link: AnyArray, point_weight: float
+) -> None:
     """Set the kind of each vertex and its quadric, given zeros and working space (n, 2)."""
     for v in range(len(vertices)):
         kind = marks[v, KIND] = _kind(v, marks, corners, link)
@@ -53,7 +54,7 @@ def describe_vertices(vertices: FloatArray, marks: AnyArray, corners: AnyArray, 
             length = np.sqrt(x * x + y * y + z * z)
             if length > 0.0:
                 x, y, z = x / length, y / length, z / length
-                _add_planes(vertices, v, x, y, z, length / 6.0, POINT_WEIGHT * length / 6.0)
+                _add_planes(vertices, v, x, y, z, length / 6.0, point_weight * length / 6.0)
                 for end in (b, c):
                     if kind == BOUNDARY and link[end, 1] < 0:
                         # the plane through that boundary edge that is perpendicular to the face
@@ -100,11 +101,11 @@ def _kind(v: Index, marks: AnyArray, corners: AnyArray, link: AnyArray) -> int:
 
 
 @compiled(error_model="numpy")
-def costs_of_edges(vertices: FloatArray, marks: AnyArray, ends: IntArray) -> FloatArray:
+def costs_of_edges(vertices: FloatArray, marks: AnyArray, ends: IntArray, in_place: bool) -> FloatArray:
     """Costs of edges (k, 2); infinite for those that cannot be collapsed."""
     costs = np.empty(len(ends))
     for i in range(len(ends)):
-        costs[i] = _placement(vertices, marks, ends[i, 0], ends[i, 1])[3]
+        costs[i] = _placement(vertices, marks, ends[i, 0], ends[i, 1], in_place)[3]
     return costs
 
 
@@ -117,6 +118,7 @@ def collapse_edges(
     scale: float,
     limit: float,
     most: int,
+    in_place: bool,
 ) -> int:
     """Collapse edges of a cost below the limit, the cheapest first, until so many vertices are gone.
 
@@ -136,7 +138,7 @@ def collapse_edges(
     turn = 0
     for w in range(n - 1, -1, -1):
         turn += 1
-        _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit)
+        _enqueue(w, w, vertices, marks, corners, queue, turn, scale, limit, in_place)
     n_gone = bucket = 0
     while n_gone < most:
         while bucket < N_BUCKETS and queue[bucket, 0] < 0:
@@ -157,7 +159,7 @@ def collapse_edges(
         turn += 2
         if not _preserves_topology(u, v, marks, corners, turn):
             continue
-        x, y, z, _ = _placement(vertices, marks, u, v)
+        x, y, z, _ = _placement(vertices, marks, u, v, in_place)
         spoils = False
         for end, other_end in ((u, v), (v, u)):
             spoils = spoils or _spoils(end, other_end, x, y, z, vertices, marks, corners)
@@ -173,7 +175,7 @@ def collapse_edges(
         _merge_corners(u, v, marks, corners)
         turn += 2
         queue[N_BUCKETS, 2] = bucket
-        _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit)
+        _enqueue(u, n, vertices, marks, corners, queue, turn, scale, limit, in_place)
         bucket = queue[N_BUCKETS, 2]
     for w in range(n):
         marks[w, PARENT] = marks[marks[w, PARENT], PARENT]  # which comes before v
@@ -191,6 +193,7 @@ def _enqueue(
     turn: int,
     scale: float,
     limit: float,
+    in_place: bool,
 ) -> None:
     """Put the edges from v to its neighbours below a number into the queue; without room they wait for the next round."""
     corner = marks[v, FIRST]
@@ -199,7 +202,7 @@ def _enqueue(
             if w >= below or marks[w, MARK] == turn:
                 continue
             marks[w, MARK] = turn
-            cost = _placement(vertices, marks, v, w)[3]
+            cost = _placement(vertices, marks, v, w, in_place)[3]
             if not cost < limit:
                 continue
             edge = queue[N_BUCKETS, 0]
@@ -319,9 +322,12 @@ def _merge_corners(u: Index, v: Index, marks: AnyArray, corners: AnyArray) -> No
 
 @compiled(error_model="numpy")
 def _placement(
-    vertices: FloatArray, marks: AnyArray, u: Index, v: Index
+    vertices: FloatArray, marks: AnyArray, u: Index, v: Index, in_place: bool
 ) -> tuple[float, float, float, float]:
-    """Where u and v go when they become one, and the error there; infinite if at least one must not move."""
+    """Where u and v go when they become one, and the error there; infinite if at least one must not move.
+
+    In place, that is where one of them is.
+    """
     xx, xy, xz = (
         vertices[u, 3] + vertices[v, 3],
         vertices[u, 4] + vertices[v, 4],
@@ -340,7 +346,7 @@ def _placement(
     x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
     if marks[u, KIND] > marks[v, KIND]:
         x, y, z = vertices[u, 0], vertices[u, 1], vertices[u, 2]
-    elif marks[u, KIND] == marks[v, KIND]:
+    elif not in_place and marks[u, KIND] == marks[v, KIND]:
         cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         determinant = xx * cx + xy * cy + xz * cz
         if determinant > 1e-12 * xx * yy * zz:
@@ -348,11 +354,37 @@ def _placement(
             x = -(cx * bx + cy * by + cz * bz) / determinant
             y = -(cy * bx + cyy * by + cyz * bz) / determinant
             z = -(cz * bx + cyz * by + czz * bz) / determinant
-    cost = vertices[u, 12] + vertices[v, 12] + x * (xx * x + 2.0 * (xy * y + xz * z + bx))
-    cost += y * (yy * y + 2.0 * (yz * z + by)) + z * (zz * z + 2.0 * bz)
+    constant = vertices[u, 12] + vertices[v, 12]
+    cost = _quadric(xx, xy, xz, yy, yz, zz, bx, by, bz, constant, x, y, z)
+    if in_place and marks[u, KIND] == marks[v, KIND]:
+        px, py, pz = vertices[u, 0], vertices[u, 1], vertices[u, 2]
+        other = _quadric(xx, xy, xz, yy, yz, zz, bx, by, bz, constant, px, py, pz)
+        if other < cost:
+            x, y, z, cost = px, py, pz, other
     if marks[u, KIND] + marks[v, KIND] > FIXED:
         cost = np.inf
     return x, y, z, cost
+
+
+@compiled(error_model="numpy")
+def _quadric(
+    xx: float,
+    xy: float,
+    xz: float,
+    yy: float,
+    yz: float,
+    zz: float,
+    bx: float,
+    by: float,
+    bz: float,
+    constant: float,
+    x: float,
+    y: float,
+    z: float,
+) -> float:
+    cost = constant + x * (xx * x + 2.0 * (xy * y + xz * z + bx))
+    cost += y * (yy * y + 2.0 * (yz * z + by)) + z * (zz * z + 2.0 * bz)
+    return cost
 
 
 @compiled(error_model="numpy")
