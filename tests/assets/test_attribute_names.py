@@ -5,7 +5,7 @@ import pytest
 from made import POINTS, POLYGONS
 
 from isomatch import Asset, MeshError, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Polygons
+from isomatch.assets import Attribute, Polygons, asset_from
 
 RISING, FALLING = np.arange(7.0), 7 - np.arange(7.0)
 
@@ -88,7 +88,7 @@ def test_standard_names_twice_in_an_object():
     mesh = pyvista.Triangle()
     mesh.point_data["RGB"] = np.zeros((3, 3), np.uint8)
     mesh.point_data["color"] = np.ones((3, 3), np.uint8)
-    assert [a.name for a in Asset.from_object(mesh).attributes] == ["color", "color_1"]
+    assert [a.name for a in asset_from(mesh).attributes] == ["color", "color_1"]
 
 
 def test_gltf_keeps_letters_and_numbers_of_names(tmp_path):

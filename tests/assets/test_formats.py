@@ -9,8 +9,17 @@ import numpy as np
 import pytest
 from made import ATTRIBUTES, POINTS, POLYGONS, TEXTURE, textured, whole
 
-from isomatch import Asset, read_asset, read_mesh, write_asset
-from isomatch.assets import FORMATS, base_colours, pixels_of
+from isomatch import read_asset, read_mesh, write_asset
+from isomatch.assets import (
+    FORMATS,
+    asset_from,
+    base_colours,
+    pixels_of,
+    to_meshio,
+    to_open3d,
+    to_pyvista,
+    to_trimesh,
+)
 
 COLUMNS = ("polygons", "colour", "label", "face label", "scalar", "vector", "normal", "uv", "weights")
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
@@ -28,10 +37,10 @@ SUFFIXES = {
     "FreeSurfer": ".pial",
 }
 OBJECTS = {
-    "trimesh": Asset.to_trimesh,
-    "PyVista": Asset.to_pyvista,
-    "meshio": Asset.to_meshio,
-    "Open3D": Asset.to_open3d,
+    "trimesh": to_trimesh,
+    "PyVista": to_pyvista,
+    "meshio": to_meshio,
+    "Open3D": to_open3d,
 }
 
 
@@ -119,7 +128,7 @@ def test_a_file_keeps_what_the_page_says(tmp_path, name):
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_an_object_keeps_what_the_page_says(name, open3d):
-    found = Asset.from_object(OBJECTS[name](whole()))
+    found = asset_from(OBJECTS[name](whole()))
     assert kept(found) == table()[name]
     assert found.mesh.n_vertices == 7
     assert found.mesh.n_faces == 7
@@ -127,10 +136,10 @@ def test_an_object_keeps_what_the_page_says(name, open3d):
 
 @pytest.mark.parametrize("kind", ["PBR", "simple"])
 def test_a_texture_of_trimesh_goes_out_and_in(kind):
-    given = textured().to_trimesh()
+    given = to_trimesh(textured())
     if kind == "PBR":
         given.visual.material = given.visual.material.to_pbr()
-    materials, [(picture, tint)] = base_colours(Asset.from_object(given).document)
+    materials, [(picture, tint)] = base_colours(asset_from(given).document)
     assert set(materials) == {0}
     assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
     assert tint == [1, 1, 1, 1]
@@ -149,16 +158,16 @@ def test_a_texture_of_trimesh_goes_out_and_in(kind):
     ids=["simple", "fractions", "unset", "PBR", "PBR without", "floats"],
 )
 def test_the_tint_of_a_texture_of_trimesh_stays(change, tint, request, tmp_path):
-    mesh = textured().to_trimesh()
+    mesh = to_trimesh(textured())
     if request.node.callspec.id.startswith("PBR"):
         mesh.visual.material = mesh.visual.material.to_pbr()
     change(mesh.visual.material)
-    write_asset(tmp_path / "tinted.glb", Asset.from_object(mesh))
+    write_asset(tmp_path / "tinted.glb", asset_from(mesh))
     asset = read_asset(tmp_path / "tinted.glb")
     _, [(picture, found)] = base_colours(asset.document)
     assert found == pytest.approx(tint)
     assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
 
-    opened = asset.to_trimesh().visual.material.to_pbr()  # as trimesh writes it to a GLB file
+    opened = to_trimesh(asset).visual.material.to_pbr()  # as trimesh writes it to a GLB file
     shown = np.asarray(opened.baseColorTexture) * (opened.baseColorFactor / 255)
     assert np.abs(shown - TEXTURE * tint).max() < 0.51

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from made import whole
 
-from isomatch import Asset, FormatError, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute
+from isomatch import FormatError, read_asset, read_mesh, write_asset
+from isomatch.assets import Attribute, asset_from
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
@@ -192,7 +192,7 @@ def test_trimesh_opens_what_is_written(path, tmp_path):
     np.testing.assert_allclose(opened.bounds, [[0, 0, 0], [5, 2, 0]], atol=1e-6)
     (one,) = trimesh.load_scene(tmp_path / "b.glb").geometry.values()
     assert (len(one.vertices), len(one.faces)) == (15, 7)
-    region = Asset.from_object(one).attribute("_REGION")
+    region = asset_from(one).attribute("_REGION")
     np.testing.assert_array_equal(region.values, read_asset(tmp_path / "b.glb").attribute("region").values)
 
 

@@ -7,7 +7,7 @@ import pytest
 from made import ATTRIBUTES, whole
 
 from isomatch import Asset, FormatError, MeshError, MissingDependencyError, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Polygons, read_attributes, write_attribute
+from isomatch.assets import Attribute, Polygons, asset_from, read_attributes, write_attribute
 
 COLORS = {0: (1.0, 0.0, 0.0, 1.0), 1: (0.0, 1.0, 0.0, 1.0), 2: (0.0, 0.0, 1.0, 1.0)}
 
@@ -162,7 +162,7 @@ def test_values_in_files_named_in_capitals(tmp_path, name):
 def test_a_grid_is_refused_with_the_remedy():
     pyvista = pytest.importorskip("pyvista")
     with pytest.raises(MeshError, match="extract_surface"):
-        Asset.from_object(pyvista.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid())
+        asset_from(pyvista.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid())
 
 
 def test_gltf_refuses_positions_of_nan(tmp_path):

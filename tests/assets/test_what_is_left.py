@@ -18,7 +18,7 @@ from isomatch import (
     write_asset,
     write_mesh,
 )
-from isomatch.assets import Attribute, Polygons
+from isomatch.assets import Attribute, Polygons, asset_from
 from isomatch.assets.formats import _gltf_data
 
 REGION = Attribute("words", "point", "label", ["a", "b", "a", "c", "a", "a", "b"])
@@ -117,7 +117,7 @@ def test_polygons_of_points_that_are_not_there(tmp_path):
     assert read_mesh(tmp_path / "a.vtp").faces.tolist() == [[0, 1, 9]]
     for use in (
         lambda: read_asset(tmp_path / "a.vtp"),
-        lambda: Asset.from_object(bad),
+        lambda: asset_from(bad),
         lambda: Asset.of_mesh(bad).mesh,
         lambda: Asset.of_mesh(bad).vertex_of_corner,
         lambda: Asset.of_mesh(bad, [uv]),

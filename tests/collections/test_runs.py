@@ -11,7 +11,7 @@ import pytest
 import isomatch
 from isomatch import SettingError
 from isomatch.cli import main
-from isomatch.collections import Collection, collection, jobs, write_table
+from isomatch.collections import Collection, jobs, plan, write_table
 from isomatch.collections import run as run_module
 from isomatch.collections.ledger import Rows, writing_ledger
 from isomatch.datasets import example_pair
@@ -102,7 +102,7 @@ def test_the_template_of_a_star_stays_when_shapes_are_added(small, tmp_path, mon
     few = Collection.create(tmp_path, files[:3], config=small.config)
     run(few)
     first = few.chosen_template(few.rows())
-    monkeypatch.setattr(collection, "medoid", lambda features: len(features) - 1)
+    monkeypatch.setattr(plan, "medoid", lambda features: len(features) - 1)
     more = Collection.create(tmp_path, files, config=small.config)
     assert [event.name for event in run(more)] == ["s3", (first, "s3")]
     assert more.chosen_template(more.rows()) == first

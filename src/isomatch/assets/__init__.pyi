@@ -3,10 +3,12 @@ from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.files import read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.assets.formats.gltf_looks import base_colours, with_materials_of, with_skin_of, with_texture
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
+from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.parts import Part
 from isomatch.assets.pictures import pixels_of, png_of
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
+from isomatch.assets.to_libraries import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.values import read_attributes, write_attribute
 
 __all__ = [
@@ -19,6 +21,7 @@ __all__ = [
     "Part",
     "Polygons",
     "SurfaceLike",
+    "asset_from",
     "base_colours",
     "mesh_from",
     "pixels_of",
@@ -28,6 +31,10 @@ __all__ = [
     "read_mesh",
     "read_point_cloud",
     "surface_from",
+    "to_meshio",
+    "to_open3d",
+    "to_pyvista",
+    "to_trimesh",
     "with_materials_of",
     "with_skin_of",
     "with_texture",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,33 +86,6 @@ class Asset:
     def of_mesh(cls, mesh: Mesh, attributes: Iterable[Attribute] = ()) -> Asset:
         """Make an asset of a mesh and values on it."""
         return cls(mesh.vertices, Polygons.of_triangles(mesh.faces), tuple(attributes))
-
-    @classmethod
-    def from_object(cls, given: object) -> Asset:
-        """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
-
-        Parameters
-        ----------
-        given : object
-            A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D;
-            or a ``PointCloud`` of trimesh or Open3D.
-
-        Raises
-        ------
-        MeshError
-            If it is none of these, or a polygon refers to no point.
-        """
-        # what follows reads files, too, which makes assets
-        from isomatch.assets.formats.gltf_looks import with_texture
-        from isomatch.assets.from_libraries import held_by
-        from isomatch.assets.pictures import png_of, texture_on
-
-        asset, texture = cls(*held_by(given)), texture_on(given)
-        asset.require_points()
-        if texture is None or not asset.of_kind("uv"):
-            return asset
-        picture, tint = texture
-        return with_texture(asset, png_of(picture), tint)
 
     def attribute(self, name: str, domain: Domain | None = None) -> Attribute:
         """Return an attribute by its name, and its domain if several have that name.
@@ -237,33 +209,3 @@ class Asset:
         """(n,) index of the part of each point; 0 where the file does not have several."""
         counts = [part.n_points for part in self.parts] or [len(self.points)]
         return np.repeat(np.arange(len(counts)), counts)
-
-    def to_trimesh(self) -> Any:
-        """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
-
-        Raises
-        ------
-        MissingDependencyError
-            If the package is not installed; the message names the extra. So do the other conversions.
-        """
-        from isomatch.assets.to_libraries import to_trimesh
-
-        return to_trimesh(self)
-
-    def to_pyvista(self) -> Any:
-        """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
-        from isomatch.assets.to_libraries import to_pyvista
-
-        return to_pyvista(self)
-
-    def to_meshio(self) -> Any:
-        """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ."""
-        from isomatch.assets.to_libraries import to_meshio
-
-        return to_meshio(self)
-
-    def to_open3d(self) -> Any:
-        """Make an ``open3d.geometry.TriangleMesh`` of triangles with colours, normals and texture coordinates."""
-        from isomatch.assets.to_libraries import to_open3d
-
-        return to_open3d(self)

@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.formats.gltf_looks import with_texture
+from isomatch.assets.pictures import png_of, texture_on
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, IntArray
@@ -37,17 +40,34 @@ def geometry_of(given: object) -> Geometry:
     return geometry(given, points, cells)
 
 
-def held_by(given: object) -> tuple[AnyArray, Polygons, tuple[Attribute, ...]]:
-    """Return points, polygons and attributes of a mesh of trimesh, PyVista, meshio or Open3D, or a point cloud.
+def asset_from(given: object) -> Asset:
+    """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
+
+    Parameters
+    ----------
+    given : object
+        A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
+        ``PointCloud`` of trimesh or Open3D.
 
     Raises
     ------
     MeshError
-        If it is none of these, or has no polygons but other cells.
+        If it is none of these, has no polygons but other cells, or a polygon refers to no point.
     """
+    asset, texture = held_by(given), texture_on(given)
+    asset.require_points()
+    if texture is None or not asset.of_kind("uv"):
+        return asset
+    picture, tint = texture
+    return with_texture(asset, png_of(picture), tint)
+
+
+def held_by(given: object) -> Asset:
+    """Make an asset as `asset_from`, without texture; its polygons may refer to no points."""
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
-    return found.points, Polygons(found.corners, found.sizes), told_apart(attributes(given, found))
+    polygons = Polygons(found.corners, found.sizes)
+    return Asset(found.points, polygons, told_apart(attributes(given, found)))
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")

@@ -16,7 +16,13 @@ from isomatch.values.arrays import AnyArray
 
 
 def to_trimesh(asset: Asset) -> Any:
-    """Make a ``trimesh.Trimesh`` with its colours, texture coordinates and other values."""
+    """Make a ``trimesh.Trimesh`` of triangles; points are split where texture coordinates have seams.
+
+    Raises
+    ------
+    MissingDependencyError
+        If the package is not installed; the message names the extra. So do the other conversions.
+    """
     trimesh = package("trimesh", "io", "a mesh of trimesh")
     split, texture = _at_points(asset), texture_of(asset)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
@@ -46,7 +52,7 @@ def to_trimesh(asset: Asset) -> Any:
 
 
 def to_pyvista(asset: Asset) -> Any:
-    """Make a ``pyvista.PolyData`` with all polygons and values."""
+    """Make a ``pyvista.PolyData`` with all polygons; points are split where values of corners differ."""
     pyvista = package("pyvista", "vtk", "a mesh of PyVista")
     split = _at_points(asset)
     cells = np.insert(split.polygons.corners, split.polygons.starts, split.polygons.sizes)
@@ -63,7 +69,10 @@ def to_pyvista(asset: Asset) -> Any:
 
 
 def to_meshio(asset: Asset) -> Any:
-    """Make a ``meshio.Mesh`` with all polygons and values; polygons of as many corners in a row are a block."""
+    """Make a ``meshio.Mesh`` with all polygons; points are split where values of corners differ.
+
+    Polygons of as many corners in a row are a block.
+    """
     meshio = package("meshio", "io", "a mesh of meshio")
     split = _at_points(asset)
     sizes = split.polygons.sizes

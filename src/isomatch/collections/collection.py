@@ -4,32 +4,28 @@ from __future__ import annotations
 
 import json
 import time
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import PairMaps
 from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
+from isomatch.collections.plan import Plan
 from isomatch.collections.run import Event, Run
 from isomatch.collections.shapes import Entry, entries_of, unusable_names
 from isomatch.collections.states import state_of, was_contradicted
-from isomatch.collections.template import medoid
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
 from isomatch.storage.files import write_text
-from isomatch.values.cached import cached_property
 from isomatch.values.settings import generator
 
 
 @dataclass(frozen=True)
-class Collection:
+class Collection(Plan):
     """Shapes in a folder with their maps.
 
     Parameters
@@ -61,13 +57,6 @@ class Collection:
     >>> collection.names, collection.pairs, collection.template
     (['a', 'b', 'c'], 'star', 'b')
     """
-
-    folder: Path
-    shapes: tuple[Entry, ...]
-    pairs: str
-    template: str | None
-    config: Config
-    seed: int
 
     @classmethod
     def create(
@@ -166,21 +155,6 @@ class Collection:
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
             raise FormatError(f"{path}: not the plan of a collection ({error}); make it again") from None
 
-    @property
-    def layout(self) -> Layout:
-        """Where each file is."""
-        return Layout(Path(self.folder))
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the shapes."""
-        return [entry.name for entry in self.shapes]
-
-    @cached_property
-    def paths(self) -> dict[str, Path]:
-        """File of each shape, by name."""
-        return {entry.name: entry.path for entry in self.shapes}
-
     def of(self, names: Iterable[str]) -> Collection:
         """Return the same with some of its shapes, to travel with a task that needs no others."""
         return replace(self, shapes=tuple(Entry(name, self.paths[name]) for name in names))
@@ -202,29 +176,6 @@ class Collection:
             turned = PairMaps.load(self.layout.maps((target, source)))
             return PairMaps(turned.back, turned.there, turned.record)
         return PairMaps.load(path)
-
-    def chosen_template(self, rows: Rows) -> str | None:
-        """Return the template asked for, or the medoid; None as long as not all shapes are prepared.
-
-        The medoid stays the template of a star that has been begun, also where shapes are added.
-        """
-        if self.template is not None:
-            return self.template
-        prepared = [name for name in self.names if name in rows.shapes]
-        usable = [name for name in prepared if rows.shapes[name]["state"] == "done"]
-        possible = set(usable)
-        centres = Counter(source for source, _ in rows.pairs if source in possible)
-        if self.pairs == "star" and centres:
-            return centres.most_common(1)[0][0]
-        if not usable or len(prepared) < len(self.names):
-            return None
-        return usable[medoid(np.array([rows.shapes[name]["features"] for name in usable]))]
-
-    def wanted_pairs(self, rows: Rows) -> list[Pair]:
-        """List the pairs to match, as far as their shapes could be prepared."""
-        usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
-        pairs = pairs_of(self.names, self.pairs, self.chosen_template(rows))
-        return [pair for pair in pairs if usable.issuperset(pair)]
 
     def run(
         self,

@@ -7,19 +7,17 @@ import time
 from collections.abc import Container, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from isomatch.collections.jobs import LOADED, Job, PlannedPair
 from isomatch.collections.layout import key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import Record
 from isomatch.collections.pairs import SIDE, Pair, pairs_of, tiles_of
+from isomatch.collections.plan import Plan
 from isomatch.collections.shapes import Entry
 from isomatch.collections.workers import Task, Workers, workers_of
 from isomatch.storage.files import writing
-
-if TYPE_CHECKING:
-    from isomatch.collections.collection import Collection
 
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
@@ -39,7 +37,7 @@ class Event(NamedTuple):
 class Run:
     """A run of one shard of a collection: its index from 0, and the number of shards."""
 
-    collection: Collection
+    collection: Plan
     shard: tuple[int, int]
 
     def events(self, executor: str | Executor, jobs: int | None, time_limit: float | None) -> Iterator[Event]:

@@ -93,7 +93,10 @@ class Correspondence:
         if isinstance(source, Mesh) and isinstance(target, Mesh):
             low, high = target.vertices.min(axis=0), target.vertices.max(axis=0)
             colours = 0.1 + 0.9 * (target.vertices - low) / np.where(high > low, high - low, 1.0)
-            pictures = picture(source, self.pull_back(colours)) + picture(target, colours)
+            pictures = "".join(
+                picture(mesh.vertices, mesh.faces, repr(mesh), values)
+                for mesh, values in ((source, self.pull_back(colours)), (target, colours))
+            )
         return f"<p>{self!r}</p>{pictures}"
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch.errors import InputError, MeshError
+from isomatch.errors import MeshError
 from isomatch.loading.compiled import compiled
 from isomatch.resolution._collapse import difference
 from isomatch.resolution.decimation import Decimated, normalised
@@ -48,7 +48,9 @@ class Prolongation:
     >>> faces = [face for i in range(0, 40, 2) for face in ((i, i + 2, i + 1), (i + 1, i + 2, i + 3))]
     >>> fine = Mesh(points, np.array(faces) % 40)
     >>> prolongation = Prolongation(fine, decimate(fine, 20))
-    >>> there_and_back = prolongation.to_fine(prolongation.on_coarse)
+    >>> places = prolongation.on_coarse
+    >>> positions = places.interpolated(prolongation.coarse.mesh.vertices)
+    >>> there_and_back = prolongation.near_fine(positions, places.corners)
     >>> bool((there_and_back.corners[:, 0] == np.arange(40)).all())
     True
     """
@@ -106,13 +108,15 @@ class Prolongation:
         nearest[owner[farthest_first]] = farthest_first  # of several, the last one stays
         return nearest
 
-    def to_fine(self, points: PrecisePoints) -> PrecisePoints:
-        """Carry m points of the coarse mesh to the fine one: the inverse of `on_coarse`.
+    def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
+        """Carry m positions on or near the coarse mesh to the fine one: the inverse of `on_coarse`.
 
         Parameters
         ----------
-        points : PrecisePoints
-            m points of the coarse mesh.
+        positions : (m, 3) array of float
+            In the units of the meshes.
+        corners : (m, q) array of int
+            Coarse vertices near each position: the search starts at the fine vertices merged into them.
 
         Returns
         -------
@@ -121,33 +125,10 @@ class Prolongation:
             corners are taken at their places on the coarse mesh, the nearest. So it is exact where the fine triangles lie
             in coarse ones, and otherwise off by less than a fine triangle.
 
-        Raises
-        ------
-        InputError
-            If a corner is no vertex of the coarse mesh.
-
         Notes
         -----
-        The nearest vertex is sought among those merged into the corners of the coarse face, and from there by steps to
-        neighbours that are nearer; the point, in the faces around it. O(m).
-        """
-        corners, coarse = points.corners, self.coarse.mesh
-        if len(corners) and not 0 <= corners.min() <= corners.max() < coarse.n_vertices:
-            raise InputError(
-                f"points have corners outside 0…{coarse.n_vertices - 1}, the vertices of the coarse mesh, so they are "
-                "points of another one"
-            )
-        return self.near_fine(points.interpolated(coarse.vertices), corners)
-
-    def near_fine(self, positions: FloatArray, corners: IntArray) -> PrecisePoints:
-        """Carry m positions near the coarse mesh to the fine one, as `to_fine`.
-
-        Parameters
-        ----------
-        positions : (m, 3) array of float
-            In the units of the meshes.
-        corners : (m, q) array of int
-            Coarse vertices near each position: the search starts at the fine vertices merged into them.
+        The nearest vertex is sought among those merged into the corners, and from there by steps to neighbours that are
+        nearer; the point, in the faces around it. O(m).
         """
         _, centre, size = normalised(self.fine.vertices)
         return self._placed.inverse((positions - centre) / size, corners)

@@ -2,8 +2,9 @@ from isomatch.surfaces._coincident import first_equal, welded
 from isomatch.surfaces._content_hash import surface_in_use
 from isomatch.surfaces._edges import EdgeTable, Meetings, corner_links, edge_table, fans, linked, meetings
 from isomatch.surfaces._faces import unsound_faces
+from isomatch.surfaces._normals import vertex_normals
 from isomatch.surfaces.graph import Graph
-from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces.mesh import Mesh
 from isomatch.surfaces.picture import picture
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle

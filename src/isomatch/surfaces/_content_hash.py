@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from hashlib import blake2b
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import Protocol
 from weakref import WeakSet
 
 import numpy as np
 
 from isomatch.values.arrays import AnyArray
 
-if TYPE_CHECKING:
-    from isomatch.surfaces.surface import Surface
 
-_IN_USE: WeakSet[Surface] = WeakSet()
+class Hashed(Protocol):
+    """Anything that tells its hash."""
+
+    @property
+    def content_hash(self) -> str:
+        """Hash of what it is made of."""
+
+
+_IN_USE: WeakSet[Hashed] = WeakSet()
 _LOCK = Lock()  # a set must not grow while it is listed
 
 
-def hash_of(surface: Surface, *arrays: AnyArray) -> str:
+def hash_of(surface: Hashed, *arrays: AnyArray) -> str:
     """32 hexadecimal digits, the same on every machine, for a surface and its arrays of float64 or int64."""
     digest = blake2b(type(surface).__name__.encode(), digest_size=16)
     for array in arrays:
@@ -29,7 +35,7 @@ def hash_of(surface: Surface, *arrays: AnyArray) -> str:
     return digest.hexdigest()
 
 
-def surface_in_use(content_hash: str) -> Surface | None:
+def surface_in_use(content_hash: str) -> Hashed | None:
     """Find a surface by its hash, if that was computed and the surface is still held by somebody else."""
     with _LOCK:
         surfaces = list(_IN_USE)

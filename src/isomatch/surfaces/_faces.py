@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isomatch.errors import MeshError, some
 from isomatch.surfaces._coincident import first_equal
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
@@ -45,3 +46,13 @@ def unsound_faces(vertices: FloatArray, faces: IntArray) -> UnsoundFaces:
     first = first_equal(np.sort(faces[good], axis=1))
     duplicate[good] = first != np.arange(len(first))
     return UnsoundFaces(out_of_range, non_finite, repeated, duplicate)
+
+
+def require_vertices(faces: IntArray, n_vertices: int) -> None:
+    """Raise `MeshError` if a vertex index is out of range."""
+    bad = np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"faces {some(bad)} refer to vertices outside 0…{n_vertices - 1}, so the surface is "
+            "undefined there; remove these faces with repair(mesh), or export the file again"
+        )

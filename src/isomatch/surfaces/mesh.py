@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isomatch.errors import MeshError, some
-from isomatch.loading.compiled import compiled
+from isomatch.errors import MeshError
 from isomatch.surfaces._content_hash import hash_of
 from isomatch.surfaces._edges import EdgeTable, edge_table, lengths, linked
-from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of, read_only
+from isomatch.surfaces._faces import require_vertices
+from isomatch.surfaces._normals import cross_products, vertex_normals
+from isomatch.surfaces.picture import picture
+from isomatch.values.arrays import FloatArray, IntArray, array_of, numbers_of
 from isomatch.values.cached import cached_property
 
 
@@ -55,9 +57,7 @@ class Mesh:
 
     def _repr_html_(self) -> str:
         """Picture, for notebooks."""
-        from isomatch.surfaces.picture import picture
-
-        return f"<p>{self!r}</p>{picture(self)}"
+        return f"<p>{self!r}</p>{picture(self.vertices, self.faces, repr(self))}"
 
     @property
     def n_vertices(self) -> int:
@@ -81,7 +81,7 @@ class Mesh:
     @cached_property
     def face_cross(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: its unit normal times twice its area."""
-        return _cross(self.vertices, self.sound_faces)
+        return cross_products(self.vertices, self.sound_faces)
 
     @cached_property
     def face_areas(self) -> FloatArray:
@@ -209,12 +209,7 @@ class _Connectivity:
 
     @cached_property
     def sound_faces(self) -> IntArray:
-        bad = np.flatnonzero(((self.faces < 0) | (self.faces >= self.n_vertices)).any(axis=1))
-        if len(bad):
-            raise MeshError(
-                f"faces {some(bad)} refer to vertices outside 0…{self.n_vertices - 1}, so the surface is "
-                "undefined there; remove these faces with repair(mesh), or export the file again"
-            )
+        require_vertices(self.faces, self.n_vertices)
         return self.faces
 
     @cached_property
@@ -224,51 +219,6 @@ class _Connectivity:
     @cached_property
     def components(self) -> IntArray:
         return linked(self.n_vertices, tuple(self.edge_table.ends.T))[1]
-
-
-def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Compute area-weighted unit normals of the vertices, (n, 3); zero if no face of positive area meets a vertex.
-
-    Raises
-    ------
-    MeshError
-        If a vertex index is out of range.
-    """
-    faces = _Connectivity(faces, len(vertices)).sound_faces
-    normals = np.zeros((len(vertices), 3))
-    cross = _cross(np.ascontiguousarray(vertices, dtype=np.float64), faces)
-    _add_normals(read_only(faces), cross, normals)
-    return normals
-
-
-def _cross(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Cross product of two edges of each face, (m, 3); beyond the largest float infinite or nan."""
-    cross = np.zeros((len(faces), 3))
-    _fill_cross(read_only(points), read_only(faces), cross)
-    return cross
-
-
-@compiled()
-def _fill_cross(points: FloatArray, faces: IntArray, cross: FloatArray) -> None:
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        cross[f, 0] = uy * vz - uz * vy
-        cross[f, 1] = uz * vx - ux * vz
-        cross[f, 2] = ux * vy - uy * vx
-
-
-@compiled()
-def _add_normals(faces: IntArray, cross: FloatArray, normals: FloatArray) -> None:
-    for f in range(len(faces)):
-        for corner in range(3):
-            for x in range(3):
-                normals[faces[f, corner], x] += cross[f, x]
-    for v in range(len(normals)):
-        length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
-        for x in range(3):
-            normals[v, x] = normals[v, x] / length if length > 0 else 0.0
 
 
 def _frozen_vertices(values: ArrayLike) -> FloatArray:

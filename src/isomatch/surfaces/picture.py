@@ -8,32 +8,34 @@ from io import BytesIO
 import numpy as np
 
 from isomatch.surfaces._faces import unsound_faces
-from isomatch.surfaces.mesh import Mesh, vertex_normals
+from isomatch.surfaces._normals import vertex_normals
 from isomatch.surfaces.raster import rasterise
-from isomatch.values.arrays import FloatArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 SIZE = 240  # pixels of the longer side
 LIGHT = np.array([-0.4, 0.5, 0.77])  # right, up, towards the viewer
 
 
-def picture(mesh: Mesh, colours: FloatArray | None = None) -> str:
+def picture(vertices: FloatArray, faces: IntArray, title: str, colours: FloatArray | None = None) -> str:
     """Draw a mesh as an HTML image, seen along its shortest side, the longest one upright.
 
     Parameters
     ----------
-    mesh : Mesh
+    vertices, faces : (n, 3) array of float, (m, 3) array of int
         Any mesh; faces that are not sound are left out. Without others the text is empty.
+    title : str
+        What it is, for who cannot see it.
     colours : (n, 3) array of float, optional
         Red, green and blue of each vertex, 0…1; grey where ``nan``, and by default.
     """
     from matplotlib.image import imsave  # takes longer to import than all else
 
-    faces = mesh.faces[~unsound_faces(mesh.vertices, mesh.faces).any]
+    faces = faces[~unsound_faces(vertices, faces).any]
     if not len(faces):
         return ""
     drawn, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)
-    points = mesh.vertices[drawn] / (np.abs(mesh.vertices[drawn]).max() or 1.0)
+    points = vertices[drawn] / (np.abs(vertices[drawn]).max() or 1.0)
     axes = np.argsort(np.ptp(points, axis=0), kind="stable")[[1, 2, 0]]  # right, up, towards the viewer
     side = np.linalg.det(
         np.eye(3)[axes]
@@ -54,4 +56,4 @@ def picture(mesh: Mesh, colours: FloatArray | None = None) -> str:
     pixels[raster.covered, :3] = (raster.interpolated(paint, faces) * (0.3 + 0.7 * shade[:, None])).clip(0, 1)
     file = BytesIO()
     imsave(file, pixels, format="png")
-    return f'<img alt="{mesh!r}" src="data:image/png;base64,{b64encode(file.getvalue()).decode("ascii")}">'
+    return f'<img alt="{title}" src="data:image/png;base64,{b64encode(file.getvalue()).decode("ascii")}">'

@@ -1,10 +1,10 @@
-"""Energies and torn edges of maps of the plane whose derivatives are known."""
+"""Energies of maps of the plane whose derivatives are known."""
 
 import numpy as np
 import pytest
 
 from isomatch import Correspondence, MapError, Mesh
-from isomatch.lab.evaluation import conformal_distortion, dirichlet_energy, torn_edges
+from isomatch.lab.evaluation import dirichlet_energy
 from shapes import disguised, flat_grid, icosphere, planar_delaunay
 
 
@@ -13,44 +13,35 @@ def identity(mesh):
 
 
 @pytest.mark.parametrize("surface", [planar_delaunay(200), icosphere(2)], ids=["sheet", "sphere"])
-def test_an_isometry_and_a_scaling_are_conformal(surface):
+def test_an_isometry_and_a_scaling_keep_the_energy(surface):
     moved = disguised(surface, seed=1, scale=5.0)
     found = Correspondence(moved.new_vertex, surface.n_vertices)
     assert dirichlet_energy(surface, moved.mesh, found) == pytest.approx(1)
-    assert conformal_distortion(surface, moved.mesh, found) == pytest.approx(0, abs=1e-9)
-    assert torn_edges(surface, moved.mesh, found, factor=1.001) == 0
 
 
 def test_a_linear_map_has_the_energy_of_its_matrix():
     sheet, (a, b) = planar_delaunay(200), (3.0, 0.5)
     stretched = Mesh(sheet.vertices * [a, b, 1], sheet.faces)
     assert dirichlet_energy(sheet, stretched, identity(sheet)) == pytest.approx((a / b + b / a) / 2)
-    assert conformal_distortion(sheet, stretched, identity(sheet)) == pytest.approx((a / b + b / a) / 2 - 1)
 
 
 def test_a_constant_map_has_no_energy():
     sheet = planar_delaunay(50)
     constant = Correspondence(np.full(50, 7), 50)
     assert dirichlet_energy(sheet, sheet, constant) == 0
-    assert np.isnan(conformal_distortion(sheet, sheet, constant))
-    assert torn_edges(sheet, sheet, constant) == 0
 
 
-def test_a_fold_is_smooth_and_conformal():
+def test_a_fold_is_smooth():
     grid = flat_grid(5, 9)  # columns x = 0…8 folded about x = 4
     x, y = grid.vertices[:, :2].T.astype(int)
     fold = Correspondence(9 * y + np.abs(x - 4) + 4, grid.n_vertices)
     assert dirichlet_energy(grid, grid, fold) == pytest.approx(1)
-    assert conformal_distortion(grid, grid, fold) == pytest.approx(0)
-    assert torn_edges(grid, grid, fold, factor=1.5) == 0
 
 
-def test_a_jump_tears_the_edges_across_it():
+def test_a_jump_has_much_energy():
     grid = flat_grid(4, 8)
     x = grid.vertices[:, 0].astype(int)
     shifted = Correspondence(np.arange(32) - x + (x + 4) % 8, 32)
-    across = (x[grid.edges] == [3, 4]).all(axis=1)
-    assert torn_edges(grid, grid, shifted) == pytest.approx(across.mean())
     assert dirichlet_energy(grid, grid, shifted) > 3
 
 
@@ -73,7 +64,6 @@ def test_faces_without_images_or_area_are_left_out():
     assert dirichlet_energy(grid, grid, Correspondence(image, 9)) == pytest.approx(3 / 4)
     needle = Mesh(np.vstack([grid.vertices, grid.vertices[:1]]), np.vstack([grid.faces, [0, 1, 9]]))
     assert dirichlet_energy(needle, needle, identity(needle)) == pytest.approx(1)
-    assert np.isnan(torn_edges(grid, grid, Correspondence(np.full(9, -1), 9)))
 
 
 def test_a_map_of_other_shapes_is_reported():

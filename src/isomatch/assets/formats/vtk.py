@@ -66,7 +66,7 @@ def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
     with reading(name, f"a {suffix} file of polygons"), on_disk(data, suffix) as path:
         with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
             mesh = pyvista.read(path)
-        return Asset(*held_by(mesh))
+        return held_by(mesh)
 
 
 def _by_meshio(data: bytes, name: str, kind: str) -> Asset:
@@ -75,4 +75,4 @@ def _by_meshio(data: bytes, name: str, kind: str) -> Asset:
         reading(name, f"a .{kind} file of triangles, quads or polygons"),
         on_disk(data, f".{kind}") as path,
     ):
-        return Asset(*held_by(module.read(path)))
+        return held_by(module.read(path))

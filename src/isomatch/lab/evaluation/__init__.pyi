@@ -16,7 +16,7 @@ from isomatch.lab.evaluation.princeton import (
     sided_errors,
 )
 from isomatch.lab.evaluation.published_curves import PublishedCurve, read_published_curves
-from isomatch.lab.evaluation.smoothness import conformal_distortion, dirichlet_energy, torn_edges
+from isomatch.lab.evaluation.smoothness import dirichlet_energy
 from isomatch.lab.evaluation.tables import improvements, summaries, write_tables
 from isomatch.lab.evaluation.true_landmarks import true_landmarks
 
@@ -32,7 +32,6 @@ __all__ = [
     "PublishedCurve",
     "SidedErrors",
     "area_under_curve",
-    "conformal_distortion",
     "counted",
     "coverage",
     "cumulative_curve",
@@ -49,7 +48,6 @@ __all__ = [
     "set_label",
     "sided_errors",
     "summaries",
-    "torn_edges",
     "true_landmarks",
     "write_tables",
 ]
