@@ -8,7 +8,9 @@ LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
 PIP := -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo docs test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
+unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
+
+.PHONY: demo docs told test test-long fuzz coverage lint types benchmark microbenchmarks results lock lowest release-check clean
 
 $(VENV)/core: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -37,7 +39,10 @@ $(DOCS)/bin/sphinx-build: pyproject.toml
 docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
-test: $(VENV)/dev lint types
+told:
+	@echo 'all tests: about 5 minutes on two cores; `make test-long` runs 185 others'
+
+test: told $(VENV)/dev lint types
 	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile  # a worker for each processor
 
 test-long: $(VENV)/dev
