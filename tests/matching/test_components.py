@@ -12,6 +12,7 @@ from isomatch import Config, LandmarkError, Mesh, Outcome, match, prepare
 from isomatch.datasets import creature, ground_truth
 from isomatch.matching import ShapePair
 from isomatch.matching.carrier import Carrier
+from isomatch.shapes import components_of
 from shapes import box, disguised, flat_grid, icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -248,17 +249,17 @@ def test_one_component_has_no_others(creatures):
 
 def test_prepared_components_are_kept(found):
     shape = prepare(found[0].mesh)
-    assert [len(component.user_vertex) for component in shape.components[1:]] == [
+    assert [len(component.user_vertex) for component in components_of(shape)[1:]] == [
         each.n_vertices for each in (HAT, BALL, BALL)
     ]
-    assert shape.components is shape.components
-    assert sum(component.share for component in shape.components) == pytest.approx(1)
-    for component in shape.components:
+    assert components_of(shape) is components_of(shape)
+    assert sum(component.share for component in components_of(shape)) == pytest.approx(1)
+    for component in components_of(shape):
         np.testing.assert_array_equal(
             component.body_vertex[component.user_vertex], np.arange(component.body.n_vertices)
         )
     only = prepare(found[0].mesh, Config.from_dict({"preparation": {"most_components": 0}}))
-    assert len(only.components) == 1
+    assert len(components_of(only)) == 1
 
 
 def test_a_rigid_motion_is_carried_exactly(creatures):
@@ -267,9 +268,9 @@ def test_a_rigid_motion_is_carried_exactly(creatures):
     turn = Rotation.random(random_state=1)
     source = prepare(dressed)
     target = prepare(Mesh(2 * dressed.vertices @ turn.as_matrix().T + 1, dressed.faces))
-    main = ShapePair(source.components[0], target.components[0], source.config)
+    main = ShapePair(components_of(source)[0], components_of(target)[0], source.config)
     result = match(main.source, main.target)
     carrier = Carrier.of([SimpleNamespace(pair=main, map=result.map, quality=result.quality)], 4.0)
-    hats = source.components[1], target.components[1]
+    hats = components_of(source)[1], components_of(target)[1]
     assert carrier.length_ratio(*hats) == pytest.approx(1, abs=0.01)
     assert carrier.offset(carrier.moved(hats[0]).mean(axis=0), hats[1]) < 0.01

@@ -23,6 +23,7 @@ from isomatch.datasets import creature, ground_truth
 from isomatch.datasets.organs import organ, organ_truth
 from isomatch.lab.damage import cut, weld
 from isomatch.matching import Hints, prepare_pair
+from isomatch.shapes import capped_shape, components_of
 from shapes import box, disguised, icosphere
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -399,7 +400,7 @@ def test_components_are_decimated_each(made, truth):
     assert_valid(found, *pairs)
     assert (found.map.vertices[:n] < m).all()
     assert (found.map.vertices[n:] >= m).all()
-    body = prepare(pairs[0], COARSE).components
+    body = components_of(prepare(pairs[0], COARSE))
     assert [shape.body.n_vertices for shape in body] == [1000, 1000]
     assert any("2562 vertices" in note for note in found.notes)
 
@@ -451,7 +452,7 @@ def test_with_holes_closed_the_body_is_as_coarse(opened):
     sphere = icosphere(4)
     mesh = sphere.submesh(sphere.vertices[:, 2] < 0.9)[0] if opened else sphere
     shape = prepare(mesh, Config.from_dict({"levels": {"matched": 800, "polished": 1200, "spared": 1}}))
-    closed, n = shape.capped, shape.body.n_vertices
+    closed, n = capped_shape(shape), shape.body.n_vertices
     assert n == 800
     assert (closed.body.n_vertices > n) == opened
     assert closed.surface.n_vertices == closed.body.n_vertices

@@ -16,7 +16,7 @@ from isomatch.matching.hints import (
     checked_landmarks,
 )
 from isomatch.matching.pair import ShapePair
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, components_of
 from isomatch.values.arrays import FloatArray, IntArray
 
 
@@ -50,7 +50,7 @@ class ComponentHints:
     @property
     def sides(self) -> tuple[tuple[PreparedShape, ...], tuple[PreparedShape, ...]]:
         """Components of source and target."""
-        return self.pair.source.components, self.pair.target.components
+        return components_of(self.pair.source), components_of(self.pair.target)
 
     def _inside(self, pair: ShapePair, joins: IntArray) -> IntArray:
         """Those pairs of the users' vertices that lie on two components."""

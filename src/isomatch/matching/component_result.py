@@ -13,7 +13,7 @@ from isomatch.matching.hints import FEWEST_POINTS
 from isomatch.matching.judge import Evidence, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import MAP_ARRAYS
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, components_of
 
 SIDES = "source", "target"
 
@@ -97,7 +97,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: 
 
 def _unpartnered(side: str, matched: list[PreparedShape], pair: ShapePair) -> tuple[float, list[str]]:
     """Share of one shape that is unmatched, of the area or of the vertices, and a note on each component of it."""
-    components = getattr(pair, side).components
+    components = components_of(getattr(pair, side))
     alone = [components[i] for i in numbers_without(components, matched)]
     notes = [f"{side}: {_named(shape)} has no partner and is left unmatched" for shape in alone]
     tiny = 1 - sum(shape.share for shape in components)

@@ -25,7 +25,7 @@ from isomatch.matching.solve import solve
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
@@ -48,7 +48,7 @@ def match_components(
     Parameters and errors are those of `match`.
     """
     timer.start("components")
-    parallel_map(lambda shape: shape.components, (pair.source, pair.target))
+    parallel_map(components_of, (pair.source, pair.target))
     given = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
     found = _Components(pair, given, stages, timer)
     matches, tied = found.large_ones()

@@ -13,7 +13,7 @@ from isomatch.errors import some
 from isomatch.matching.judge import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
 from isomatch.settings import RefinementSettings
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
@@ -54,7 +54,7 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     found, target = solution.map, pair.target
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
-    for source_part, target_part in product(pair.source.components, target.components):
+    for source_part, target_part in product(components_of(pair.source), components_of(target)):
         bending = _Bending(source_part, target_part, found, pair.config.refining)
         on_both = bending.holds(landmarks)
         if on_both.any():

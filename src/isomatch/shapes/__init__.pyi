@@ -1,4 +1,5 @@
 from isomatch.shapes.body import Body, body_of
+from isomatch.shapes.derived import capped_shape, components_of
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import PreparedShape
@@ -11,6 +12,8 @@ __all__ = [
     "PreparedShape",
     "SmoothShape",
     "body_of",
+    "capped_shape",
+    "components_of",
     "describe_symmetries",
     "farthest_rows",
     "orientation_of",

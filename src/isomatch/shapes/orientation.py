@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from isomatch.correspondence import SampledBasis
+from isomatch.shapes.smooth_shape import SmoothShape
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import IntArray
 
-if TYPE_CHECKING:
-    from isomatch.shapes.prepared_shape import PreparedShape
-
 
 def orientation_of(
-    source: PreparedShape, basis: SampledBasis, target: PreparedShape, target_vertex: IntArray, k: int
+    source: SmoothShape, basis: SampledBasis, target: SmoothShape, target_vertex: IntArray, k: int
 ) -> float:
     """Mean cosine between the normals of the smoothed target and those of its copy drawn on the source.
 
     Parameters
     ----------
-    source, target : PreparedShape
+    source, target : SmoothShape
         The shapes.
     basis : SampledBasis
         The source's Laplace–Beltrami functions and the m vertices that are mapped.

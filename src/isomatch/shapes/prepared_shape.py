@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,12 +11,11 @@ import numpy as np
 from isomatch.bases import DistanceBasis, refined_laplace_basis
 from isomatch.correspondence import SampledBasis, SignedPoints
 from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
-from isomatch.errors import MeshError, NotConvergedError, SettingError
-from isomatch.mending import capped, check
+from isomatch.errors import SettingError
+from isomatch.mending import check
 from isomatch.resolution import Prolongation
-from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import Config
-from isomatch.shapes.body import LEFT_UNMATCHED, Body, sound_body
+from isomatch.shapes.body import Body
 from isomatch.shapes.levels import Level
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepared_file import read_prepared, write_prepared
@@ -25,8 +23,6 @@ from isomatch.shapes.smooth_shape import SmoothShape
 from isomatch.shapes.symmetries import Symmetry, find_symmetries
 from isomatch.values.arrays import Float32Array, FloatArray, IntArray
 from isomatch.values.cached import cached_property
-
-OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -190,36 +186,6 @@ class PreparedShape(SmoothShape):
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
         return self.triangles is not None and len(check(self.triangles).inconsistent_edges) > 0
-
-    @cached_property
-    def capped(self) -> PreparedShape:
-        """The body as a shape of its own, of which its vertices are the first. If one hole is long, all are closed."""
-        from isomatch.shapes.prepare import prepared_body  # which imports this file
-
-        if self.triangles is None or self.longest_boundary <= self.config.parts.long_boundary:
-            same = np.arange(self.body.n_vertices)
-            alone = replace(self, surface=self.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
-            alone = replace(alone, others=(), detail=None, finer=None, refining=None)
-            kept = OF_BODY if self.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
-            alone.__dict__.update({name: getattr(self, name) for name in kept})
-            return alone
-        closed, config = capped(self.triangles), replace(self.requested, resolution="full")
-        return prepared_body(closed, sound_body(closed), config, self.seed, StageTimer())
-
-    @cached_property
-    def components(self) -> tuple[PreparedShape, ...]:
-        """The body and the further components, each as a prepared shape of the same surface that leaves nothing out.
-
-        Those that cannot be prepared are missing.
-        """
-        from isomatch.shapes.prepare import prepared_body  # which imports this file
-
-        notes = tuple(note for note in self.notes if LEFT_UNMATCHED not in note)
-        found = [replace(self, left_out=0.0, notes=notes, others=())]
-        for body in self.others:
-            with suppress(MeshError, NotConvergedError):
-                found.append(prepared_body(self.surface, body, self.requested, self.seed, StageTimer()))
-        return tuple(found)
 
     @cached_property
     def polishable(self) -> SmoothShape:

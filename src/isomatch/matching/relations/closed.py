@@ -21,7 +21,7 @@ from isomatch.matching.result import Alternative
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, capped_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -59,7 +59,7 @@ class ClosedMatch:
     def doubt(self) -> PartDoubt:
         """How sure the map is, as one of the source as it is to the target with its holes closed."""
         selection, config = self.found.selection, self.pair.config
-        part, whole = self.pair.source, self.pair.target.capped
+        part, whole = self.pair.source, capped_shape(self.pair.target)
         pair = PartPair.of(part, whole, config)
         if config.scale != "area":  # the capped body was made from one of unit area
             pair = pair.with_unit(pair.unit / self.pair.target.scale)
@@ -122,14 +122,14 @@ class ClosedMatch:
     def _rim_of_target(self) -> tuple[FloatArray, IntArray]:
         """Distance of each vertex of the capped target from the target, and its nearest vertex there."""
         target = self.pair.target
-        return distance_along_edges_to_nearest(target.capped.body, np.arange(target.body.n_vertices))
+        return distance_along_edges_to_nearest(capped_shape(target).body, np.arange(target.body.n_vertices))
 
 
 def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
     """Match two shapes with all their holes closed, by landmarks and the initial map; None if no map was found."""
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
-    source, target = parallel_map(lambda shape: shape.capped, (pair.source, pair.target))
+    source, target = parallel_map(capped_shape, (pair.source, pair.target))
     config = pair.config
     flipped = max(config.parts.flipped, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
@@ -152,8 +152,8 @@ def with_doubt(
 
 def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:
     """Vertices (n_part,) of the body of a whole, by coordinates of the capped bodies of part and whole."""
-    image = whole.capped.index.vertices(of_whole, of_part[: part.body.n_vertices])
+    image = capped_shape(whole).index.vertices(of_whole, of_part[: part.body.n_vertices])
     real = np.arange(whole.body.n_vertices)
-    if len(real) < whole.capped.body.n_vertices:
-        image = distance_along_edges_to_nearest(whole.capped.body, real)[1][image]
+    if len(real) < capped_shape(whole).body.n_vertices:
+        image = distance_along_edges_to_nearest(capped_shape(whole).body, real)[1][image]
     return image

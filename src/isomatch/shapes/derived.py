@@ -1,0 +1,49 @@
+"""Shapes prepared from a prepared one: with its holes closed, and its components; made once, and kept with it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from isomatch.errors import MeshError, NotConvergedError
+from isomatch.mending import capped
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
+from isomatch.shapes.prepare import prepared_body
+from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.values.cached import cached_method
+
+OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
+
+
+@cached_method
+def capped_shape(shape: PreparedShape) -> PreparedShape:
+    """Close the holes of a body: a shape of its own, of which its vertices are the first. If one is long, all are closed.
+
+    A body without a long boundary is taken as it is.
+    """
+    if shape.triangles is None or shape.longest_boundary <= shape.config.parts.long_boundary:
+        same = np.arange(shape.body.n_vertices)
+        alone = replace(shape, surface=shape.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
+        alone = replace(alone, others=(), detail=None, finer=None, refining=None)
+        kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
+        alone.__dict__.update({name: getattr(shape, name) for name in kept})
+        return alone
+    closed, config = capped(shape.triangles), replace(shape.requested, resolution="full")
+    return prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
+
+
+@cached_method
+def components_of(shape: PreparedShape) -> tuple[PreparedShape, ...]:
+    """Prepare the body and the further components, each as a shape of the same surface that leaves nothing out.
+
+    Those that cannot be prepared are missing.
+    """
+    notes = tuple(note for note in shape.notes if LEFT_UNMATCHED not in note)
+    found = [replace(shape, left_out=0.0, notes=notes, others=())]
+    for body in shape.others:
+        with suppress(MeshError, NotConvergedError):
+            found.append(prepared_body(shape.surface, body, shape.requested, shape.seed, StageTimer()))
+    return tuple(found)
