@@ -1,4 +1,4 @@
-"""Shapes with known correspondence: procedural creatures, the shipped pair, published sets on disk; and damage."""
+"""Shapes with known correspondence: procedural creatures and organs, and the shipped pair."""
 
 from isomatch.loading.first_use import names_at_first_use
 

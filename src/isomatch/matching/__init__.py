@@ -1,4 +1,4 @@
-"""From two surfaces to a map: prepare → starts → search → select → refine → result."""
+"""From two surfaces to a map: each relation that fits them is solved, and the evidence for its map is judged."""
 
 from isomatch.loading.first_use import names_at_first_use
 
