@@ -20,6 +20,7 @@ from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
 
 Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
@@ -94,11 +95,11 @@ class Relation(ABC):
     stages: Stages
 
     def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
-        """Return the relation between the shapes of a pair, of which something may be known.
-
-        Hand in the relation itself: what one that is bound has computed is of its own pair.
-        """
+        """Return the relation between the shapes of a pair, of which something may be known."""
         bound = copy(self)
+        for name in tuple(vars(bound)):  # what was computed for another pair
+            if isinstance(getattr(type(bound), name, None), cached_property):
+                del vars(bound)[name]
         bound.pair, bound.hints, bound.stages = pair, hints, stages or Stages()
         return bound
 
