@@ -64,7 +64,7 @@ def test_what_is_broken_is_named(change, message):
 def test_randomness_without_a_seed_is_named():
     random = np.random.default_rng()
     with pytest.raises(
-        SettingError, match='"repeatable": called again, it gives .* random numbers without a seed'
+        SettingError, match=r'"repeatable": called again, it gives .* random numbers without a seed'
     ):
         check_refinement(Changed(lambda relation, image: random.permutation(image)))
 
@@ -96,7 +96,7 @@ def test_the_map_everywhere_is_checked_too():
                 *(points[::-1] if i else points for i, points in enumerate(relation.embedding(fit)))
             )
 
-    with pytest.raises(SettingError, match='"truth": .*look at everywhere'):
+    with pytest.raises(SettingError, match=r'"truth": .*look at everywhere'):
         check_refinement(Exchanged(unchanged))
 
 
