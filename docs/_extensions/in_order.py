@@ -12,7 +12,7 @@ ORDER = [
         "save_and_load",
         "blender_shape_keys",
     ),
-    *("distances_without_matrix", "canonical_form", "own_engine", "own_descriptor"),
+    *("distances_without_matrix", "canonical_form", "own_engine", "own_descriptor", "own_matcher"),
 ]
 
 

@@ -8,6 +8,7 @@ from isomatch.matching.match import match, stages_of
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.quality import COVERAGE_RADIUS, contradicted_landmarks, covered_share, measure_quality
+from isomatch.matching.refinement_laws import check_refinement
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.relations.elastic import Elastic
 from isomatch.matching.relations.isometry import Isometry
@@ -40,6 +41,7 @@ __all__ = [
     "Solution",
     "Stages",
     "Start",
+    "check_refinement",
     "contradicted_landmarks",
     "covered_share",
     "default_starts",

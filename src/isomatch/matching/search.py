@@ -95,7 +95,7 @@ def search(
             start.extend(pool)
         else:
             rows = [start_from_known(pair, pairs) for pairs in pairs_of([start], pair)]
-            pool.add(rows, pair.config.search.hint_steps, getattr(start, "name", "start"))
+            pool.add(rows, pair.config.search.hint_steps, _name_of(start))
     return pool.hypotheses
 
 
@@ -213,6 +213,12 @@ class FromFlips(PoolStart):
 
 default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
+
+
+def _name_of(start: Start) -> str:
+    """Name of a start handed in: what it says, else that of the function or of the class."""
+    own = getattr(start, "name", None) or getattr(start, "__name__", None)
+    return str(own or type(start).__name__)
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

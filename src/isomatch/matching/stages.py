@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from isomatch.correspondence import Embedding
+from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.errors import SettingError
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
@@ -20,6 +20,7 @@ from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import IntArray
+from isomatch.values.cached import cached_property
 
 Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
@@ -28,7 +29,19 @@ Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 class Refinement(ABC):
     """Makes a better map of one: subclass it, implement `__call__`, and hand an instance to `match`.
 
-    A refinement takes part in every relation, in the contest of maps and in the map returned.
+    A refinement takes part in every relation, in the contest of maps and in the map returned. `check_refinement` tells
+    whether it keeps the laws of one.
+
+    Examples
+    --------
+    One step of spectral upsampling:
+
+    >>> class Upsampled(Refinement):
+    ...     def __call__(self, relation, fit):
+    ...         spectra = relation.spectra
+    ...         return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20, 40))))
+    >>> Upsampled().looks_further
+    True
     """
 
     name: ClassVar[str] = "own"
@@ -84,6 +97,9 @@ class Relation(ABC):
     def on(self, pair: ShapePair, hints: Hints, stages: Stages | None = None) -> Self:
         """Return the relation between the shapes of a pair, of which something may be known."""
         bound = copy(self)
+        for name in tuple(vars(bound)):  # what was computed for another pair
+            if isinstance(getattr(type(bound), name, None), cached_property):
+                del vars(bound)[name]
         bound.pair, bound.hints, bound.stages = pair, hints, stages or Stages()
         return bound
 
@@ -106,6 +122,45 @@ class Relation(ABC):
     def vertices(self) -> IntArray:
         """(r,) vertices of the source's body that a fit maps."""
         return self.pair.refinement_vertices
+
+    @property
+    def spectra(self) -> SpectralPair:
+        """The Laplace–Beltrami bases, for maps from these vertices to all vertices of the target's body."""
+        return self.pair.spectra
+
+    def contest(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Refine maps by the refinement of the match.
+
+        Raises
+        ------
+        SettingError
+            If the refinement gives no map, one of another relation or one that was not measured.
+        """
+        found = self.refinement.contest(self, fits)
+        if fits and not found:
+            raise SettingError(
+                f"{_named(self.refinement)} gave up all of {len(fits)} maps; keep the best one"
+            )
+        for fit in found:
+            if not isinstance(fit, type(fits[0])) or not np.isfinite(fit.misfit):
+                raise SettingError(
+                    f"{_named(self.refinement)} gave {_described(fit)} that this relation has not measured; return "
+                    "relation.measured(fit, image)"
+                )
+        return found
+
+    def require_images(self, image: IntArray) -> None:
+        """Raise `SettingError` unless an array holds a vertex of the target's body for each vertex that is mapped."""
+        given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
+        expected = f"expected ({n_mapped},) vertices of a body of {n_target} vertices"
+        if given.shape != (n_mapped,) or given.dtype.kind not in "iu":
+            raise SettingError(
+                f"{_named(self.refinement)} gave images of shape {given.shape} and type {given.dtype}; {expected}"
+            )
+        if given.min() < 0 or given.max() >= n_target:
+            raise SettingError(
+                f"{_named(self.refinement)} gave images from {given.min()} to {given.max()}; {expected}"
+            )
 
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
@@ -170,17 +225,30 @@ class Stages:
                 raise SettingError(
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
+        if callable(self.starts):
+            raise SettingError(f"starts = {self.starts!r} is one start; give a list of them")
         if self.starts is not None and not all(callable(start) for start in self.starts):
             raise SettingError("starts hold something that cannot be called with a pair of shapes")
 
 
 def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
-    """Collect the first maps of starts, checked: arrays (q, 2) of vertices of both bodies."""
+    """Collect the first maps of starts, checked: arrays (q, 2) of vertices of both bodies.
+
+    Raises
+    ------
+    SettingError
+        If a start gives something else.
+    """
     found = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
-        for pairs in start(pair):
-            pairs = np.asarray(pairs)
+        given = start(pair)
+        if given is None or isinstance(given, np.ndarray):
+            what = "None" if given is None else f"one array of shape {given.shape}"
+            raise SettingError(
+                f"the start {start!r} gave {what}; expected a list of first maps, which may be empty"
+            )
+        for pairs in map(np.asarray, given):
             fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
             if not fits or (pairs < 0).any() or (pairs >= sizes).any():
                 raise SettingError(
@@ -189,3 +257,11 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
                 )
             found.append(pairs)
     return found
+
+
+def _named(refinement: Refinement) -> str:
+    return f"the refinement {type(refinement).__name__}"
+
+
+def _described(fit: object) -> str:
+    return "a map" if isinstance(fit, Fit) else f"an object of type {type(fit).__name__}"

@@ -91,7 +91,7 @@ class Elastic(Relation):
         kept = distinct(
             rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, settings.n_contenders
         )
-        fits = cast(list[StretchedFit], self.refinement.contest(self, kept))
+        fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
         if self.ordinary is None and not fits:
             raise NotConvergedError(
@@ -160,16 +160,22 @@ class Elastic(Relation):
         score = images.misfit * penalty
         return StretchedFit(image, images.misfit, score, coefficients=found, images=images)
 
+    def _begun(self, fit: StretchedFit) -> StretchedFit:
+        """Extend a rough fit to the vertices of the relation."""
+        images = self._fine.images(fit.coefficients)
+        return replace(fit, image=self._fine.target.targets[images.forth], images=images)
+
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fit with all functions."""
-        coefficients = [cast(StretchedFit, fit).coefficients for fit in fits]
-        return parallel_map(
-            lambda start: self._scored(*self._fine.run(start, self._fine_steps)), coefficients
-        )
+        return parallel_map(self._refined, [cast(StretchedFit, fit) for fit in fits])
+
+    def _refined(self, fit: StretchedFit) -> StretchedFit:
+        return self._scored(*self._fine.run(fit.coefficients, self._fine_steps, fit.images))
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
-        """Measure a map (r,) of the first vertices of the relation as it is, drawn by all functions."""
-        return self._unchanged(np.column_stack([self.vertices[: len(image)], image]))
+        """Measure a map as it is, drawn by all functions."""
+        self.require_images(image)
+        return self._unchanged(np.column_stack([self.vertices, image]))
 
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices of both bodies: canonical ones, and those of the other shape drawn on each."""

@@ -98,9 +98,11 @@ class ElasticFit:
             fitted(self.target, self.source, pairs[:, 1], pairs[:, 0]),
         )
 
-    def run(self, start: Coefficients, steps: tuple[Step, ...]) -> tuple[Coefficients, Images]:
-        """Take some steps from a start."""
-        found, images = start, self.images(start)
+    def run(
+        self, start: Coefficients, steps: tuple[Step, ...], images: Images | None = None
+    ) -> tuple[Coefficients, Images]:
+        """Take some steps from a start, whose images may be known."""
+        found, images = start, images or self.images(start)
         for step in steps:
             for _ in range(step.iterations):
                 found = self._fitted(images, step)

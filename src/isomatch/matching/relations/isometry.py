@@ -142,7 +142,17 @@ class Isometry(Relation):
     def candidates(
         self, may_win: Sequence[Hypothesis], only_rivals: Sequence[Hypothesis] = ()
     ) -> tuple[list[Candidate], list[Candidate]]:
-        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first."""
+        """Screen hypotheses, and the symmetric variants of the best: candidates that may win, and rivals, best first.
+
+        Raises
+        ------
+        SettingError
+            If there is no hypothesis, for starts handed in gave none.
+        """
+        if not may_win:
+            raise SettingError(
+                "the starts gave no first map, and there are no hints; add *default_starts to them"
+            )
         pair, screen = self.pair, Screening(self.pair, self.hints)
         eligible = self._ranked(screen(list(may_win)), hinted=True)
         searched = pair.config.hypotheses == "all" or self.searches_rivals
@@ -192,6 +202,7 @@ class Isometry(Relation):
 
     def measured(self, fit: Fit, image: IntArray) -> Fit:
         """Measure a map: the misfit is that after the last step of the joint refinement, from there."""
+        self.require_images(image)
         _, misfit = refined_images(
             self.pair, image, fit.side, self.pair.config.refining.final_sizes[-1:], True
         )
@@ -219,8 +230,7 @@ class Isometry(Relation):
         """Refine the contenders, and rivals that may not win, and select."""
         orientation, settings = self.pair.config.orientation, self.pair.config.selection
         fits, others = (
-            self.refinement.contest(self, self.begun(contenders(order, orientation, settings)))
-            for order in (eligible, rivals)
+            self.contest(self.begun(contenders(order, orientation, settings))) for order in (eligible, rivals)
         )
         may_win = [True] * len(fits) + [False] * len(others)
         fits = [*fits, *others]

@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
@@ -79,6 +79,11 @@ class Part(Relation):
         """(r,) vertices of the part that a fit maps."""
         return self.source.sample_vertices[: self.pair.config.n_refine]
 
+    @cached_property
+    def spectra(self) -> SpectralPair:
+        """The Laplace–Beltrami bases, for maps from these vertices of the part to all vertices of the whole."""
+        return SmoothPair(self.source, self.target, self.pair.config).spectra
+
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
         return parallel_map(lambda fit: self._fits.refined(cast(PartFit, fit)), fits)
@@ -89,6 +94,7 @@ class Part(Relation):
 
     def measured(self, fit: Fit, image: IntArray) -> PartFit:
         """Measure a map: its cost is known once the part has been bent by it."""
+        self.require_images(image)
         return self._fits.measured(cast(PartFit, fit).pair, image)
 
     def embedding(self, fit: Fit) -> Embedding:
@@ -118,7 +124,7 @@ class Part(Relation):
                 "if the shapes are roughly aligned in space"
             )
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = _by_cost(cast(list[PartFit], self.refinement.contest(self, begun)))
+        fits, costs = _by_cost(cast(list[PartFit], self.contest(begun)))
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = _by_cost(fits)
@@ -146,7 +152,8 @@ class Part(Relation):
         # landmarks tell the sides
         onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
         fits: list[PartFit] = []
-        if any(isinstance(start, FromAnchors) for start in self.stages.starts or default_starts):
+        starts = default_starts if self.stages.starts is None else self.stages.starts
+        if any(isinstance(start, FromAnchors) for start in starts):
             anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
             fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
         fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), given) if fit]

@@ -1,0 +1,89 @@
+"""The recipe "Add a refinement" of CONTRIBUTING.md, followed with spectral upsampling."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Outcome, SettingError, match
+from isomatch.lab.damage import cut
+from isomatch.matching import Elastic, Hints, Part, Refinement, Stages, check_refinement, prepare_pair
+
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
+
+class Upsampling(Refinement):
+    """ZoomOut: images and the functional map that fits them take turns, while it grows."""
+
+    name = "upsampling"
+
+    def __call__(self, relation, fit):
+        spectra = relation.spectra
+        functional_map = spectra.grown(fit.image, (20, 40, 60, 80, 100))
+        return relation.measured(fit, spectra.image(functional_map))
+
+
+@pytest.fixture
+def animals(example, example_truth):
+    """Two poses, and the true image of each vertex of the first."""
+    return *(made.mesh for made in example), example_truth
+
+
+def mean_error(found, mesh, truth):
+    """Mean distance of images from the true ones, where there are some, in √area."""
+    known = found.matched & (truth >= 0)
+    off = mesh.vertices[found.vertices[known]] - mesh.vertices[truth[known]]
+    return np.linalg.norm(off, axis=1).mean() / np.sqrt(mesh.area)
+
+
+def test_it_keeps_the_laws():
+    check_refinement(Upsampling())
+
+
+def test_it_finds_the_right_map(animals):
+    source, target, truth = animals
+    found = match(source, target, refinement=Upsampling())
+    assert found.outcome is Outcome.CONVERGED
+    assert mean_error(found.map, target, truth) < 0.02
+
+
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_it_refines_the_map_of_a_part(animals, side):
+    source, target, truth = animals
+    part = cut(source, 0.2, seed=1)
+    shapes, known = (part.mesh, target), truth[part.original]
+    if side == "target":
+        back = np.full(target.n_vertices, -1)
+        back[known] = np.arange(len(known))
+        shapes, known = shapes[::-1], back
+    found = match(
+        *shapes,
+        initial_map=known,
+        config=Config(hypotheses="given"),
+        relation=Part(side),
+        refinement=Upsampling(),
+    )
+    assert found.outcome is Outcome.PARTIAL
+    assert mean_error(found.map, shapes[1], known) < 0.02
+
+
+def test_it_refines_an_elastic_map(animals):
+    source, target, truth = animals
+    everywhere = np.column_stack([np.arange(len(truth)), truth])
+    pair = prepare_pair(source, target)
+    stages = Stages(Upsampling(), starts=[lambda pair: [everywhere[::5]]])
+    relation = Elastic().on(pair, Hints.of(pair, None, None, None), stages)
+    selection, _ = relation.match()
+    assert selection.winner.image.shape == relation.vertices.shape
+    assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04
+
+
+def test_a_map_that_was_not_measured_is_refused(animals):
+    class Unmeasured(Upsampling):
+        def __call__(self, relation, fit):
+            return replace(fit, image=fit.image)
+
+    with pytest.raises(
+        SettingError, match=r"Unmeasured gave a map .* return relation\.measured\(fit, image\)"
+    ):
+        match(*animals[:2], refinement=Unmeasured())

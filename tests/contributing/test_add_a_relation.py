@@ -1,0 +1,60 @@
+"""The recipe "Add a relation" of CONTRIBUTING.md, followed with an isometry scored by its misfit alone."""
+
+import numpy as np
+import pytest
+
+from isomatch import Outcome, SettingError, match
+from isomatch.matching import Hints, Isometry, Part, Refinement, Stages, prepare_pair
+
+pytestmark = pytest.mark.usefixtures("prepared_once")
+
+
+class ByMisfit(Isometry):
+    """Distances along both shapes agree; the map that fits best wins, whatever its energy."""
+
+    def score(self, fit):
+        return fit.misfit
+
+
+class Unchanged(Refinement):
+    """Measures maps as they are."""
+
+    def __call__(self, relation, fit):
+        return relation.measured(fit, fit.image)
+
+
+@pytest.fixture
+def animals(example):
+    """Two poses."""
+    return tuple(made.mesh for made in example)
+
+
+def test_it_finds_the_right_map(animals, example_truth):
+    source, target = animals
+    found = match(source, target, relation=ByMisfit())
+    assert found.outcome is Outcome.CONVERGED
+    off = np.linalg.norm(target.vertices[found.map.vertices] - target.vertices[example_truth], axis=1)
+    assert off.mean() < 0.02 * np.sqrt(target.area)
+
+
+def test_the_hook_scores_every_map(animals):
+    pair = prepare_pair(*animals)
+    for relation in (ByMisfit(), Isometry()):
+        bound = relation.on(pair, Hints.of(pair, None, None, None), Stages(Unchanged()))
+        candidates, _ = bound.candidates(*bound.hypotheses())
+        fits = bound.contest(bound.begun(candidates[:3]))
+        assert len(fits) == 3
+        assert [fit.score == fit.misfit for fit in fits] == 3 * [isinstance(relation, ByMisfit)]
+
+
+def test_a_bound_relation_can_be_bound_again(animals):
+    """What was computed for one pair is not used for another."""
+    there, back = prepare_pair(*animals), prepare_pair(*animals[::-1])
+    hints = Hints.of(there, None, None, None)
+    bound = Part("target").on(there, hints)
+    assert bound.spectra.target is not bound.on(back, hints).spectra.target
+
+
+def test_a_class_is_not_a_relation(animals):
+    with pytest.raises(SettingError, match="is no Relation; give an instance of a subclass"):
+        match(*animals, relation=ByMisfit)

@@ -1,0 +1,117 @@
+"""The laws of refinements: those of isomatch keep them, and each kind of broken one is told what is wrong."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch import SettingError
+from isomatch.correspondence import Embedding
+from isomatch.matching import REFINEMENTS, Refinement, check_refinement
+
+
+@pytest.mark.parametrize("name", REFINEMENTS)
+def test_those_of_isomatch_keep_the_laws(name):
+    check_refinement(REFINEMENTS[name], seed=1)
+
+
+class Changed(Refinement):
+    """Changes the images by a function of the relation and the images."""
+
+    def __init__(self, change):
+        self.change = change
+
+    def __call__(self, relation, fit):
+        return relation.measured(fit, self.change(relation, fit.image))
+
+
+def unchanged(relation, image):
+    return image
+
+
+def shuffled(relation, image):
+    return np.random.default_rng(0).permutation(image)
+
+
+def numbered(relation, image):
+    """Take the neighbour of the lowest number, which is not far away."""
+    lowest = np.arange(relation.target.body.n_vertices)
+    for i, j in (*relation.target.body.edges, *relation.target.body.edges[:, ::-1]):
+        lowest[i] = min(lowest[i], j)
+    return lowest[image]
+
+
+def test_a_refinement_that_does_nothing_keeps_them():
+    check_refinement(Changed(unchanged))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (shuffled, r'Changed breaks the law "truth": .* mean error of 0\.\d+ .*look at __call__'),
+        (numbered, r'"relabelling": \d+% of the images .* look at what uses the number of a vertex'),
+        (lambda relation, image: image[:5], r"refinement Changed gave images of shape \(5,\)"),
+        (lambda relation, image: image / 1.0, "type float64; expected"),
+        (lambda relation, image: image + 9000, r"images from 9000 to \d+; expected \(500,\) vertices of"),
+    ],
+)
+def test_what_is_broken_is_named(change, message):
+    with pytest.raises(SettingError, match=message):
+        check_refinement(Changed(change))
+
+
+def test_randomness_without_a_seed_is_named():
+    random = np.random.default_rng()
+    with pytest.raises(
+        SettingError, match=r'"repeatable": called again, it gives .* random numbers without a seed'
+    ):
+        check_refinement(Changed(lambda relation, image: random.permutation(image)))
+
+
+def test_what_depends_on_the_threads_is_named():
+    class ByThreads(Changed):
+        def contest(self, relation, fits):
+            return super().contest(relation, fits if os.environ["ISOMATCH_NUM_THREADS"] == "1" else fits[:1])
+
+    with pytest.raises(
+        SettingError, match='"repeatable": called with three threads, it gives 1 maps instead of 2'
+    ):
+        check_refinement(ByThreads(unchanged))
+
+
+def test_the_number_of_threads_is_as_before(monkeypatch):
+    monkeypatch.setenv("ISOMATCH_NUM_THREADS", "2")
+    check_refinement(Changed(unchanged))
+    assert os.environ["ISOMATCH_NUM_THREADS"] == "2"
+    monkeypatch.delenv("ISOMATCH_NUM_THREADS")
+    check_refinement(Changed(unchanged))
+    assert "ISOMATCH_NUM_THREADS" not in os.environ
+
+
+def test_the_map_everywhere_is_checked_too():
+    class Exchanged(Changed):
+        def everywhere(self, relation, fit):
+            return Embedding(
+                *(points[::-1] if i else points for i, points in enumerate(relation.embedding(fit)))
+            )
+
+    with pytest.raises(SettingError, match=r'"truth": .*look at everywhere'):
+        check_refinement(Exchanged(unchanged))
+
+
+@pytest.mark.parametrize(
+    ("contest", "message"),
+    [
+        (lambda fits: [], "gave up all of 2 maps; keep the best one"),
+        (lambda fits: [replace(fit) for fit in fits], r"gave a map .* return relation\.measured"),
+        (lambda fits: [fit.image for fit in fits], "gave an object of type ndarray"),
+    ],
+)
+def test_a_contest_gives_measured_maps(contest, message):
+    class Given(Changed):
+        def contest(self, relation, fits):
+            return contest(fits)
+
+    with pytest.raises(SettingError, match=message):
+        check_refinement(Given(unchanged))
