@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isomatch import Config, Mesh, Outcome, SettingError, match, prepare
+from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, ground_truth
 from isomatch.lab.sets import relabelled
@@ -149,8 +149,3 @@ def test_mirror_images_lead_the_starts(species, mirrored):
     assert difference(led[: settings.n_starts]) < 0.7 * difference(plain)
     one_sided = mirrored[0], replace(mirrored[1], mirrored=None)
     np.testing.assert_array_equal(anchor_starts(pair, NONE, one_sided), plain)
-
-
-def test_steps_need_a_smoothness_each():
-    with pytest.raises(SettingError, match="fine_functions has 1 steps"):
-        ElasticSettings(fine_functions=(40,))

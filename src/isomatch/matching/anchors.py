@@ -10,6 +10,21 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import EXACTLY, farthest_rows
 from isomatch.values.arrays import IntArray
 
+SLIDE_STEPS = 10  # steps by which they move it; docs/robustness.md, shapes without limbs
+
+SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first of selection.sizes
+
+BEAM = 200  # partial assignments that are kept; chosen, not measured
+
+# of differences of signatures in the cost of an assignment; docs/robustness.md, shapes without limbs
+SIGNATURE_WEIGHT = 0.25
+
+# points of the source, far from each other, that are assigned;
+# three points determine an isometry, three more its errors
+N_ANCHORS = 6
+
+N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as symmetry.n_samples
+
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     """First maps that need no extremities: target rows (m_s,) of the search vertices.
@@ -23,13 +38,13 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
     signatures = pair.search_signatures
-    n = settings.n_candidates
-    anchors = farthest_rows(here[:n, :n], settings.n_anchors)
+    n = N_CANDIDATES
+    anchors = farthest_rows(here[:n, :n], N_ANCHORS)
     exact = here[np.ix_(anchors, anchors)]
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
-    unary = settings.eccentricity_weight * remoteness + settings.signature_weight * unlike
-    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, settings.beam, settings.apart)
+    unary = settings.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
+    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, settings.apart)
     starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[: settings.n_starts]]
     return parallel_map(lambda start: slid(pair, start), starts)
 
@@ -41,9 +56,9 @@ def slid(pair: ShapePair, target_row: IntArray) -> IntArray:
     leave a map free to move along these directions; in each step, images are nearest neighbours in these functions and
     the signatures together.
     """
-    spectra, signatures, settings = pair.search_spectra, pair.search_signatures, pair.config.anchors
-    k = min(settings.slide_functions, pair.n_functions)
-    for _ in range(settings.slide_steps):
+    spectra, signatures = pair.search_spectra, pair.search_signatures
+    k = min(SLIDE_FUNCTIONS, pair.n_functions)
+    for _ in range(SLIDE_STEPS):
         carried = spectra.target[:, :k] @ spectra.functional_map(target_row, k).T
         target_row = nearest_rows(
             np.hstack([carried / np.sqrt(k), signatures.target]),

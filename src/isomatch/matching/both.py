@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import MatchResult
 from isomatch.matching.solve import part_role, solve_complete
+from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import serial_blas
@@ -44,6 +46,10 @@ def match_both(
     config: Config | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    *,
+    refinement: Refinement | None = None,
+    starts: Sequence[Start] | None = None,
+    relation: Relation | None = None,
 ) -> BothDirections:
     """Match two surfaces in both directions; errors and parameters are those of `match`.
 
@@ -77,7 +83,8 @@ def match_both(
             timer.start("prepare")
             pair = prepare_pair(source, target, config, seed, timer)
             require_landmarks_for_pins(pair, landmarks)
-            return _both(pair, (landmarks, initial_map, initial_descriptors), timer, timer_back, seed)
+            stages = stages_of(pair, refinement, starts, relation)
+            return _both(pair, (landmarks, initial_map, initial_descriptors), stages, timer, timer_back, seed)
 
     both = in_background(matched)
     tell("done", 1.0)
@@ -88,12 +95,13 @@ Given = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | 
 
 
 def _both(
-    pair: ShapePair, given: Given, timer: StageTimer, timer_back: StageTimer, seed: int
+    pair: ShapePair, given: Given, stages: Stages, timer: StageTimer, timer_back: StageTimer, seed: int
 ) -> BothDirections:
     pair_back, given_back = replace(pair, source=pair.target, target=pair.source), _turned(pair, given)
-    stages, alone = stages_of(pair), pair.oriented and (pair.source.others or pair.target.others)
+    alone = pair.oriented and (pair.source.others or pair.target.others)
     hints = None if alone else Hints.of(pair, *given)
     searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
+    searched = searched and stages.relation is None
     if hints is None or not searched or part_role(pair, hints, stages):
         there = judged(solve_prepared(pair, given, stages, timer), timer, seed)
         timer_back.restart()

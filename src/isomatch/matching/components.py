@@ -29,6 +29,32 @@ from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
+MOST_RIVALS = 3  # components tried as partners of the largest; chosen: nine matches at most
+
+# over that of the largest component, from which another may be the partner of the largest;
+# hemispheres differ by less, clothes by more
+RIVAL_AREA = 0.5
+
+# mean difference of their logarithms, above the least, up to which a pair is tried;
+# halves of creatures: poses 0.03, other halves 0.13
+SAME_SPECTRUM = 0.1
+
+# mean distance, in √area, up to which a component carried along rigidly fits;
+# chosen: half the spacing of the search vertices
+SAME_PLACE = 0.02
+
+SPECTRUM_FUNCTIONS = 20  # eigenvalues that are compared; halves of creatures: poses 0.03, other halves 0.13
+
+# distance from where a component is carried to, over its √area and its distance from the carriers;
+# one eye is 0.9 from the other
+MOST_APART = 0.7
+
+MOST_LENGTH_RATIO = 1.4  # √area of one component over that of its partner; parts.largest_unit_change
+
+# power of the distance with which the influence of a carrying vertex decreases;
+# chosen: sums over a surface converge from 2 on
+FALLOFF = 4.0
+
 FAR_APART = 1e6  # cost of components that are no partners
 
 
@@ -77,7 +103,7 @@ class _Components:
             chosen = zip(*linear_sum_assignment(-joined))
             return [self._matched(i, j) for i, j in chosen if joined[i, j]], False
         unlike = np.array([[self._unlike(i, j) for j in columns] for i in rows])
-        tried = unlike <= unlike.min() + self.settings.same_spectrum
+        tried = unlike <= unlike.min() + SAME_SPECTRUM
         matched: dict[tuple[int, int], ComponentMatch] = {}
         for i, j in np.argwhere(tried).tolist():
             with suppress(NotConvergedError):
@@ -93,14 +119,14 @@ class _Components:
         return best, bool(tied and _against(others[0])[2] < limit)
 
     def _rivals(self, side: tuple[PreparedShape, ...]) -> list[int]:
-        least = self.settings.rival_area * side[0].share
-        return [i for i, shape in enumerate(side[: self.settings.most_rivals]) if shape.share >= least]
+        least = RIVAL_AREA * side[0].share
+        return [i for i, shape in enumerate(side[:MOST_RIVALS]) if shape.share >= least]
 
     def carried_ones(self, known: list[ComponentMatch]) -> list[ComponentMatch]:
         """Match the components that have a partner near where the known map carries them."""
         rows = numbers_without(self.sources, [match.pair.source for match in known])
         columns = numbers_without(self.targets, [match.pair.target for match in known])
-        carrier = Carrier.of([match.solution for match in known], self.settings.falloff)
+        carrier = Carrier.of([match.solution for match in known], FALLOFF)
         if not (rows and columns and carrier):
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
@@ -115,21 +141,21 @@ class _Components:
         return found
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
-        """Weigh what speaks against two partners: place, size and spectrum; less than nothing if hints join them."""
+        """Return the cost of taking two components for partners: place, size, spectrum; negative if hints join them."""
         joined = self.given.joined
         if joined[i].any() or joined[:, j].any():
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
-        source, target, settings = self.sources[i], self.targets[j], self.settings
+        source, target = self.sources[i], self.targets[j]
         place = carrier.offset(centre, target)
-        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(settings.most_length_ratio)
-        if place > settings.most_apart or size > 1:
+        size = abs(np.log(carrier.length_ratio(source, target))) / np.log(MOST_LENGTH_RATIO)
+        if place > MOST_APART or size > 1:
             return FAR_APART
-        return float((place / settings.most_apart) ** 2 + size**2 + self._unlike(i, j))
+        return float((place / MOST_APART) ** 2 + size**2 + self._unlike(i, j))
 
     def _unlike(self, i: int, j: int) -> float:
         """Mean difference of the logarithms of the first eigenvalues of two bodies, which are of unit area."""
         spectra = [shape.laplace.values[1:] for shape in (self.sources[i], self.targets[j])]
-        n = min(self.settings.spectrum_functions, *map(len, spectra))
+        n = min(SPECTRUM_FUNCTIONS, *map(len, spectra))
         return float(np.abs(np.log(spectra[0][:n] / spectra[1][:n])).mean())
 
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
@@ -163,7 +189,7 @@ class _Components:
         decided = measured_evidence(pair, measures, pair.config.orientation)
         differs = outcome_of([decided]) is not found.outcome
         tied = differs and not found.quality.rival < 1 / pair.config.outcome.tie
-        if not (held and tied):
+        if self.stages.relation is not None or not (held and tied):
             return ComponentMatch(found)
         by_place = replace(found, evidence=(decided,))
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
@@ -173,7 +199,7 @@ class _Components:
         moved, there = carrier.turned(pair.source), cast(Mesh, pair.target.body).vertices
         points = pair.target.index.points(there, moved)
         gap = np.linalg.norm(points.interpolation(len(there)) @ there - moved, axis=1)
-        if gap.mean() > self.settings.same_place:
+        if gap.mean() > SAME_PLACE:
             return None
         quality = measure_quality(pair, points, Hints.of(pair, None, None, None))
         return Solution(
@@ -187,7 +213,7 @@ class _Components:
 
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
-    """Weigh what speaks against an assignment: first few pairs, then the least sure, then misfits and unequal scales."""
+    """Return the sort key of an assignment, the best least: few pairs cost most, then an unsure one, then misfits."""
     noise = matches[0].pair.config.selection.misfit_noise
     misfits = [np.nan_to_num(match.solution.quality.misfit, nan=np.inf) for match in matches]
     sureness = min(match.solution.outcome.sureness for match in matches)

@@ -12,6 +12,14 @@ from isomatch.runtime.threads import row_product
 from isomatch.shapes import SmoothShape
 from isomatch.values.arrays import FloatArray, IntArray, single
 
+# a rival of score ratio r is right with chance 1 / (1 + r^exponent); one in ten at the bound of a tie
+RIVAL_EXPONENT = 16.0
+
+ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
+
+# factor of the expected error; mean error of faust_r and creatures: benchmarks/vertex_confidence.py
+ERROR_SCALE = 0.32
+
 TINY = 1e-12
 
 
@@ -46,7 +54,7 @@ def expected_errors(
     O(n K²) for the fit of K functions. Of a map that is wrong as a whole, such as one that exchanges left and right, the
     estimate sees only what does not fit and, if it was found, the rival.
     """
-    source, settings = pair.source, pair.config.outcome
+    source = pair.source
     k = pair.n_functions
     functions, pulled_back = (
         source.functions[:, :k],
@@ -58,8 +66,8 @@ def expected_errors(
     fitted, own = (_gradient_energy(x, source.body.edges, lengths) for x in (fit, functions))
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
-    local = settings.error_scale * np.sqrt(left_over * np.abs(strain))
-    return _diffused(source, local if doubt is None else local + doubt, settings.error_radius)
+    local = ERROR_SCALE * np.sqrt(left_over * np.abs(strain))
+    return _diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
 
 
 def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
@@ -79,7 +87,7 @@ def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) ->
     (n_s,) array of float
         That of the nearest refinement vertex, in √area.
     """
-    vertices, chance = pair.refinement_vertices, 1 / (1 + ratio**pair.config.outcome.rival_exponent)
+    vertices, chance = pair.refinement_vertices, 1 / (1 + ratio**RIVAL_EXPONENT)
     apart = np.where(image == rival, 0.0, np.maximum(pair.target.distances.distance(image, rival), 0.0))
     everywhere = np.zeros(pair.source.body.n_vertices)
     everywhere[vertices] = chance * apart

@@ -13,6 +13,9 @@ from isomatch.runtime.threads import parallel_map, row_product
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray, single
 
+# of the registration that ends the smooth refinement; docs/benchmarks.md, smoothness
+SMOOTH_REGISTRATION_STEPS = 8
+
 EVERYWHERE = slice(None)
 S = TypeVar("S")
 
@@ -88,7 +91,7 @@ def registered(pair: SmoothPair, image: IntArray, side: float, smooth: bool) -> 
     embedding = joint_coordinates(pair, image, k, side, everywhere)
     steps = settings.registration_steps
     if smooth:
-        steps = settings.smooth_registration_steps
+        steps = SMOOTH_REGISTRATION_STEPS
         signatures = np.s_[k : k + pair.signatures.source.shape[1]]
         embedding = Embedding(*(np.delete(x, signatures, axis=1) for x in embedding))
     source, target = pair.source, pair.target

@@ -92,6 +92,11 @@ class Fit:
     candidate: Candidate | None = None
 
     @property
+    def is_measured(self) -> bool:
+        """Whether the relation has measured the map."""
+        return bool(np.isfinite(self.misfit) and not np.isnan(self.score))
+
+    @property
     def side(self) -> float:
         """1 if the map preserves the orientation of the faces, −1 if it reverses it."""
         return 1.0 if self.orientation >= 0 else -1.0

@@ -13,7 +13,7 @@ from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.result import Alternative, MatchResult, Quality
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.settings import MatchSettings, Orientation, PartSettings
+from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
 from isomatch.shapes import describe_symmetries
 from isomatch.values.arrays import FloatArray
 
@@ -22,7 +22,7 @@ NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is found against taking a map for the one right and complete map.
+    """Four reasons not to take a map for right and complete; each flag is one.
 
     Parameters
     ----------
@@ -84,9 +84,7 @@ def measured_evidence(
         contradicted=contradicts(quality, bounds.contradiction),
         poor=bool(
             far
-            or quality.misfit > bounds.poor_misfit
-            or quality.residual > bounds.poor_residual
-            or quality.stretch > bounds.poor_stretch
+            or fits_badly(quality, bounds)
             or quality.torn_off > bounds.poor_torn_off
             or (kept < bounds.poor_orientation and not turned)
             or quality.rival < 1.0
@@ -95,6 +93,15 @@ def measured_evidence(
             quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or pair.sideless
         ),
         partial=pair.left_out > bounds.large_component,
+    )
+
+
+def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
+    """Whether a map of complete shapes does not keep distances, by the measures that take them for isometric."""
+    return (
+        quality.misfit > bounds.poor_misfit
+        or quality.residual > bounds.poor_residual
+        or quality.stretch > bounds.poor_stretch
     )
 
 

@@ -81,7 +81,8 @@ def match(
     LandmarkError, MapError, DescriptorError
         If landmarks, initial map or descriptors do not fit the shapes.
     SettingError
-        If shapes were prepared with other settings, or hints are asked for and none was given.
+        If shapes were prepared with other settings, hints are asked for and none was given, or a refinement, start or
+        relation handed in gives something else than it should.
     NotConvergedError
         If no map of a part keeps the orientation.
 
@@ -122,7 +123,7 @@ def stages_of(
     relation: Relation | None = None,
 ) -> Stages:
     """Return the stages handed in, and where there is none, those of the settings of a pair."""
-    return Stages(refinement or REFINEMENTS[pair.config.refinement], starts, relation)
+    return Stages(REFINEMENTS[pair.config.refinement] if refinement is None else refinement, starts, relation)
 
 
 def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> None:

@@ -18,6 +18,10 @@ from isomatch.shapes import PreparedShape, SmoothShape, prepare
 from isomatch.values.arrays import FloatArray, IntArray, single
 from isomatch.values.cached import cached_property
 
+# of both shapes, from which no automatic map is told from another;
+# discs and balls have 11 to 40, bodies 0 to 6 at any setting
+MANY_ROTATIONS = 11
+
 
 @dataclass(frozen=True, eq=False)
 class SmoothPair:
@@ -152,7 +156,7 @@ class ShapePair(SmoothPair):
         counts = [
             sum(each.orientation >= 0 for each in shape.symmetries) for shape in (self.source, self.target)
         ]
-        return min(counts) >= self.config.outcome.many_rotations
+        return min(counts) >= MANY_ROTATIONS
 
     @property
     def notes(self) -> tuple[str, ...]:

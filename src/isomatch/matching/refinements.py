@@ -18,6 +18,11 @@ from isomatch.settings import RefinementName
 from isomatch.shapes import orientation_of
 from isomatch.values.arrays import FloatArray, IntArray
 
+# functions from which the functional map grows; each is tried; docs/paper.md: the best of four heals most
+LAPLACE_FIRST = (15, 20, 30, 40)
+
+LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
+
 
 class Smooth(Joint):
     """The joint refinement with more steps of registration, for a map that is smooth and nearly one to one."""
@@ -35,6 +40,7 @@ class Descriptors(Joint):
 
     name: ClassVar[str] = "none"
     looks_further: ClassVar[bool] = False
+    polishes: ClassVar[bool] = False
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
         """Align distance descriptors, from the hypothesis that the map came from."""
@@ -98,9 +104,7 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
         return float(np.sign(orientation_of(pair.source, spectra.source, pair.target, target_vertex, middle)))
 
     def sizes(first: int, last: int) -> tuple[int, ...]:
-        return (
-            (*range(first + settings.laplace_step, last, settings.laplace_step), last) if last > first else ()
-        )
+        return (*range(first + LAPLACE_STEP, last, LAPLACE_STEP), last) if last > first else ()
 
     def grown(first: int) -> tuple[bool, float, FloatArray]:
         functional_map = spectra.upsampled(spectra.functional_map(rows, first), sizes(first, middle))
@@ -108,7 +112,7 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
         return side(image) != kept, energy_of(pair, vertices, image), functional_map
 
     kept = side(rows)
-    trials = parallel_map(grown, sorted({min(first, middle) for first in settings.laplace_first}))
+    trials = parallel_map(grown, sorted({min(first, middle) for first in LAPLACE_FIRST}))
     *_, functional_map = min(trials, key=itemgetter(0, 1))
     functional_map = spectra.upsampled(functional_map, sizes(middle, most))
     of_source, of_target = spectra.embedding(functional_map)

@@ -61,8 +61,8 @@ class Quality:
         refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline and
         for a map between shapes that are far from isometric.
     rival : float
-        What speaks against the best map that differs (misfit, times the fourth root of residual × curvature mismatch²),
-        over the same for the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
+        Cost of the best map that differs (misfit, times the fourth root of residual × curvature mismatch²), over that of
+        the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
         those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
     mirrored : float
         The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
@@ -99,8 +99,8 @@ class Quality:
         For a part bent onto the whole, the mean ``|log|`` of the stretch of its edges times the mean distance of its
         vertices from the whole, in √area of the whole; nan for complete shapes.
     doubt : float
-        For a part, what speaks against the map, all measures together, over how clearly it is better than the best map
-        that differs: score / (1 − score / score of that). Up to 3e-5 for most right maps; above 3.5e-5 a map is sure only
+        For a part, the cost of the map, all measures together, over how clearly it is better than the best map that
+        differs: score / (1 − score / score of that). Up to 3e-5 for most right maps; above 3.5e-5 a map is sure only
         if the match with the holes closed is. nan for complete shapes.
     """
 

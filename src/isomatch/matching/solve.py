@@ -32,7 +32,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
     NotConvergedError
         If no map of a part keeps the orientation.
     """
-    if stages.relation:
+    if stages.relation is not None:
         return stages.relation.on(pair, hints, stages).solution(timer)
     role = part_role(pair, hints, stages)
     if role == "both":

@@ -29,24 +29,18 @@ Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
 class Refinement(ABC):
     """Makes a better map of one: subclass it, implement `__call__`, and hand an instance to `match`.
 
-    A refinement takes part in every relation, in the contest of maps and in the map returned. `check_refinement` tells
-    whether it keeps the laws of one.
-
-    Examples
-    --------
-    One step of spectral upsampling:
-
-    >>> class Upsampled(Refinement):
-    ...     def __call__(self, relation, fit):
-    ...         spectra = relation.spectra
-    ...         return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20, 40))))
-    >>> Upsampled().looks_further
-    True
+    Several threads call it at once, so it keeps nothing between calls. A refinement takes part in every relation, in
+    the contest of maps and in the map returned. `check_refinement` tells whether it keeps the laws of one. Examples
+    -------- One step of spectral upsampling: >>> class Upsampled(Refinement): ... def __call__(self, relation, fit):
+    ... spectra = relation.spectra ... return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20,
+    40)))) >>> Upsampled().looks_further True
     """
 
     name: ClassVar[str] = "own"
     looks_further: ClassVar[bool] = True
     """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
+    polishes: ClassVar[bool] = False
+    """Whether the map of a large mesh is polished by joint coordinates on a finer level, and not only carried there."""
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
@@ -85,7 +79,7 @@ class Refinement(ABC):
 
 
 class Relation(ABC):
-    """What is claimed of two shapes, and how a map is found, measured and judged that bears it out.
+    """What is assumed of two shapes, and how a map under this assumption is found, measured and judged.
 
     `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as `score`.
     """
@@ -100,7 +94,7 @@ class Relation(ABC):
         for name in tuple(vars(bound)):  # what was computed for another pair
             if isinstance(getattr(type(bound), name, None), cached_property):
                 del vars(bound)[name]
-        bound.pair, bound.hints, bound.stages = pair, hints, stages or Stages()
+        bound.pair, bound.hints, bound.stages = pair, hints, Stages() if stages is None else stages
         return bound
 
     @property
@@ -136,18 +130,24 @@ class Relation(ABC):
         SettingError
             If the refinement gives no map, one of another relation or one that was not measured.
         """
+        if not fits:
+            return []
         found = self.refinement.contest(self, fits)
-        if fits and not found:
+        if not found:
             raise SettingError(
                 f"{_named(self.refinement)} gave up all of {len(fits)} maps; keep the best one"
             )
         for fit in found:
-            if not isinstance(fit, type(fits[0])) or not np.isfinite(fit.misfit):
-                raise SettingError(
-                    f"{_named(self.refinement)} gave {_described(fit)} that this relation has not measured; return "
-                    "relation.measured(fit, image)"
-                )
+            self.require_measured(fit, type(fits[0]))
         return found
+
+    def require_measured(self, fit: object, kind: type[Fit]) -> None:
+        """Raise `SettingError` unless a refinement gave a fit that the relation has measured."""
+        if not isinstance(fit, kind) or not fit.is_measured:
+            raise SettingError(
+                f"{_named(self.refinement)} gave {_described(fit)} that this relation has not measured; return "
+                "relation.measured(fit, image)"
+            )
 
     def require_images(self, image: IntArray) -> None:
         """Raise `SettingError` unless an array holds a vertex of the target's body for each vertex that is mapped."""
@@ -187,6 +187,7 @@ class Joint(Refinement):
     """Spectral upsampling joint with signatures, positions and normals, then registration."""
 
     name: ClassVar[str] = "joint"
+    polishes: ClassVar[bool] = True
 
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
         """Refine one map."""
@@ -221,14 +222,16 @@ class Stages:
     def __post_init__(self) -> None:
         for name, kind in (("refinement", Refinement), ("relation", Relation)):
             value: Any = getattr(self, name)
-            if value is not None and not isinstance(value, kind):
+            if not (isinstance(value, kind) or (value is None and name == "relation")):
                 raise SettingError(
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
         if callable(self.starts):
             raise SettingError(f"starts = {self.starts!r} is one start; give a list of them")
-        if self.starts is not None and not all(callable(start) for start in self.starts):
-            raise SettingError("starts hold something that cannot be called with a pair of shapes")
+        if self.starts is not None:
+            object.__setattr__(self, "starts", tuple(self.starts))
+            if not all(callable(start) for start in self.starts):
+                raise SettingError("starts hold something that cannot be called with a pair of shapes")
 
 
 def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:

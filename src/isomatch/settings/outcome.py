@@ -32,17 +32,11 @@ class OutcomeSettings(Settings):
     contradiction : float
         Distance from the images that hints ask for, in √area, from which they are contradicted: the mean of the
         landmarks (of a part the median), or the median of an initial map, which may be wrong in places.
-    error_scale, error_radius : float
-        Factor of the expected error at a vertex, and radius over which it is spread, in √area.
-    rival_exponent : float
-        A rival whose score is r times that of the map is right with chance 1 / (1 + r^exponent).
-    many_rotations : int
-        Rotations that both shapes have from which no automatic map is told from another: balls and discs.
     out_of_pose : float
         Mean distance of the images from the nearest points in space, in √area, from which ``start="pose"`` misleads.
     large_component : float
-        Share of the area, or of the vertices in components of at least 50, left out from which the match is partial; and
-        such a share of one component from which the match is no surer than it.
+        A component is large from this share of the area, or of the vertices. If a large one has no partner, the match is
+        partial, and it is no surer than its least sure large component.
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
@@ -63,11 +57,5 @@ class OutcomeSettings(Settings):
     )
     poor_orientation: float = setting(0.65, "chosen, not measured", least=-1, most=1)
     contradiction: float = setting(0.1, "docs/benchmarks.md, contradicted hints", least=0)
-    error_scale: float = setting(
-        0.32, "mean error of faust_r and creatures: benchmarks/vertex_confidence.py", least=0
-    )
-    error_radius: float = setting(0.08, "0.05 to 0.14 tried: benchmarks/vertex_confidence.py", least=0)
-    rival_exponent: float = setting(16.0, "one in ten at the bound of a tie", least=0)
-    many_rotations: int = setting(11, "discs and balls have 11 to 40, bodies 0 to 6 at any setting", least=1)
     out_of_pose: float = setting(0.25, "docs/hints.md: up to 0.22 turned by 40°, from 0.29 by 90°", least=0)
     large_component: float = setting(0.05, "a hand is 1 %, a head 8 % of a body", least=0, most=1)

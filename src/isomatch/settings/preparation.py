@@ -20,12 +20,10 @@ class PreparationSettings(Settings):
         Extremities nearer to each other than this, in √area, count as one: fingers must not displace hands.
     n_extremities : int
         Most extremities of a shape.
-    signature_functions, signature_step : int
-        Laplace–Beltrami functions of the wave kernel signature, and which of its hundred energies are kept: every fifth.
+    signature_step : int
+        Which of the hundred energies of the wave kernel signature are kept: every fifth.
     curvature_functions : tuple of int
         Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
-    wave_weight, curvature_weight : float
-        Root mean square of either part of the signatures.
     energy_curvature_functions : int
         Functions of the smoothed surface whose curvature the energy of a map compares.
     graph_average_distance : float
@@ -46,7 +44,6 @@ class PreparationSettings(Settings):
         0.25, "changed with others: at 0.15, thumbs displaced heads or feet on 4 of 50 pairs", least=0
     )
     n_extremities: int = setting(8, "docs/benchmarks.md, sensitivity: 7 to 12 the same map", least=0)
-    signature_functions: int = setting(100, "Aubry et al. 2011 use 100 to 300", least=3)
     signature_step: int = setting(
         5,
         "docs/benchmarks.md, sensitivity; the filters are seven energies wide, so neighbours repeat each other",
@@ -55,8 +52,6 @@ class PreparationSettings(Settings):
     curvature_functions: tuple[int, ...] = setting(
         (50, 100, 200), "docs/benchmarks.md, sensitivity; coarse to fine, by doubling", least=4
     )
-    wave_weight: float = setting(0.6, "measured on 9 pairs: 0.6 2.43, 0.8 2.41", least=0)
-    curvature_weight: float = setting(0.4, "measured on 9 pairs: 0.4 2.43, 0.6 2.70", least=0)
     energy_curvature_functions: int = setting(
         100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
     )

@@ -23,16 +23,12 @@ class RefinementSettings(Settings):
         Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
     normal_weight : float
         Weight of normals.
-    registration_steps, smooth_registration_steps : int
-        Steps of the non-rigid registration that ends "joint", and that ends "smooth".
+    registration_steps : int
+        Steps of the non-rigid registration that ends "joint".
     distance_steps : int
         Iterations of the plain descriptor alignment on the refinement vertices; two on all vertices follow.
-    laplace_first : tuple of int
-        Functions from which "laplace_icp" grows; each is tried.
     laplace_choice : int
         Functions at which the best of these is chosen.
-    laplace_step : int
-        Functions added in each step.
     laplace_steps_at_once : int
         If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
         many iterations: the paper as it is written.
@@ -54,13 +50,8 @@ class RefinementSettings(Settings):
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
-    smooth_registration_steps: int = setting(8, "docs/benchmarks.md, smoothness", least=0)
     distance_steps: int = setting(15, "chosen, not measured", least=0)
-    laplace_first: tuple[int, ...] = setting(
-        (15, 20, 30, 40), "docs/paper.md: the best of four heals most", least=2
-    )
     laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
-    laplace_step: int = setting(5, "Melzi et al. 2019", least=1)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
 
     pin_slope: float = setting(2.0, "docs/hints.md: 1.5 to 3 alike; steeper turns faces over", least=1)

@@ -25,8 +25,6 @@ class SelectionSettings(Settings):
         Energy, against the least, up to which a hypothesis is refined and compared again.
     most_contenders : int
         Most hypotheses that are refined.
-    same_energy : float
-        Energy, against the least, up to which orientation decides among maps that agree with landmarks.
     landmark_slack : float
         Hypotheses whose landmark error exceeds the smallest by more than this, in √area, are dropped.
     extension_functions : int
@@ -42,10 +40,9 @@ class SelectionSettings(Settings):
         one of the symmetric maps between two copies of a mesh would seem better than the others.
     rival_distance : float
         Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
-    elsewhere_distance, elsewhere_share, elsewhere_tie : float
-        A refined map that is nearer on average is a rival, too, if it sends at least this share of the vertices farther
-        than this distance, in √area, from where the winner sends them, and its score is at most so many times the
-        winner's. So two limbs that are exchanged are told.
+    elsewhere_share : float
+        A refined map that is nearer on average is a rival, too, if it sends at least this share of the vertices far away
+        from where the winner sends them, and scores as well. So two limbs that are exchanged are told.
     clearly_better : float
         Score of the winner, over that of another map, from which that map counts as a rival whatever the hints say.
     most_alternatives : int
@@ -64,7 +61,6 @@ class SelectionSettings(Settings):
     )
     energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
     most_contenders: int = setting(6, "ablation: no contest (victoria1–victoria2, cat10–cat3)", least=1)
-    same_energy: float = setting(1.5, "a mixture of both sides fits worse than either", least=1)
     landmark_slack: float = setting(0.05, "the spacing of the search vertices", least=0)
     extension_functions: int = setting(50, "docs/benchmarks.md, sensitivity; the last of sizes", least=4)
     misfit_limit: float = setting(1.15, "docs/benchmarks.md, sensitivity; as outcome.tie", least=1)
@@ -82,10 +78,6 @@ class SelectionSettings(Settings):
         0.04, "docs/benchmarks.md, symmetry: 0.04 to 0.09 between triangulations", least=0
     )
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
-    elsewhere_distance: float = setting(0.3, "twice rival_distance: from one limb to another", least=0)
     elsewhere_share: float = setting(0.05, "half of two exchanged forelegs (horse7–horse14: 0.08)", least=0)
-    elsewhere_tie: float = setting(
-        1.05, "horse7–horse14 (wrong): 1.002; of 111 right maps none below 1.059", least=1
-    )
     clearly_better: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)

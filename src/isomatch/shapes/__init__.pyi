@@ -3,11 +3,14 @@ from isomatch.shapes.derived import capped_shape, components_of
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.shapes.signatures import CURVATURE_WEIGHT, WAVE_WEIGHT
 from isomatch.shapes.smooth_shape import SmoothShape
 from isomatch.shapes.symmetries import EXACTLY, describe_symmetries, farthest_rows
 
 __all__ = [
+    "CURVATURE_WEIGHT",
     "EXACTLY",
+    "WAVE_WEIGHT",
     "Body",
     "PreparedShape",
     "SmoothShape",

@@ -21,6 +21,17 @@ from isomatch.correspondence import (
 from isomatch.settings import SymmetrySettings
 from isomatch.values.arrays import FloatArray, IntArray
 
+# samples, far from each other, that determine a map;
+# three points determine an isometry of a surface, two more its errors
+N_ANCHORS = 5
+
+BEAM = 60  # partial assignments that are kept; docs/benchmarks.md, symmetry
+
+GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
+
+# mean cosine between normals, of either sign, from which a map is a symmetry; docs/benchmarks.md, symmetry
+LEAST_ORIENTATION = 0.7
+
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 
 
@@ -79,7 +90,7 @@ def find_symmetries(
     n = min(settings.n_samples, len(distances))
     largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
-    anchors = farthest_rows(between, settings.n_anchors)
+    anchors = farthest_rows(between, N_ANCHORS)
     assigned = _assignments(between, anchors, settings)
     if not len(assigned):
         return ()
@@ -102,12 +113,12 @@ def find_symmetries(
         if residual > settings.near * largest:
             return
         side = orientation(image_row)
-        if side == 0 or abs(side) >= settings.least_orientation or residual <= settings.exact * largest:
+        if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= settings.exact * largest:
             found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
         add(alignment.rotation)
-    generators = [rotation for _, rotation in found[: settings.generators]]
+    generators = [rotation for _, rotation in found[:GENERATORS]]
     for first, second in product(generators, repeat=2):  # two mirror images make a rotation
         add(second @ first)
     symmetries = [symmetry for symmetry, _ in found if symmetry.residual <= largest]
@@ -139,7 +150,7 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     remoteness = distances.mean(axis=1)
     exact = distances[np.ix_(anchors, anchors)]
     unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
-    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, settings.beam, settings.least_moved)
+    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, BEAM, settings.least_moved)
     moved = distances[assigned, anchors].mean(axis=1)
     far: IntArray = assigned[moved > settings.least_moved][: settings.most]
     return far

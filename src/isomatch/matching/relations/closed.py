@@ -71,7 +71,7 @@ class ClosedMatch:
 
         fit, rival = measured(self.found.embedding), np.inf
         if selection.against:
-            other = measured(self.relation.embedding(selection.against))
+            other = measured(self.relation.refinement.everywhere(self.relation, selection.against))
             rival = max(1.0, other.cost / fit.cost)
         return PartDoubt(fit.cost, rival, pair.trusted, config.parts)
 

@@ -13,11 +13,11 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Solution, measured_evidence
+from isomatch.matching.judge import Solution, fits_badly, measured_evidence
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, measure_quality
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
-from isomatch.matching.relations.elastic_shape import ElasticShape
+from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
@@ -28,6 +28,28 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.settings import ElasticSettings
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
+
+N_CONTENDERS = 6  # coarse fits that are fitted finely; docs/robustness.md, other species
+
+# score of a fine fit = misfit × stretch to this power; docs/robustness.md, other species
+STRETCH_EXPONENT = 0.03
+
+# score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
+ASYMMETRY_UNIT = 0.1
+
+ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not one by one
+
+# mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
+LEAST_ORIENTATION = 0.3
+
+FINE_FUNCTIONS = (40, 70, 100, 150, 200)  # in the steps of the fine fit; Melzi et al. 2019, in larger steps
+# factor of the Dirichlet energy in these steps; chosen: halved as functions double
+FINE_SMOOTHNESS = (0.01, 0.005, 0.0025, 0.001, 0.0005)
+
+# from so many on, maps need not exchange mirror images; chosen: details may differ from side to side
+FREE_FUNCTIONS = 100
+
+FINE_ITERATIONS = 2  # in each step; docs/robustness.md, other species
 
 FAR = (
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
@@ -89,7 +111,7 @@ class Elastic(Relation):
         rough = [fit for fit in parallel_map(self._roughly, starts) if fit]
         rough.sort(key=lambda fit: fit.score)
         kept = distinct(
-            rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, settings.n_contenders
+            rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, N_CONTENDERS
         )
         fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
@@ -129,7 +151,7 @@ class Elastic(Relation):
     @cached_property
     def _coarse(self) -> ElasticFit:
         settings = self.pair.config.elastic
-        return self._fit(settings.n_coarse, False, settings)
+        return self._fit(N_COARSE, False, settings)
 
     @cached_property
     def _fine(self) -> ElasticFit:
@@ -139,10 +161,9 @@ class Elastic(Relation):
 
     @cached_property
     def _fine_steps(self) -> tuple[Step, ...]:
-        settings = self.pair.config.elastic
         return tuple(
-            Step(k, smoothness, settings.fine_iterations, k < settings.free_functions)
-            for k, smoothness in zip(settings.fine_functions, settings.fine_smoothness)
+            Step(k, smoothness, FINE_ITERATIONS, k < FREE_FUNCTIONS)
+            for k, smoothness in zip(FINE_FUNCTIONS, FINE_SMOOTHNESS)
         )
 
     def _roughly(self, start: IntArray) -> StretchedFit | None:
@@ -153,9 +174,9 @@ class Elastic(Relation):
         if coarse.orientation(found, coarse.images(found)) < 0:
             return None
         found, images = coarse.run(found, steps)
-        if coarse.orientation(found, images) < settings.least_orientation:
+        if coarse.orientation(found, images) < LEAST_ORIENTATION:
             return None
-        penalty = (settings.asymmetry_unit + coarse.asymmetry(images)) ** settings.asymmetry_exponent
+        penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         score = images.misfit * penalty
         return StretchedFit(image, images.misfit, score, coefficients=found, images=images)
@@ -163,7 +184,8 @@ class Elastic(Relation):
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""
         images = self._fine.images(fit.coefficients)
-        return replace(fit, image=self._fine.target.targets[images.forth], images=images)
+        image = self._fine.target.targets[images.forth]
+        return replace(fit, image=image, misfit=np.inf, score=np.nan, images=images)
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fit with all functions."""
@@ -190,7 +212,7 @@ class Elastic(Relation):
         settings = self.pair.config.elastic
         judge = replace(self._fine, settings=replace(settings, normal_weight=settings.score_normal_weight))
         misfit, stretch = judge.images(found).misfit, judge.stretch(found)
-        score = misfit * stretch**settings.stretch_exponent
+        score = misfit * stretch**STRETCH_EXPONENT
         image = self._fine.target.targets[images.forth]
         return StretchedFit(image, misfit, score, coefficients=found, images=images)
 
@@ -230,9 +252,4 @@ def far_from_isometric(relation: Relation, quality: Quality) -> bool:
         return False
     if config.hypotheses != "all" or not relation.hints.only_landmarks:
         return False
-    bounds = config.outcome
-    return (
-        quality.misfit > bounds.poor_misfit
-        or quality.residual > bounds.poor_residual
-        or quality.stretch > bounds.poor_stretch
-    )
+    return fits_badly(quality, config.outcome)

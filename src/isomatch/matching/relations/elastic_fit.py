@@ -14,6 +14,17 @@ from isomatch.settings import ElasticSettings
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray
 
+# factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
+COARSE_SMOOTHNESS = (0.01, 0.007)
+
+COARSE_FUNCTIONS = (20, 30)  # in the steps of the coarse fit; chosen: limbs, but no details
+
+COARSE_ITERATIONS = 4  # in each step; chosen, not measured
+
+SIGNATURE_WEIGHT = 0.05  # beside canonical coordinates; chosen on pairs of animals, not one by one
+
+LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; chosen, not measured
+
 RIDGE = 1e-9
 LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded
 
@@ -37,8 +48,8 @@ class Step(NamedTuple):
 def coarse_steps(settings: ElasticSettings) -> tuple[Step, ...]:
     """Return the steps with few functions."""
     return tuple(
-        Step(k, smoothness, settings.coarse_iterations, True)
-        for k, smoothness in zip(settings.coarse_functions, settings.coarse_smoothness)
+        Step(k, smoothness, COARSE_ITERATIONS, True)
+        for k, smoothness in zip(COARSE_FUNCTIONS, COARSE_SMOOTHNESS)
     )
 
 
@@ -126,7 +137,7 @@ class ElasticFit:
                 drawn += [mirrored[other.targets[forth[onto.mirror_row]]]]
             weights = np.concatenate([np.ones(len(v)) for v in here])
             first = len(here[0]) + len(here[1])
-            weights[first : first + len(sides)] = self.settings.landmark_weight
+            weights[first : first + len(sides)] = LANDMARK_WEIGHT
             return _smooth(
                 onto.shape, np.concatenate(here), np.vstack(drawn), weights, step.n_functions, step.smoothness
             )
@@ -147,7 +158,7 @@ class ElasticFit:
                 [
                     target_here,
                     source.shape.canonical[on_source],
-                    settings.signature_weight * self.signatures.source[on_source],
+                    SIGNATURE_WEIGHT * self.signatures.source[on_source],
                     self.side * weight * its_normals,
                     weight * source.shape.mesh.vertex_normals[on_source],
                 ]
@@ -156,7 +167,7 @@ class ElasticFit:
                 [
                     target.shape.canonical[on_target],
                     source_there,
-                    settings.signature_weight * self.signatures.target[on_target],
+                    SIGNATURE_WEIGHT * self.signatures.target[on_target],
                     weight * target.shape.mesh.vertex_normals[on_target],
                     self.side * weight * own_normals,
                 ]

@@ -13,6 +13,8 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
+N_COARSE = 300  # samples of each shape in the coarse fit; chosen: enough for 30 functions
+
 
 @dataclass(frozen=True, eq=False)
 class ElasticShape:

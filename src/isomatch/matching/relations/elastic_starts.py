@@ -10,6 +10,25 @@ from isomatch.matching.relations.elastic_shape import ElasticShape
 from isomatch.shapes import PreparedShape, farthest_rows
 from isomatch.values.arrays import FloatArray, IntArray
 
+# bound of the cost of a distance, see `IntervalCost`; chosen on pairs of animals, not one by one
+MOST_COST = 0.6
+
+# weight of differences of the distance from the mirror image; chosen: as much as the average distance; not measured
+ASIDE_COST = 1.0
+
+# largest such distance that counts, in average distances; chosen: as much as the average distance; not measured
+MOST_ASIDE = 1.0
+
+# weight of the share of the area that is less remote; chosen on pairs of animals, not one by one
+REMOTENESS_COST = 0.5
+
+SIGNATURE_COST = 0.1  # weight of the signatures; chosen on pairs of animals, not one by one
+
+# points of the target among which images are sought; chosen: spacing 0.09, less than apart
+N_CANDIDATES = 150
+
+N_ANCHORS = 12  # points of the source that are assigned; chosen on pairs of animals, not one by one
+
 
 def anchor_starts(
     pair: ShapePair, landmarks: IntArray, shapes: tuple[ElasticShape, ElasticShape] | None = None
@@ -22,22 +41,20 @@ def anchor_starts(
     and tails lie in the plane of symmetry, legs do not. Some do without, as mirror images may be wrong in places.
     """
     source, target, settings = pair.source, pair.target, pair.config.elastic
-    anchors, between = _anchors(source, landmarks[:, 0], settings.n_anchors)
+    anchors, between = _anchors(source, landmarks[:, 0], N_ANCHORS)
     candidates = np.unique(
-        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[: settings.n_candidates]])
+        np.concatenate([landmarks[:, 1], target.extremities, target.sample_vertices[:N_CANDIDATES]])
     )
     of_source, of_target = pair.signatures
     unlike = np.abs(of_source[anchors, None] - of_target[candidates]).mean(axis=2)
-    unary = settings.signature_cost * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
+    unary = SIGNATURE_COST * np.minimum(unlike / max(unlike.mean(), 1e-12), 2.0)
     remote = _remoteness(source)[anchors, None], _remoteness(target)[candidates]
-    unary += settings.remoteness_cost * np.abs(remote[0] - remote[1])
+    unary += REMOTENESS_COST * np.abs(remote[0] - remote[1])
     kinds = [(unary, settings.n_starts)]
     if shapes and all(shape.mirrored is not None for shape in shapes):
-        aside = [
-            np.minimum(shape.aside / shape.prepared.intrinsic_scale, settings.most_aside) for shape in shapes
-        ]
+        aside = [np.minimum(shape.aside / shape.prepared.intrinsic_scale, MOST_ASIDE) for shape in shapes]
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
-        kinds = [(unary + settings.aside_cost * unlike, settings.n_starts), (unary, settings.n_plain_starts)]
+        kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, settings.n_plain_starts)]
 
     def assigned(cost: FloatArray, count: int) -> IntArray:
         pin_first(cost, np.searchsorted(candidates, landmarks[:, 1]))
@@ -46,7 +63,7 @@ def anchor_starts(
             between,
             between,
             cost,
-            IntervalCost(settings.forgiven, settings.inside, settings.most_cost, settings.soft),
+            IntervalCost(settings.forgiven, settings.inside, MOST_COST, settings.soft),
             settings.width,
             settings.apart,
         )

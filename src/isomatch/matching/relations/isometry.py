@@ -34,6 +34,9 @@ from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import FloatArray, IntArray
 
+# in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
+ELSEWHERE_DISTANCE = 0.3
+
 
 @dataclass(frozen=True, eq=False)
 class IsometricMatch:
@@ -44,9 +47,9 @@ class IsometricMatch:
     selection : Selection
         Refined winner and its rivals.
     eligible : tuple of Candidate
-        Candidates that might win, best first.
+        Candidates that may win, best first.
     rivals : tuple of Candidate
-        Those that might not.
+        Candidates searched as rivals only, which may not win.
     embedding : Embedding
         Coordinates of all vertices in which images are nearest points.
     """
@@ -248,7 +251,7 @@ class Isometry(Relation):
 
     def _shares_elsewhere(self, fits: list[Fit]) -> FloatArray:
         """Share of vertices that each two refined maps send to places far apart, (q, q)."""
-        far, distance = self.pair.config.selection.elsewhere_distance, self.target.distance
+        far, distance = ELSEWHERE_DISTANCE, self.target.distance
         shares = np.zeros((len(fits),) * 2)
         for i, fit in enumerate(fits):
             for j, other in enumerate(fits[:i]):
@@ -296,7 +299,7 @@ class Isometry(Relation):
         against = contradicted_landmarks(pair, map_.points, hints)
         level: SmoothPair = pair
         points = map_.points
-        if pair.has_finer and not far and self.refinement.looks_further:
+        if pair.has_finer and not far and self.refinement.polishes:
             timer.start("polish")
             level = pair.polishable
             points = self._polished(level, found.selection.winner)

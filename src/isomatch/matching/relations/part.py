@@ -11,7 +11,7 @@ from typing import Literal, cast
 import numpy as np
 
 from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
-from isomatch.errors import NotConvergedError
+from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
@@ -30,6 +30,7 @@ from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.relations.part_starts import PartStarts, self_maps
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, PoolStart, default_starts
@@ -40,6 +41,14 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
+
+# best rough maps that are composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
+N_VARIED = 4
+
+# last lengths with which the best map bends the part in full; 3 and 10 no better on four parts
+N_BENT_IN_FULL = 5
+
+N_CONTENDERS = 8  # best starts that are refined to the end; chosen on cuts and holes, not one by one
 
 PartSide = Literal["source", "target"]
 TWISTED = 10.0  # factor on the cost of a map whose orientation is less than half of the clearest
@@ -62,6 +71,8 @@ class Part(Relation):
     """
 
     def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
+        if side not in ("source", "target"):
+            raise SettingError(f"side = {side!r}; the part is the 'source' or the 'target'")
         self.side, self.closed = side, closed
 
     @property
@@ -114,7 +125,7 @@ class Part(Relation):
         given = self._given()
         only_given = self._led is not None and config.hypotheses == "given"
         rough = [] if only_given else self._rough_fits(given)
-        kept = self._distinct(rough, settings.n_contenders)
+        kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a rival
         contenders = [*((fit.pair, fit.image) for fit in hopeful), *given]
@@ -137,10 +148,12 @@ class Part(Relation):
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
         settings = self.pair.config.parts
-        return fit.bending.in_full(fit.bent, settings.bending[-settings.n_bent_in_full :])
+        return fit.bending.in_full(fit.bent, settings.bending[-N_BENT_IN_FULL:])
 
     def _again(self, fit: PartFit) -> PartFit:
-        return cast(PartFit, self.refinement.again(self, fit))
+        again = self.refinement.again(self, fit)
+        self.require_measured(again, PartFit)
+        return cast(PartFit, again)
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
         apart = self.pair.config.parts.apart
@@ -157,7 +170,7 @@ class Part(Relation):
             anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
             fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
         fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), given) if fit]
-        best = self._distinct(sorted(fits, key=promise), pair.config.parts.n_varied)
+        best = self._distinct(sorted(fits, key=promise), N_VARIED)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, onto_itself)))
         return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
 
@@ -166,7 +179,7 @@ class Part(Relation):
         closed = None if self.closed is None else self.closed.image_of(self.side)
         own = [start for start in self.stages.starts or () if not isinstance(start, PoolStart)]
         handed = [_filled(self.source, self._towards_whole(pairs)) for pairs in pairs_of(own, self.pair)]
-        rough = self.source.sample_vertices[: self.pair.config.parts.n_rough]
+        rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         images = [image for image in (closed, self._led, *handed) if image is not None]
         return [(self._fits.pair.in_unit_of(image), image[rough]) for image in images]
 

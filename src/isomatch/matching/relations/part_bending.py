@@ -51,7 +51,7 @@ class BentPart:
 
     @cached_property
     def misfit(self) -> float:
-        """What speaks against the map: mean |log| of the stretch of the edges × mean distance from the whole."""
+        """The cost of bending: mean |log| of the stretch of the edges × mean distance from the whole."""
         whole = self.pair.meshes[1]
         after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.flat))
         stretch = np.log(after / (self.pair.unit * before))

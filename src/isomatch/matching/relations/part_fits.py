@@ -10,13 +10,26 @@ import numpy as np
 from isomatch.matching.fit import Fit
 from isomatch.matching.relations.part_bending import BentPart, PartBending
 from isomatch.matching.relations.part_pair import PartPair
-from isomatch.matching.relations.part_refinement import PartRefinement, PartSamples, WholeCoordinates
+from isomatch.matching.relations.part_refinement import (
+    N_ROUGH_VERTICES,
+    PartRefinement,
+    PartSamples,
+    WholeCoordinates,
+)
 from isomatch.matching.relations.part_starts import PartStart, completed, composed
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
+# cost = misfit × stress to this power × √(local stress × curvature mismatch); chosen on cuts and holes, not one by one
+STRESS_EXPONENT = 0.25
+
+N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
+
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
-N_ROUGH, N_FINE = 40, 60  # functions of the whole that are drawn on the part, to see where normals point
+N_ROUGH_FUNCTIONS, N_FINE_FUNCTIONS = (
+    40,
+    60,
+)  # functions of the whole that are drawn on the part, to see where normals point
 N_DRAWN = 200  # functions by which the anchors of a fine map are drawn
 
 
@@ -56,6 +69,11 @@ class PartFit(Fit):
         return self.bending.coarsely(self.pair, self.refinement, self.image, self.lengths)
 
     @property
+    def is_measured(self) -> bool:
+        """Whether the relation has measured the map."""
+        return bool(np.isfinite(self.misfit) and np.isfinite(self.stress))
+
+    @property
     def share(self) -> float:
         """Area of the part over that of the whole, by the map."""
         return self.refinement.local_unit(self.image) ** 2
@@ -63,9 +81,8 @@ class PartFit(Fit):
     @property
     def flat_cost(self) -> float:
         """The cost of the map before the part is bent by it."""
-        exponent = self.pair.config.parts.stress_exponent
         shape = np.sqrt(self.local_stress * self.curvature_mismatch)
-        return float(self.misfit * self.stress**exponent * shape)
+        return float(self.misfit * self.stress**STRESS_EXPONENT * shape)
 
     @property
     def cost(self) -> float:
@@ -104,7 +121,7 @@ class PartFits:
         return self._known[key]
 
     def _rough_refinement(self, pair: PartPair) -> PartRefinement:
-        return self._refinement(pair, self._config.parts.n_rough)
+        return self._refinement(pair, N_ROUGH_VERTICES)
 
     def fine_refinement(self, pair: PartPair) -> PartRefinement:
         """Refine the vertices of a fine map in the unit of a pair."""
@@ -114,7 +131,7 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._rough_refinement(start.pair)
         vertices = refinement.vertices[: self._config.n_search]
-        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH))
+        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS))
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
@@ -123,11 +140,11 @@ class PartFits:
     def roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
-        if refinement.orientation(image, N_ROUGH) < 0:
+        if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
         image, misfit = refinement.refined(image, sizes)
         anchors = refinement.at(image, sizes[-1], pair.anchors)
-        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH, self.bending)
+        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, self.bending)
 
     def begun(self, pair: PartPair, image: IntArray) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
@@ -146,8 +163,10 @@ class PartFits:
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
-        for _ in range(self._config.parts.n_bent):
-            fit = again(replace(fit, image=self.bending.image(fit.bent, fit.refinement.vertices)))
+        for _ in range(N_BENT):
+            fit = again(
+                replace(fit, image=self.bending.image(fit.bent, fit.refinement.vertices), misfit=np.inf)
+            )
         return fit
 
     def refined_again(self, fit: PartFit) -> PartFit:
@@ -166,7 +185,7 @@ class PartFits:
         error = 0.0
         if self._hinted is not None:
             error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
-        return _fit(refinement, pair, image, misfit, anchors, N_FINE, self.bending, lengths, error)
+        return _fit(refinement, pair, image, misfit, anchors, N_FINE_FUNCTIONS, self.bending, lengths, error)
 
 
 def _fit(

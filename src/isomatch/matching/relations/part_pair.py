@@ -14,6 +14,20 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
+# bound of the cost of a distance, in √area of the part, see `IntervalCost`; chosen on cuts and holes, not one by one
+MOST_COST = 0.6
+
+# distance columns of the part whose images a start consists of; chosen on cuts and holes, not one by one
+N_ANCHORS = 50
+
+UNIT_STEP = 1.1  # ratio of the units that are tried; tolerance of the intervals
+
+# least area of a part over that of the whole, where the units of the files say nothing; views show 16 % and more
+LEAST_SHARE = 0.1
+
+# factor by which the unit of the files may be off; FAUST remeshed: bodies of one person differ by up to 1.2
+LARGEST_UNIT_CHANGE = 1.4
+
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -57,7 +71,7 @@ class PartPair:
         mesh = part.mesh_body
         engine = distance_engine(mesh, part.config.engine)
         missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
-        n = config.parts.n_anchors
+        n = N_ANCHORS
         anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
         along = part.columns[:n].astype(np.float64)
         if len(landmarks):
@@ -79,7 +93,7 @@ class PartPair:
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole; the same for every unit if part and distances grow alike."""
         settings = self.config.parts
-        return IntervalCost(most=settings.most_cost * self.unit, soft=settings.soft * self.unit)
+        return IntervalCost(most=MOST_COST * self.unit, soft=settings.soft * self.unit)
 
     @property
     def share(self) -> float:
@@ -121,8 +135,7 @@ class PartPair:
     @property
     def knows_unit(self) -> bool:
         """Whether the unit of the files is one that a part may have."""
-        settings = self.config.parts
-        least, most = np.sqrt(settings.least_share), settings.largest_unit_change
+        least, most = np.sqrt(LEAST_SHARE), LARGEST_UNIT_CHANGE
         return bool(self.config.scale != "free" and least / most <= self.unit <= most)
 
     @cached_property
@@ -135,14 +148,13 @@ class PartPair:
     @property
     def units(self) -> tuple[float, ...]:
         """Units to search in, by what is asked for; the given one may be anything."""
-        settings = self.config.parts
         if self.keeps_unit:
             return (min(self.unit, 1.0),)
-        first, last = np.sqrt(settings.least_share), 1.0
+        first, last = np.sqrt(LEAST_SHARE), 1.0
         if self.knows_unit:
-            first = self.unit / settings.largest_unit_change
-            last = min(self.unit * settings.largest_unit_change, 1.0)
-        count = 1 + max(round(np.log(last / first) / np.log(settings.unit_step)), 0)
+            first = self.unit / LARGEST_UNIT_CHANGE
+            last = min(self.unit * LARGEST_UNIT_CHANGE, 1.0)
+        count = 1 + max(round(np.log(last / first) / np.log(UNIT_STEP)), 0)
         return tuple(float(unit) for unit in np.geomspace(first, last, count))
 
     def unit_of(self, images: IntArray) -> float:

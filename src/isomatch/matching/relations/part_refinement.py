@@ -18,7 +18,13 @@ from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_method, cached_property
 
+MOST_RATIO = 0.7  # largest logarithm of a ratio of distances that counts; a factor of two
+
+# a boundary needs more functions than the share of the area says; chosen on cuts and holes, not one by one
+FUNCTION_RATIO = 1.75
+
 EXTRA_FUNCTIONS = 3
+N_ROUGH_VERTICES = 500  # of the part in the short refinement; chosen on cuts and holes, not one by one
 
 
 class _Smooth(NamedTuple):
@@ -104,7 +110,7 @@ class PartSamples:
         They are the search vertices that a rough refinement maps, too.
         """
         pair, config, (least, most) = self._pair, self._pair.config, self._pair.config.parts.near
-        vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, config.parts.n_rough)]
+        vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
         near = (along > least) & (along < most)
         known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
@@ -139,7 +145,7 @@ class PartRefinement:
     def n_functions(self, k: int) -> int:
         """Count the functions of the part with eigenvalues up to those of the first k of the whole, and somewhat more."""
         part, whole = self._pair.part.laplace, self._pair.whole.laplace
-        top = self._pair.config.parts.function_ratio * whole.values[min(k, len(whole.values)) - 1]
+        top = FUNCTION_RATIO * whole.values[min(k, len(whole.values)) - 1]
         most = min(len(part.values), len(self.vertices) // 3)
         return int(np.clip(np.searchsorted(part.values / self._pair.share, top) + EXTRA_FUNCTIONS, 6, most))
 
@@ -182,7 +188,7 @@ class PartRefinement:
 
     def local_stress(self, image: IntArray) -> float:
         """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
-        most = self._pair.config.parts.most_ratio
+        most = MOST_RATIO
         stretch = np.abs(np.log(self._ratios(image) / self._pair.unit))
         return float(np.minimum(stretch, most).mean()) if len(stretch) else most
 

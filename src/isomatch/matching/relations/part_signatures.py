@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch.descriptors import mean_curvature
 from isomatch.matching.relations.part_pair import PartPair
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import CURVATURE_WEIGHT, WAVE_WEIGHT, PreparedShape
 from isomatch.values.arrays import FloatArray
 from isomatch.values.cached import cached_method, cached_property
 
@@ -64,8 +64,8 @@ class WholeSignatures:
     def _weights(self) -> tuple[float, float]:
         settings = self.whole.config.preparation
         return (
-            settings.wave_weight / np.sqrt(N_ENERGIES),
-            settings.curvature_weight / np.sqrt(len(settings.curvature_functions)),
+            WAVE_WEIGHT / np.sqrt(N_ENERGIES),
+            CURVATURE_WEIGHT / np.sqrt(len(settings.curvature_functions)),
         )
 
     @cached_property

@@ -20,6 +20,28 @@ from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_method
 
+# `parts.apart` with landmarks, between which maps differ less; chosen on a twisted body between right limbs
+LED_APART = 0.04
+
+# vertices of the whole among which images of the first anchors are sought; chosen on cuts and holes, not one by one
+N_CANDIDATES = 300
+
+SIGNATURE_COST = 0.25  # weight of the signatures; chosen on cuts and holes, not one by one
+
+# of the balls, in √area, whose areas are compared; by factors of about √2
+RADII = (0.1, 0.15, 0.22, 0.32, 0.45, 0.65, 0.9)
+
+# times the square of the logarithm of the unit over that of the files; chosen on views, not measured
+UNIT_COST = 0.05
+
+# anchors that the beam search assigns; the others are trilaterated; chosen on cuts and holes, not one by one
+N_PLACED = 16
+
+# starts, with those composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
+N_MIRRORED = 24
+
+N_TRILATERATED = 80  # best assignments that are completed; chosen on cuts and holes, not one by one
+
 BALL_TOLERANCE = 0.15
 MOST_BALL = 0.7
 
@@ -35,7 +57,7 @@ class PartStart:
     images : (m,) array of int
         Vertices of the whole.
     cost : float
-        What speaks against them: distances, areas of balls and signatures.
+        Cost of the images: distances, areas of balls and signatures.
     """
 
     pair: PartPair
@@ -85,7 +107,7 @@ class PartStarts:
     def __init__(self, pair: PartPair, signatures: WholeSignatures, onto_itself: list[IntArray]) -> None:
         self._pair, self._signatures, self._onto_itself = pair, signatures, onto_itself
         whole = pair.whole
-        samples = whole.sample_vertices[: pair.config.parts.n_candidates]
+        samples = whole.sample_vertices[:N_CANDIDATES]
         self._candidates = np.unique(
             np.concatenate([samples, whole.extremities, whole.column_vertices, pair.landmarks])
         )
@@ -95,7 +117,7 @@ class PartStarts:
         settings = pair.config.parts
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._apart = settings.led_apart if len(pair.landmarks) else settings.apart
+        self._apart = LED_APART if len(pair.landmarks) else settings.apart
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
@@ -103,9 +125,7 @@ class PartStarts:
         found = [each for group in parallel_map(self._assigned, self._pair.units) for each in group]
         found.sort(key=lambda each: each.cost)
         kept = self._distinct(
-            parallel_map(
-                lambda each: self._start(each.pair, each.images, 3), found[: settings.n_trilaterated]
-            ),
+            parallel_map(lambda each: self._start(each.pair, each.images, 3), found[:N_TRILATERATED]),
             settings.n_starts,
         )
         mirrored = [
@@ -114,12 +134,12 @@ class PartStarts:
             for image_row in self._onto_itself
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
-        return self._distinct([*kept, *more], settings.n_mirrored)
+        return self._distinct([*kept, *more], N_MIRRORED)
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
         pair, settings, candidates = self._at(unit), self._pair.config.parts, self._candidates
-        placed = min(settings.n_placed, len(pair.anchors))
+        placed = min(N_PLACED, len(pair.anchors))
         rows, costs = assign_points(
             pair.whole.distances_between(candidates),
             *pair.anchor_intervals,
@@ -140,7 +160,7 @@ class PartStarts:
             images = completed(scaled, images, 1)
         unary = self._unary(scaled, np.arange(len(images)), np.searchsorted(self._places, images))
         unary[: len(scaled.landmarks)] = 0.0
-        cost = scaled.stress(images) + unary.mean() * 2 / (pair.config.parts.n_placed - 1)
+        cost = scaled.stress(images) + unary.mean() * 2 / (N_PLACED - 1)
         cost += self._against(scaled.unit)
         return PartStart(scaled, images, float(cost))
 
@@ -148,7 +168,7 @@ class PartStarts:
         """Cost of another unit than that of the files."""
         if not self._pair.knows_unit:
             return 0.0
-        return float(self._pair.config.parts.unit_cost * np.log(unit / self._pair.unit) ** 2)
+        return float(UNIT_COST * np.log(unit / self._pair.unit) ** 2)
 
     def _distinct(self, starts: list[PartStart], most: int) -> list[PartStart]:
         order = sorted(starts, key=lambda start: start.cost)
@@ -159,7 +179,7 @@ class PartStarts:
         """Areas (p, q) of the balls of all radii around all places."""
         whole, fine = self._pair.whole, self._pair.whole.sample_vertices
         areas, there = areas_of_samples(whole, fine), whole.distances.between(self._places, fine)
-        return np.stack([(there < r) @ areas for r in self._pair.config.parts.radii], axis=1)
+        return np.stack([(there < r) @ areas for r in RADII], axis=1)
 
     def _assigned_alone(self, pair: PartPair, placed: int) -> FloatArray:
         """Cost (m, c) of each candidate for each of the first m anchors by itself."""
@@ -177,13 +197,13 @@ class PartStarts:
         of_part, weights = (each[pair.anchors[anchors]] for each in self._signatures.of_part(pair))
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
-        cost += pair.config.parts.signature_cost * np.minimum(apart, 1.0).mean(axis=-1)
+        cost += SIGNATURE_COST * np.minimum(apart, 1.0).mean(axis=-1)
         return cost
 
     @cached_method
     def _balls_of_part(self, pair: PartPair) -> tuple[FloatArray, FloatArray]:
         """Least and greatest areas (m, q) of the balls of all radii around the anchors."""
-        radii, samples = np.array(pair.config.parts.radii), pair.part.sample_vertices
+        radii, samples = np.array(RADII), pair.part.sample_vertices
         areas = self._areas * pair.share
         lower, upper = pair.intervals(samples)
         least = np.stack([(upper < r) @ areas for r in radii], axis=1)
