@@ -30,10 +30,18 @@ class Refinement(ABC):
     """Makes a better map of one: subclass it, implement `__call__`, and hand an instance to `match`.
 
     Several threads call it at once, so it keeps nothing between calls. A refinement takes part in every relation, in
-    the contest of maps and in the map returned. `check_refinement` tells whether it keeps the laws of one. Examples
-    -------- One step of spectral upsampling: >>> class Upsampled(Refinement): ... def __call__(self, relation, fit):
-    ... spectra = relation.spectra ... return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20,
-    40)))) >>> Upsampled().looks_further True
+    the contest of maps and in the map returned. `check_refinement` tells whether it keeps the laws of one.
+
+    Examples
+    --------
+    One step of spectral upsampling:
+
+    >>> class Upsampled(Refinement):
+    ...     def __call__(self, relation, fit):
+    ...         spectra = relation.spectra
+    ...         return relation.measured(fit, spectra.image(spectra.grown(fit.image, (20, 40))))
+    >>> Upsampled().looks_further
+    True
     """
 
     name: ClassVar[str] = "own"
