@@ -88,6 +88,17 @@ class Relation(ABC):
     """What is claimed of two shapes, and how a map is found, measured and judged that bears it out.
 
     `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as `score`.
+
+    Examples
+    --------
+    An isometry whose maps are scored by their misfit alone, handed to `match` as ``relation=ByMisfit()``:
+
+    >>> from isomatch.matching import Isometry
+    >>> class ByMisfit(Isometry):
+    ...     def score(self, fit):
+    ...         return fit.misfit
+    >>> isinstance(ByMisfit(), Relation)
+    True
     """
 
     pair: ShapePair
@@ -149,6 +160,24 @@ class Relation(ABC):
                 )
         return found
 
+    def everywhere(self, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of both bodies, by the refinement of the match.
+
+        Raises
+        ------
+        SettingError
+            If the refinement gives coordinates of other vertices, or of spaces of different dimension.
+        """
+        found = Embedding(*self.refinement.everywhere(self, fit))
+        sizes = self.source.body.n_vertices, self.target.body.n_vertices
+        shapes = tuple(np.shape(points) for points in found)
+        if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
+            raise SettingError(
+                f"{_named(self.refinement)} gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for "
+                f"each of {sizes[0]} and {sizes[1]} vertices, in the same columns"
+            )
+        return found
+
     def require_images(self, image: IntArray) -> None:
         """Raise `SettingError` unless an array holds a vertex of the target's body for each vertex that is mapped."""
         given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
@@ -184,7 +213,18 @@ class Relation(ABC):
 
 
 class Joint(Refinement):
-    """Spectral upsampling joint with signatures, positions and normals, then registration."""
+    """Spectral upsampling joint with signatures, positions and normals, then registration.
+
+    Examples
+    --------
+    One that takes its last steps twice:
+
+    >>> class Twice(Joint):
+    ...     def contest(self, relation, fits):
+    ...         return [self.again(relation, fit) for fit in super().contest(relation, fits)]
+    >>> from isomatch.matching import check_refinement
+    >>> check_refinement(Twice())
+    """
 
     name: ClassVar[str] = "joint"
 
@@ -212,6 +252,15 @@ class Stages:
         By default `default_starts`.
     relation : Relation, optional
         By default every relation that fits the pair is tried.
+
+    Examples
+    --------
+    >>> from isomatch.matching import default_starts
+    >>> Stages(starts=default_starts[:1]).refinement.name
+    'joint'
+    >>> Stages(relation="isometry")
+    Traceback (most recent call last):
+    isomatch.errors.SettingError: relation = 'isometry' is no Relation; give an instance of a subclass
     """
 
     refinement: Refinement = field(default_factory=Joint)

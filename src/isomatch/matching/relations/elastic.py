@@ -65,6 +65,22 @@ class Elastic(Relation):
     -----
     Maps are scored by misfit × a small power of the stretch, see `ElasticFit`; normals, which a map that turns a body
     over fits as well, take no part. The ordinary map is scored as it is, drawn by as many functions.
+
+    Examples
+    --------
+    From first maps of one's own; with `default_starts`, the default, they are searched:
+
+    >>> from isomatch.datasets import example_pair, ground_truth
+    >>> from isomatch.matching import Elastic, Hints, Stages, prepare_pair
+    >>> source, target = example_pair()
+    >>> truth = ground_truth(source, target).vertices
+    >>> known = np.column_stack([np.arange(len(truth)), truth])[::100]
+    >>> pair = prepare_pair(source.mesh, target.mesh)
+    >>> hints = Hints.of(pair, None, None, None)
+    >>> relation = Elastic().on(pair, hints, Stages(starts=[lambda pair: [known]]))
+    >>> selection, reason = relation.match()
+    >>> reason
+    'least score of 1 elastic maps, 1 fitted to the end'
     """
 
     def __init__(self, ordinary: IntArray | None = None, others: Sequence[IntArray] = ()) -> None:
@@ -203,7 +219,7 @@ class Elastic(Relation):
                 "the map given fits better than any elastic one; match without this relation"
             )
         selection, reason = found
-        pair, embedding = self.pair, self.refinement.everywhere(self, selection.winner)
+        pair, embedding = self.pair, self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
         quality = replace(measure_quality(pair, points, self.hints), rival=selection.rival)
         far = measured_evidence(pair, quality, pair.config.orientation, self.hints.any, far=True)
