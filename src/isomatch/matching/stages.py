@@ -44,7 +44,6 @@ class Refinement(ABC):
     True
     """
 
-    name: ClassVar[str] = "own"
     looks_further: ClassVar[bool] = True
     """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
 
@@ -226,8 +225,6 @@ class Joint(Refinement):
     >>> check_refinement(Twice())
     """
 
-    name: ClassVar[str] = "joint"
-
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
         """Refine one map."""
         return relation.refined([fit])[0]
@@ -256,8 +253,8 @@ class Stages:
     Examples
     --------
     >>> from isomatch.matching import default_starts
-    >>> Stages(starts=default_starts[:1]).refinement.name
-    'joint'
+    >>> Stages(starts=default_starts[:1]).refinement.looks_further
+    True
     >>> Stages(relation="isometry")
     Traceback (most recent call last):
     isomatch.errors.SettingError: relation = 'isometry' is no Relation; give an instance of a subclass
@@ -275,9 +272,15 @@ class Stages:
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
         if callable(self.starts):
-            raise SettingError(f"starts = {self.starts!r} is one start; give a list of them")
+            raise SettingError(f"starts = {name_of(self.starts)} is one start; give a list of them")
         if self.starts is not None and not all(callable(start) for start in self.starts):
             raise SettingError("starts hold something that cannot be called with a pair of shapes")
+
+
+def name_of(start: Start) -> str:
+    """Name of a start: what it says, else that of the function or of the class."""
+    own = getattr(start, "name", None) or getattr(start, "__name__", None)
+    return str(own or type(start).__name__)
 
 
 def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
@@ -295,14 +298,14 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
         if given is None or isinstance(given, np.ndarray):
             what = "None" if given is None else f"one array of shape {given.shape}"
             raise SettingError(
-                f"the start {start!r} gave {what}; expected a list of first maps, which may be empty"
+                f"the start {name_of(start)} gave {what}; expected a list of first maps, which may be empty"
             )
         for pairs in map(np.asarray, given):
             fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
             if not fits or (pairs < 0).any() or (pairs >= sizes).any():
                 raise SettingError(
-                    f"the start {start!r} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected at least "
-                    f"three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
+                    f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected at "
+                    f"least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
             found.append(pairs)
     return found

@@ -68,19 +68,12 @@ class Elastic(Relation):
 
     Examples
     --------
-    From first maps of one's own; with `default_starts`, the default, they are searched:
+    Handed to `match` as ``relation=Elastic()``, or with first maps that contend with those searched:
 
-    >>> from isomatch.datasets import example_pair, ground_truth
-    >>> from isomatch.matching import Elastic, Hints, Stages, prepare_pair
-    >>> source, target = example_pair()
-    >>> truth = ground_truth(source, target).vertices
-    >>> known = np.column_stack([np.arange(len(truth)), truth])[::100]
-    >>> pair = prepare_pair(source.mesh, target.mesh)
-    >>> hints = Hints.of(pair, None, None, None)
-    >>> relation = Elastic().on(pair, hints, Stages(starts=[lambda pair: [known]]))
-    >>> selection, reason = relation.match()
-    >>> reason
-    'least score of 1 elastic maps, 1 fitted to the end'
+    >>> pairs = np.array([[0, 10], [5, 7], [9, 2]])
+    >>> relation = Elastic(others=[pairs])
+    >>> relation.ordinary is None
+    True
     """
 
     def __init__(self, ordinary: IntArray | None = None, others: Sequence[IntArray] = ()) -> None:
