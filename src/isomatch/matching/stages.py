@@ -304,8 +304,8 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
             fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
             if not fits or (pairs < 0).any() or (pairs >= sizes).any():
                 raise SettingError(
-                    f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected at "
-                    f"least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
+                    f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
+                    f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
             found.append(pairs)
     return found
