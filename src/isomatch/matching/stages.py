@@ -45,7 +45,8 @@ class Refinement(ABC):
     """
 
     looks_further: ClassVar[bool] = True
-    """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
+    """Whether parts are told from wholes, elastic maps sought, rivals of hints searched, and maps of large meshes polished
+    on more vertices, which the joint refinement does."""
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
@@ -74,7 +75,10 @@ class Refinement(ABC):
         return self(relation, fit)
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points."""
+        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points.
+
+        Of a part they are not asked for: it is bent onto the whole instead.
+        """
         return relation.embedding(fit)
 
     @property
@@ -295,7 +299,7 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
         given = start(pair)
-        if given is None or isinstance(given, np.ndarray):
+        if given is None or (isinstance(given, np.ndarray) and given.ndim < 3):
             what = "None" if given is None else f"one array of shape {given.shape}"
             raise SettingError(
                 f"the start {name_of(start)} gave {what}; expected a list of first maps, which may be empty"
