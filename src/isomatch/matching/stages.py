@@ -45,8 +45,8 @@ class Refinement(ABC):
     """
 
     looks_further: ClassVar[bool] = True
-    """Whether parts are told from wholes, elastic maps sought, rivals of hints searched, and maps of large meshes polished
-    on more vertices, which the joint refinement does."""
+    """Whether parts are told from wholes, elastic maps sought, rivals of hints searched, and maps of large meshes
+    polished on more vertices, as the joint refinement does it."""
 
     @abstractmethod
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
