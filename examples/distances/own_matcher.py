@@ -25,8 +25,6 @@ from isomatch.view import draw_map
 class Upsampling(Refinement):
     """ZoomOut: images and the functional map that fits them take turns, while it grows."""
 
-    name = "upsampling"
-
     def __call__(self, relation, fit):
         """Refine one map."""
         spectra = relation.spectra

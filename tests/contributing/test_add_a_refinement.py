@@ -15,8 +15,6 @@ pytestmark = pytest.mark.usefixtures("prepared_once")
 class Upsampling(Refinement):
     """ZoomOut: images and the functional map that fits them take turns, while it grows."""
 
-    name = "upsampling"
-
     def __call__(self, relation, fit):
         spectra = relation.spectra
         functional_map = spectra.grown(fit.image, (20, 40, 60, 80, 100))

@@ -115,3 +115,13 @@ def test_a_contest_gives_measured_maps(contest, message):
 
     with pytest.raises(SettingError, match=message):
         check_refinement(Given(unchanged))
+
+
+def test_coordinates_of_all_vertices_are_asked_for():
+    class Short(Changed):
+        def everywhere(self, relation, fit):
+            source, target = relation.embedding(fit)
+            return Embedding(source[:-1], target)
+
+    with pytest.raises(SettingError, match=r"Short gave coordinates .* each of 500 and 500 vertices"):
+        check_refinement(Short(unchanged))

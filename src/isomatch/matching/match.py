@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -17,7 +18,7 @@ from isomatch.matching.pins import pinned
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import MatchResult
 from isomatch.matching.solve import solve
-from isomatch.matching.stages import Refinement, Relation, Stages, Start
+from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer
 from isomatch.runtime.threads import serial_blas
@@ -109,7 +110,8 @@ def match(
             stages = stages_of(pair, refinement, starts, relation)
             require_landmarks_for_pins(pair, landmarks)
             solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)
-            result = judged(solution, timer, seed)
+            handed = _handed_in(refinement, starts, relation)
+            result = judged(replace(solution, notes=(*solution.notes, *handed)), timer, seed)
         timer.reach("done", 1.0)
         return result
 
@@ -152,3 +154,17 @@ def solve_prepared(
     timer.start("pins")
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     return pinned(pair, solution, checked_landmarks(landmarks, *sizes), tolerance)
+
+
+def _handed_in(
+    refinement: Refinement | None, starts: Sequence[Start] | None, relation: Relation | None
+) -> list[str]:
+    """Record which stages are not those of the settings."""
+    stages = []
+    if refinement:
+        stages.append(f"refinement = {type(refinement).__name__}")
+    if starts is not None:
+        stages.append(f"starts = {', '.join(map(name_of, starts)) or 'none'}")
+    if relation:
+        stages.append(f"relation = {type(relation).__name__}")
+    return [f"stages handed in: {'; '.join(stages)}"] if stages else []

@@ -172,7 +172,7 @@ def _check_relabelling(trial: _Trial, renumbered: _Trial, rough: IntArray) -> No
 
 def _check_truth(trial: _Trial) -> None:
     fit = trial.refined([trial.relation.vertices])[0]
-    embedding = trial.refinement.everywhere(trial.relation, fit)
+    embedding = trial.relation.everywhere(fit)
     everywhere = trial.target.index.vertices(embedding.target, embedding.source)
     for image, truth, where in (
         (fit.image, trial.truth, "__call__ and contest"),

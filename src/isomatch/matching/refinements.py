@@ -27,8 +27,6 @@ LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
 class Smooth(Joint):
     """The joint refinement with more steps of registration, for a map that is smooth and nearly one to one."""
 
-    name: ClassVar[str] = "smooth"
-
     @property
     def smooth(self) -> bool:
         """It is."""
@@ -38,7 +36,6 @@ class Smooth(Joint):
 class Descriptors(Joint):
     """The paper's plain method: nothing after the alignment of the distance descriptors of the map selected."""
 
-    name: ClassVar[str] = "none"
     looks_further: ClassVar[bool] = False
     polishes: ClassVar[bool] = False
 
@@ -51,8 +48,6 @@ class Descriptors(Joint):
 
 class LaplaceIcp(Descriptors):
     """Post-processing like the paper's: iterative closest points in the Laplace–Beltrami basis."""
-
-    name: ClassVar[str] = "laplace_icp"
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
         """Post-process the alignment of distance descriptors."""

@@ -14,7 +14,7 @@ from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.stages import Start, pairs_of
+from isomatch.matching.stages import Start, name_of, pairs_of
 from isomatch.matching.starts import start_from_known, starts_from_extremities, starts_from_hints
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
@@ -95,7 +95,7 @@ def search(
             start.extend(pool)
         else:
             rows = [start_from_known(pair, pairs) for pairs in pairs_of([start], pair)]
-            pool.add(rows, pair.config.search.hint_steps, _name_of(start))
+            pool.add(rows, pair.config.search.hint_steps, name_of(start))
     return pool.hypotheses
 
 
@@ -213,12 +213,6 @@ class FromFlips(PoolStart):
 
 default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
-
-
-def _name_of(start: Start) -> str:
-    """Name of a start handed in: what it says, else that of the function or of the class."""
-    own = getattr(start, "name", None) or getattr(start, "__name__", None)
-    return str(own or type(start).__name__)
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

@@ -77,7 +77,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         stretched = elastic.match()
         if stretched:
             selection, reason = stretched
-            embedding = elastic.refinement.everywhere(elastic, selection.winner)
+            embedding = elastic.everywhere(selection.winner)
             points = pair.target.index.points(embedding.target, embedding.source)
             quality = replace(measure_quality(pair, points, hints), rival=selection.rival)
             measured = Measured(points, quality, None, reason, "anchors")

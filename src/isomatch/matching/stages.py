@@ -44,7 +44,6 @@ class Refinement(ABC):
     True
     """
 
-    name: ClassVar[str] = "own"
     looks_further: ClassVar[bool] = True
     """Whether parts are told from wholes, elastic maps sought, and rivals of hints searched."""
     polishes: ClassVar[bool] = False
@@ -77,7 +76,10 @@ class Refinement(ABC):
         return self(relation, fit)
 
     def everywhere(self, relation: Relation, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points."""
+        """Coordinates of all vertices of both bodies in which images under a refined map are nearest points.
+
+        Of a part they are not asked for: it is bent onto the whole instead.
+        """
         return relation.embedding(fit)
 
     @property
@@ -90,6 +92,17 @@ class Relation(ABC):
     """What is assumed of two shapes, and how a map under this assumption is found, measured and judged.
 
     `on` binds a relation to a pair. Subclass `Isometry` to change a part of it, such as `score`.
+
+    Examples
+    --------
+    An isometry whose maps are scored by their misfit alone, handed to `match` as ``relation=ByMisfit()``:
+
+    >>> from isomatch.matching import Isometry
+    >>> class ByMisfit(Isometry):
+    ...     def score(self, fit):
+    ...         return fit.misfit
+    >>> isinstance(ByMisfit(), Relation)
+    True
     """
 
     pair: ShapePair
@@ -157,6 +170,24 @@ class Relation(ABC):
                 "relation.measured(fit, image)"
             )
 
+    def everywhere(self, fit: Fit) -> Embedding:
+        """Coordinates of all vertices of both bodies, by the refinement of the match.
+
+        Raises
+        ------
+        SettingError
+            If the refinement gives coordinates of other vertices, or of spaces of different dimension.
+        """
+        found = Embedding(*self.refinement.everywhere(self, fit))
+        sizes = self.source.body.n_vertices, self.target.body.n_vertices
+        shapes = tuple(np.shape(points) for points in found)
+        if [shape[:1] for shape in shapes] != [(size,) for size in sizes] or shapes[0][1:] != shapes[1][1:]:
+            raise SettingError(
+                f"{_named(self.refinement)} gave coordinates of shapes {shapes[0]} and {shapes[1]}; expected one row for "
+                f"each of {sizes[0]} and {sizes[1]} vertices, in the same columns"
+            )
+        return found
+
     def require_images(self, image: IntArray) -> None:
         """Raise `SettingError` unless an array holds a vertex of the target's body for each vertex that is mapped."""
         given, n_mapped, n_target = np.asarray(image), len(self.vertices), self.target.body.n_vertices
@@ -192,9 +223,19 @@ class Relation(ABC):
 
 
 class Joint(Refinement):
-    """Spectral upsampling joint with signatures, positions and normals, then registration."""
+    """Spectral upsampling joint with signatures, positions and normals, then registration.
 
-    name: ClassVar[str] = "joint"
+    Examples
+    --------
+    One that takes its last steps twice:
+
+    >>> class Twice(Joint):
+    ...     def contest(self, relation, fits):
+    ...         return [self.again(relation, fit) for fit in super().contest(relation, fits)]
+    >>> from isomatch.matching import check_refinement
+    >>> check_refinement(Twice())
+    """
+
     polishes: ClassVar[bool] = True
 
     def __call__(self, relation: Relation, fit: Fit) -> Fit:
@@ -221,6 +262,15 @@ class Stages:
         By default `default_starts`.
     relation : Relation, optional
         By default every relation that fits the pair is tried.
+
+    Examples
+    --------
+    >>> from isomatch.matching import default_starts
+    >>> Stages(starts=default_starts[:1]).refinement.looks_further
+    True
+    >>> Stages(relation="isometry")
+    Traceback (most recent call last):
+    isomatch.errors.SettingError: relation = 'isometry' is no Relation; give an instance of a subclass
     """
 
     refinement: Refinement = field(default_factory=Joint)
@@ -235,11 +285,17 @@ class Stages:
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
         if callable(self.starts):
-            raise SettingError(f"starts = {self.starts!r} is one start; give a list of them")
+            raise SettingError(f"starts = {name_of(self.starts)} is one start; give a list of them")
         if self.starts is not None:
             object.__setattr__(self, "starts", tuple(self.starts))
             if not all(callable(start) for start in self.starts):
                 raise SettingError("starts hold something that cannot be called with a pair of shapes")
+
+
+def name_of(start: Start) -> str:
+    """Name of a start: what it says, else that of the function or of the class."""
+    own = getattr(start, "name", None) or getattr(start, "__name__", None)
+    return str(own or type(start).__name__)
 
 
 def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
@@ -254,17 +310,17 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
         given = start(pair)
-        if given is None or isinstance(given, np.ndarray):
+        if given is None or (isinstance(given, np.ndarray) and given.ndim < 3):
             what = "None" if given is None else f"one array of shape {given.shape}"
             raise SettingError(
-                f"the start {start!r} gave {what}; expected a list of first maps, which may be empty"
+                f"the start {name_of(start)} gave {what}; expected a list of first maps, which may be empty"
             )
         for pairs in map(np.asarray, given):
             fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
             if not fits or (pairs < 0).any() or (pairs >= sizes).any():
                 raise SettingError(
-                    f"the start {start!r} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected at least "
-                    f"three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
+                    f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
+                    f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
             found.append(pairs)
     return found

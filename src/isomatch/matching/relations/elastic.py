@@ -87,6 +87,15 @@ class Elastic(Relation):
     -----
     Maps are scored by misfit × a small power of the stretch, see `ElasticFit`; normals, which a map that turns a body
     over fits as well, take no part. The ordinary map is scored as it is, drawn by as many functions.
+
+    Examples
+    --------
+    Handed to `match` as ``relation=Elastic()``, or with first maps that contend with those searched:
+
+    >>> pairs = np.array([[0, 10], [5, 7], [9, 2]])
+    >>> relation = Elastic(others=[pairs])
+    >>> relation.ordinary is None
+    True
     """
 
     def __init__(self, ordinary: IntArray | None = None, others: Sequence[IntArray] = ()) -> None:
@@ -225,7 +234,7 @@ class Elastic(Relation):
                 "the map given fits better than any elastic one; match without this relation"
             )
         selection, reason = found
-        pair, embedding = self.pair, self.refinement.everywhere(self, selection.winner)
+        pair, embedding = self.pair, self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
         quality = replace(measure_quality(pair, points, self.hints), rival=selection.rival)
         far = measured_evidence(pair, quality, pair.config.orientation, self.hints.any, far=True)

@@ -121,7 +121,7 @@ class Isometry(Relation):
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
         selection = self._contest(eligible, rivals)
-        embedding = self.refinement.everywhere(self, selection.winner)
+        embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:

@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints, SpectralPair
+from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, SpectralPair
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
@@ -68,6 +68,18 @@ class Part(Relation):
     -----
     Intervals of distances, starts that assign anchors in several units, bending and the choice of the unit concern parts
     alone; the contest, the loop of the refinement and the judge are those of every relation.
+
+    Examples
+    --------
+    What is mapped is the part, also where it is the target:
+
+    >>> from isomatch.datasets import example_pair
+    >>> from isomatch.matching import Hints, Part, prepare_pair
+    >>> whole, part = example_pair()
+    >>> pair = prepare_pair(whole.mesh, part.mesh)
+    >>> relation = Part("target").on(pair, Hints.of(pair, None, None, None))
+    >>> relation.source is pair.target
+    True
     """
 
     def __init__(self, side: PartSide = "source", closed: ClosedMatch | None = None) -> None:
@@ -93,7 +105,8 @@ class Part(Relation):
     @cached_property
     def spectra(self) -> SpectralPair:
         """The Laplace–Beltrami bases, for maps from these vertices of the part to all vertices of the whole."""
-        return SmoothPair(self.source, self.target, self.pair.config).spectra
+        basis = SampledBasis(self.source.laplace.vectors, self.vertices)
+        return SpectralPair(basis, self.target.laplace.vectors, self.target.index.vertices)
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
