@@ -59,7 +59,7 @@ def shapes_of(share):
 @pytest.mark.parametrize(
     ("function", "share"),
     [
-        (match, 1.0),
+        pytest.param(match, 1.0, marks=pytest.mark.long),
         (match_both, 1.0),
         *(pytest.param(each, 0.6, marks=pytest.mark.long) for each in (match, match_both)),
     ],

@@ -61,7 +61,10 @@ def mean_error(whole, images, truth):
     return whole.mean_distance(whole.body_vertex[images], whole.body_vertex[truth])
 
 
-@pytest.mark.parametrize(("damage", "share", "covered"), [(cut, 0.3, 0.85), (holes, 0.15, 1.01)])
+@pytest.mark.parametrize(
+    ("damage", "share", "covered"),
+    [(cut, 0.3, 0.85), pytest.param(holes, 0.15, 1.01, marks=pytest.mark.long)],
+)
 def test_a_part_is_mapped_to_the_whole(bodies, prepared, damage, share, covered):
     part = damage(bodies[0], share, seed=4)
     found = match(part.mesh, prepared)
@@ -244,6 +247,7 @@ def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepa
     assert not np.array_equal(WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0]).at(20, True), at_once)
 
 
+@pytest.mark.long
 def test_landmarks_lead_a_part(bodies, prepared):
     part = cut(bodies[0], 0.3, seed=4)
     vertices = prepare(part.mesh).column_vertices[:5]

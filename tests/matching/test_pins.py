@@ -87,7 +87,7 @@ def test_within_the_tolerance_nothing_moves(hearts):
     assert any("5 landmarks are held, 2 of them by bending" in note for note in held.notes)
 
 
-@pytest.mark.parametrize("tolerance", [0.0, 0.03])
+@pytest.mark.parametrize("tolerance", [pytest.param(0.0, marks=pytest.mark.long), 0.03])
 def test_landmarks_side_by_side_move_the_map_no_farther_than_they_are_off(hearts, tolerance):
     source, target, truth, _ = hearts
     rows = np.linalg.norm(source.vertices - source.vertices[100], axis=1).argsort()[:60:6]
@@ -108,7 +108,7 @@ def larger():
     return tuple(creature(3500, pose=i, triangulation=i) for i in (3, 4))
 
 
-@pytest.mark.parametrize("resolution", ["full", "fast"])
+@pytest.mark.parametrize("resolution", [pytest.param("full", marks=pytest.mark.long), "fast"])
 def test_landmarks_are_held_at_every_resolution(larger, resolution):
     source, target = larger
     rows = np.arange(100, 3300, 640)
@@ -154,18 +154,21 @@ def test_landmarks_of_components_are_held(bodies):
     assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
 
 
-def test_landmarks_of_points_and_graphs_are_held(bodies):
+def points_of(mesh):
+    return PointCloud(mesh.vertices)
+
+
+def edges_of(mesh):
+    return Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths)
+
+
+@pytest.mark.parametrize("made", [points_of, pytest.param(edges_of, marks=pytest.mark.long)])
+def test_landmarks_of_points_and_graphs_are_held(bodies, made):
     source, target, truth = bodies
     rows = np.arange(50, 1400, 300)
     pairs = np.column_stack([rows, truth[rows]])
-    config = Config(pin=0)
-    clouds = PointCloud(source.vertices), PointCloud(target.vertices)
-    assert (match(*clouds, landmarks=pairs, config=config).map.vertices[rows] == truth[rows]).all()
-    graphs = [
-        Graph(len(m.vertices), m.edges, np.linalg.norm(np.diff(m.vertices[m.edges], axis=1)[:, 0], axis=1))
-        for m in (source, target)
-    ]
-    assert (match(*graphs, landmarks=pairs, config=config).map.vertices[rows] == truth[rows]).all()
+    found = match(made(source), made(target), landmarks=pairs, config=Config(pin=0))
+    assert (found.map.vertices[rows] == truth[rows]).all()
 
 
 def test_landmarks_that_contradict_the_map_are_named(bodies):
