@@ -74,8 +74,9 @@ def test_landmarks_win_a_tie(kidneys, side):
     assert error(target, found.map.vertices, truth[side]) < 0.05
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("part_of", "side"), [("source", "direct"), ("target", "other")])
+@pytest.mark.parametrize(
+    ("part_of", "side"), [("source", "direct"), pytest.param("target", "other", marks=pytest.mark.long)]
+)
 def test_a_given_map_of_a_part_wins_a_tie(kidneys, part_of, side):
     source, target, truth = kidneys
     part = holes(source if part_of == "source" else target, 0.15, seed=4)

@@ -49,7 +49,7 @@ SPECTRUM_FUNCTIONS = 20  # eigenvalues that are compared; halves of creatures: p
 # one eye is 0.9 from the other
 MOST_APART = 0.7
 
-MOST_LENGTH_RATIO = 1.4  # √area of one component over that of its partner; as far as the unit of a part may be off
+MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the unit of a part
 
 # power of the distance with which the influence of a carrying vertex decreases;
 # chosen: sums over a surface converge from 2 on
