@@ -40,7 +40,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'all tests: about 5 minutes on two cores; `make test-long` runs 197 others'
+	@echo 'all tests: about 7 minutes on two cores; `make test-long` runs 197 others'
 
 test: told $(VENV)/dev lint types
 	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile  # a worker for each processor
