@@ -1,1 +1,1 @@
-"""Relations: what is claimed of two shapes, and how a map is found, measured and judged that bears it out."""
+"""Relations: what is assumed of two shapes, and how a map under this assumption is found, measured and judged."""
