@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +10,6 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Solution, closed_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import measure_quality
 from isomatch.matching.relations.closed import match_closed, with_doubt
 from isomatch.matching.relations.elastic import FAR, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry, Measured
@@ -68,7 +66,6 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartRole | None:
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
     """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
-    pair, hints = relation.pair, relation.hints
     timer.start("quality")
     measured = relation.measure(found)
     if far_from_isometric(relation, measured.quality):
@@ -77,10 +74,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         stretched = elastic.match()
         if stretched:
             selection, reason = stretched
-            embedding = elastic.everywhere(selection.winner)
-            points = pair.target.index.points(embedding.target, embedding.source)
-            quality = replace(measure_quality(pair, points, hints), rival=selection.rival)
-            measured = Measured(points, quality, None, reason, "anchors")
+            measured = Measured(*elastic.measure(selection), None, reason, "anchors")
             return relation.summed_up(found, measured, timer, FAR)
     return relation.summed_up(found, measured, timer)
 

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding
+from isomatch.correspondence import Embedding, PrecisePoints
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
@@ -225,6 +225,12 @@ class Elastic(Relation):
         image = self._fine.target.targets[images.forth]
         return StretchedFit(image, misfit, score, coefficients=found, images=images)
 
+    def measure(self, selection: Selection[StretchedFit]) -> tuple[PrecisePoints, Quality]:
+        """Take the nearest points under the map selected, and measure it."""
+        embedding = self.everywhere(selection.winner)
+        points = self.target.index.points(embedding.target, embedding.source)
+        return points, replace(measure_quality(self.pair, points, self.hints), rival=selection.rival)
+
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
         timer.start("elastic match")
@@ -234,9 +240,8 @@ class Elastic(Relation):
                 "the map given fits better than any elastic one; match without this relation"
             )
         selection, reason = found
-        pair, embedding = self.pair, self.everywhere(selection.winner)
-        points = self.target.index.points(embedding.target, embedding.source)
-        quality = replace(measure_quality(pair, points, self.hints), rival=selection.rival)
+        pair = self.pair
+        points, quality = self.measure(selection)
         far = measured_evidence(pair, quality, pair.config.orientation, self.hints.any, far=True)
         return Solution(
             pair,
