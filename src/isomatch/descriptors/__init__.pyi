@@ -1,3 +1,4 @@
+from isomatch.descriptors.ball_signature import BallSignature, ball_signature, deviation_of
 from isomatch.descriptors.curvature import mean_curvature
 from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor
 from isomatch.descriptors.spectral_signatures import (
@@ -8,7 +9,10 @@ from isomatch.descriptors.spectral_signatures import (
 from isomatch.descriptors.standardised import standardised
 
 __all__ = [
+    "BallSignature",
     "GeodesicDistanceDescriptor",
+    "ball_signature",
+    "deviation_of",
     "geodesic_distance_descriptor",
     "heat_kernel_signature",
     "mean_curvature",

@@ -1,3 +1,4 @@
+from isomatch.geodesics.balls import geodesic_balls
 from isomatch.geodesics.component_engine import ComponentEngine
 from isomatch.geodesics.dijkstra import distance_along_edges_to_nearest
 from isomatch.geodesics.engines import (
@@ -8,6 +9,7 @@ from isomatch.geodesics.engines import (
     geodesic_distances,
     metric_space,
 )
+from isomatch.geodesics.front import Balls
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
 from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.pairs import pair_distances
@@ -23,6 +25,7 @@ from isomatch.geodesics.units import ordinary_unit
 
 __all__ = [
     "ENGINES",
+    "Balls",
     "ColumnEngine",
     "ComponentEngine",
     "DistanceEngine",
@@ -37,6 +40,7 @@ __all__ = [
     "engine_names",
     "euclidean_farthest_points",
     "farthest_point_sampling",
+    "geodesic_balls",
     "geodesic_distances",
     "metric_space",
     "ordinary_unit",

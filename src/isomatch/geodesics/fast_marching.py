@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isomatch.geodesics.front import march, march_bounded, march_to
+from isomatch.geodesics.front import Balls, march, march_bounded, march_to, march_within
 from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.stencil import stencil_of
 from isomatch.geodesics.units import ordinary_unit, require_finite
@@ -54,6 +54,12 @@ class FastMarching(ColumnEngine):
         """Distances (m,) of m pairs of vertices; a front ends at the farthest vertex paired with its source."""
         self._require_in_range(pairs.ravel())
         return march_to(self._stencil, pairs.astype(np.int64)) * self._unit
+
+    def balls(self, centres: IntArray, radius: float) -> Balls:
+        """Vertices within a radius of m centres; a front ends at the radius."""
+        self._require_in_range(centres)
+        found = march_within(self._stencil, centres.astype(np.int64), radius / self._unit)
+        return found._replace(distances=found.distances * self._unit)
 
     def _columns(self, sources: IntArray) -> FloatArray:
         distances = march(self._stencil, sources)
