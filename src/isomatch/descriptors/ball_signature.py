@@ -14,10 +14,11 @@ from isomatch.geodesics import Balls, distance_along_edges_to_nearest, distance_
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 RADII = (0.06, 0.09, 0.13, 0.18)  # by factors of about √2, in √area: from a wrist to a thigh
 
-# by which a ball may reach over a boundary, in units of its radius 0.1; chosen: less changes its moments little
+# length by which a ball may reach over a boundary and count, in the same units; so little changes its moments little
 OVERHANG = 0.02
 
 # standard deviations below this are noise of the triangulation, which must not be magnified
@@ -40,17 +41,31 @@ class BallSignature:
     values : (n, r, 4) array of float
         For each ball the offset of its centroid from its centre along the normal, positive in hollows, and its three
         extents, the greatest first: square roots of the eigenvalues of its covariance. All over the radius.
-    known : (n, r) array of bool
-        Whether the boundary is far enough for the values to count.
+    to_boundary : (n,) array of float
+        Distance of each point to the boundary, in the same units; inf where there is none.
     """
 
     radii: FloatArray
     values: FloatArray
-    known: BoolArray
+    to_boundary: FloatArray
+
+    @cached_property
+    def known(self) -> BoolArray:
+        """(n, r) whether the boundary is far enough for the values to count."""
+        return np.asarray(self.radii <= self.to_boundary[:, None] + OVERHANG)
 
     def at(self, vertices: IntArray) -> BallSignature:
         """Restrict to some points (m,)."""
-        return BallSignature(self.radii, self.values[vertices], self.known[vertices])
+        return BallSignature(self.radii, self.values[vertices], self.to_boundary[vertices])
+
+    def scaled(self, factor: float, radii: ArrayLike) -> BallSignature:
+        """Give the signature of the surface enlarged by a factor, interpolated at other radii (q,)."""
+        wanted = np.asarray(radii, dtype=np.float64)
+        place = np.interp(np.log(wanted / factor), np.log(self.radii), np.arange(len(self.radii)))
+        below = np.minimum(place.astype(np.int64), len(self.radii) - 2)
+        part = (place - below)[:, None]
+        values = (1 - part) * self.values[:, below] + part * self.values[:, below + 1]
+        return BallSignature(wanted, values, factor * self.to_boundary)
 
     def mismatch(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
         """Compare with the signature of as many points: the mean difference (n,) of what is known of both.
@@ -152,7 +167,9 @@ def ball_signature(
     array([[0. , 0.5, 0.5, 0. ]])
     """
     if isinstance(surface, Graph):
-        raise DescriptorError("a graph has no normals, so that it has no ball signature; give a mesh or a cloud")
+        raise DescriptorError(
+            "a graph has no normals, so that it has no ball signature; give a mesh or a cloud"
+        )
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
         raise DescriptorError(f"radii = {radii}; expected positive numbers that increase")
@@ -165,13 +182,21 @@ def ball_signature(
     balls = geodesic_balls(distance_engine(surface), centres, length * reach[-1] + float(half_cells.max()))
     shape = len(centres), len(reach)
     offsets, covariances = np.zeros(shape), np.zeros((*shape, 3, 3))
-    _moments(surface.vertices, _normals(surface, normals), half_cells, centres, *balls, length * reach, offsets, covariances)
+    _moments(
+        surface.vertices,
+        _normals(surface, normals),
+        half_cells,
+        centres,
+        *balls,
+        length * reach,
+        offsets,
+        covariances,
+    )
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[..., ::-1], 0.0))
     values = np.concatenate([offsets[..., None], extents], axis=-1)
     if len(centres) < n:
         values = _spread(surface, centres, balls, values)
-    known = reach <= _to_boundary(surface)[:, None] / length + OVERHANG
-    return BallSignature(reach, values, known)
+    return BallSignature(reach, values, _to_boundary(surface) / length)
 
 
 def _normals(surface: Mesh | PointCloud, given: ArrayLike | None) -> FloatArray:
@@ -238,10 +263,13 @@ def _moments(
                 share = 0.5 + 0.5 * (r - distances[e]) / half_cells[v]
                 if share <= 0.0:
                     continue
-                w = half_cells[v] ** 2 * min(share, 1.0)
-                x = (points[v, 0] - points[centre, 0]) / r
-                y = (points[v, 1] - points[centre, 1]) / r
-                z = (points[v, 2] - points[centre, 2]) / r
+                share = min(share, 1.0)
+                w = half_cells[v] ** 2 * share
+                # the share lies nearer to the centre than the vertex, by the half of what is missing
+                near = (1.0 - (1.0 - share) * half_cells[v] / max(distances[e], half_cells[v])) / r
+                x = near * (points[v, 0] - points[centre, 0])
+                y = near * (points[v, 1] - points[centre, 1])
+                z = near * (points[v, 2] - points[centre, 2])
                 for k, moment in enumerate((1.0, x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)):
                     sums[k] += w * moment
             x, y, z = sums[1] / sums[0], sums[2] / sums[0], sums[3] / sums[0]

@@ -52,5 +52,7 @@ def geodesic_balls(engine: DistanceEngine, centres: ArrayLike, radius: float) ->
     parts = []
     for first in range(0, len(wanted), BLOCK):
         columns = engine.distances_from(wanted[first : first + BLOCK])
-        parts += [(inside, column[inside]) for column in columns for inside in [np.flatnonzero(column <= radius)]]
+        parts += [
+            (inside, column[inside]) for column in columns for inside in [np.flatnonzero(column <= radius)]
+        ]
     return Balls.of(parts)
