@@ -154,6 +154,21 @@ def test_landmarks_of_components_are_held(bodies):
     assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
 
 
+def test_a_landmark_that_holds_alone_is_matched(bodies):
+    source, target, truth = bodies
+    damaged = holes(target, 0.15, seed=4)
+    known = damaged.damaged_vertex[truth]
+    rows = np.flatnonzero(known >= 0)[100::500]
+    rows = rows[np.unique(known[rows], return_index=True)[1]]
+    led = match(source, damaged.mesh, landmarks=np.column_stack([rows, known[rows]]))
+    alone = np.flatnonzero(~led.map.matched)[0]
+    free = np.setdiff1d(np.arange(damaged.mesh.n_vertices), known[rows])[0]
+    pairs = np.vstack([np.column_stack([rows, known[rows]]), [alone, free]])
+    held = match(source, damaged.mesh, landmarks=pairs, config=Config(pin=0))
+    assert held.map.vertices[alone] == free
+    assert held.quality.matched == held.map.matched.mean()
+
+
 def points_of(mesh):
     return PointCloud(mesh.vertices)
 

@@ -43,8 +43,9 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     Returns
     -------
     Solution
-        With the map, its landmark error, and notes on what was moved. The other measures and the evidence are those of
-        the map before, but where that contradicted the landmarks, which now hold, it fits badly.
+        With the map, its landmark error, the share of vertices that have an image, and notes on what was moved. The
+        other measures and the evidence are those of the map before, but where that contradicted the landmarks, which now
+        hold, it fits badly.
 
     Notes
     -----
@@ -73,7 +74,9 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
         )
     ends = target.body_vertex[np.column_stack([found.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
-    quality = replace(solution.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
+    landmark_error = float(apart.mean()) if len(apart) else np.nan
+    matched = float(found.matched.mean())
+    quality = replace(solution.quality, landmark_error=landmark_error, matched=matched)
     return replace(
         solution,
         map=found,

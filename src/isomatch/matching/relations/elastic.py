@@ -131,7 +131,7 @@ class Elastic(Relation):
         if not fits or (self.ordinary is not None and fits[0].score >= self._unchanged(self.ordinary).score):
             return None
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(1.0, 1.0, self.pair.config.selection.rival_distance, 0.0)
+        rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
         return select(fits, apart, rules), reason
 

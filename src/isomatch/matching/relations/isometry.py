@@ -206,9 +206,7 @@ class Isometry(Relation):
     def measured(self, fit: Fit, image: IntArray) -> Fit:
         """Measure a map: the misfit is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        _, misfit = refined_images(
-            self.pair, image, fit.side, self.pair.config.refining.final_sizes[-1:], True
-        )
+        _, misfit = refined_images(self.pair, image, fit.side, *self.pair.config.refining.last_step)
         fit = replace(fit, image=image, misfit=misfit)
         return replace(fit, score=self.score(fit))
 

@@ -16,7 +16,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_evidence
+from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
@@ -153,7 +153,12 @@ class Part(Relation):
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = _by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(settings.tie, settings.tie, settings.apart, config.selection.landmark_slack)
+        rules = Rules(
+            rival_distance=settings.apart,
+            tie=settings.tie,
+            mirror_tie=settings.tie,
+            landmark_slack=config.selection.landmark_slack,
+        )
         selection = select(fits, apart, rules, scores=costs)
         cost = dict(zip(map(id, fits), costs))
         return selection, [cost[id(fit)] for fit in (selection.winner, *selection.rivals)]
@@ -265,11 +270,14 @@ class Part(Relation):
         timer.start("quality")
         quality = self._quality(selection, bent, doubt, points, matched)
         found = pair.source.correspondence(pair.target, points, matched)
+        landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
+        bound = pair.config.outcome.contradiction
+        contradicted = part_contradicts(landmark_errors, quality.initial_map_error, bound)
         solution = Solution(
             pair,
             found,
             quality,
-            (*evidence, Evidence(contradicted=self._contradicts(points, quality))),
+            (*evidence, Evidence(contradicted=contradicted)),
             np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
             origin=self._origin(best),
             reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
@@ -288,16 +296,6 @@ class Part(Relation):
         if len(self.hints.known) and best.hint_error <= self.pair.config.outcome.contradiction:
             return "initial map"
         return "landmarks" if len(self.hints.landmarks) else "anchors"
-
-    def _contradicts(self, points: PrecisePoints, quality: Quality) -> bool:
-        """Whether most landmarks, or the initial map, are contradicted.
-
-        Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other
-        one.
-        """
-        off = distances_to_hints(self.pair, points.corners[:, 0], self.hints.landmarks)
-        bound = self.pair.config.outcome.contradiction
-        return bool(quality.initial_map_error > bound or (len(off) and np.median(off) > bound))
 
     def _quality(
         self,

@@ -156,9 +156,9 @@ class PartFits:
     def refined(self, fit: PartFit) -> PartFit:
         """Refine a map to the end."""
         settings = self._config.refining
-        image, _ = fit.refinement.refined(fit.image, settings.sizes_without_positions, with_positions=False)
-        sizes = (*settings.sizes_with_positions, *settings.final_sizes)
-        image, misfit = fit.refinement.refined(image, sizes)
+        image, misfit = fit.refinement.refined(fit.image, settings.sizes_without_positions, False)
+        if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
+            image, misfit = fit.refinement.refined(image, sizes)
         return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2])
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
@@ -171,12 +171,14 @@ class PartFits:
 
     def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement."""
-        image, misfit = fit.refinement.refined(fit.image, self._config.refining.final_sizes)
+        settings = self._config.refining
+        steps = (settings.final_sizes, True) if settings.final_sizes else settings.last_step
+        image, misfit = fit.refinement.refined(fit.image, *steps)
         return self._finely(fit.pair, image, misfit, self._config.parts.bending)
 
     def measured(self, pair: PartPair, image: IntArray) -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
-        _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
+        _, misfit = self.fine_refinement(pair).refined(image, *self._config.refining.last_step)
         return self._finely(pair, image, misfit, self._config.parts.bending)
 
     def _finely(self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...]) -> PartFit:
