@@ -156,15 +156,15 @@ def test_landmarks_of_components_are_held(bodies):
 
 def test_a_landmark_that_holds_alone_is_matched(bodies):
     source, target, truth = bodies
-    damaged = holes(target, 0.15, seed=4)
-    known = damaged.damaged_vertex[truth]
-    rows = np.flatnonzero(known >= 0)[100::500]
-    rows = rows[np.unique(known[rows], return_index=True)[1]]
-    led = match(source, damaged.mesh, landmarks=np.column_stack([rows, known[rows]]))
-    alone = np.flatnonzero(~led.map.matched)[0]
-    free = np.setdiff1d(np.arange(damaged.mesh.n_vertices), known[rows])[0]
-    pairs = np.vstack([np.column_stack([rows, known[rows]]), [alone, free]])
-    held = match(source, damaged.mesh, landmarks=pairs, config=Config(pin=0))
+    alone = source.n_vertices
+    triangle = source.vertices[:3] + np.array([0, 0, 5])
+    with_triangle = Mesh(
+        np.vstack([source.vertices, triangle]), np.vstack([source.faces, alone + np.arange(3)])
+    )
+    rows = np.arange(50, 1400, 300)
+    free = np.setdiff1d(np.arange(target.n_vertices), truth[rows])[0]
+    pairs = np.vstack([np.column_stack([rows, truth[rows]]), [alone, free]])
+    held = match(with_triangle, target, landmarks=pairs, config=Config(pin=0))
     assert held.map.vertices[alone] == free
     assert held.quality.matched == held.map.matched.mean()
 

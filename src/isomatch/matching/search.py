@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -14,7 +13,7 @@ from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.stages import Start, name_of, pairs_of
+from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
 from isomatch.matching.starts import start_from_known, starts_from_extremities, starts_from_hints
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
@@ -94,7 +93,7 @@ def search(
         if isinstance(start, PoolStart):
             start.extend(pool)
         else:
-            rows = [start_from_known(pair, pairs) for pairs in pairs_of([start], pair)]
+            rows = [start_from_known(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
             pool.add(rows, pair.config.search.hint_steps, name_of(start))
     return pool.hypotheses
 
@@ -159,25 +158,6 @@ class Pool:
         return alignments
 
 
-class PoolStart(ABC):
-    """A start of isomatch's own, which sees the hypotheses found before."""
-
-    name: ClassVar[str]
-
-    def __call__(self, pair: ShapePair) -> list[IntArray]:
-        """Return first maps as pairs of vertices (m_s, 2)."""
-        pool = Pool(pair, pair.config.search.n_hypotheses)
-        self.extend(pool)
-        return [
-            np.column_stack([pair.source_vertices, pair.target_vertices[hypothesis.target_row]])
-            for hypothesis in pool.hypotheses
-        ]
-
-    @abstractmethod
-    def extend(self, pool: Pool) -> None:
-        """Add hypotheses to those found before."""
-
-
 class FromExtremities(PoolStart):
     """First maps from every assignment of extremal points."""
 
@@ -213,6 +193,18 @@ class FromFlips(PoolStart):
 
 default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
+
+
+def starts_of(relation: Relation) -> tuple[Start, ...]:
+    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win.
+
+    Landmarks lead through anchors, in any case but where a whole map is given and nothing else may win.
+    """
+    starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
+    found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
+    whole_map = not hints.only_landmarks or config.start == "pose"
+    led = len(hints.landmarks) and not (config.hypotheses == "given" and whole_map)
+    return (*found, FromAnchors()) if led else found
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

@@ -48,6 +48,11 @@ class ClosedMatch:
     relation: Isometry
     found: IsometricMatch
 
+    @property
+    def origin(self) -> str:
+        """Where the map came from."""
+        return self.relation.origin_of(self.found.selection.winner)
+
     def image_of(self, side: str) -> IntArray:
         """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
         of_source, of_target = self.found.embedding

@@ -127,10 +127,7 @@ class Isometry(Relation):
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as rivals only."""
         pair, config, starts = self.pair, self.pair.config, self.stages.starts
-        if config.hypotheses == "given" and not self.hints.any and config.start == "auto":
-            raise SettingError(
-                "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
-            )
+        self.require_hints()
         given = hypotheses_from_hints(pair, self.hints)
         if config.hypotheses == "all":
             return search(pair, given, starts), []
@@ -173,6 +170,7 @@ class Isometry(Relation):
                 hint_error=c.hint_error,
                 landmark_error=c.landmark_error,
                 candidate=c,
+                origin=c.hypothesis.origin,
             )
             for c in candidates
         ]
@@ -279,14 +277,7 @@ class Isometry(Relation):
             reason += "; of those that tie, it agrees best with the hints"
         if selection.rival < np.inf:
             reason += f"; the best rival scores {selection.rival:.2f} times as much"
-        return Measured(points, quality, doubt, reason, self._origin(selection.winner))
-
-    def _origin(self, winner: Fit) -> str:
-        """Where the winner came from: the initial map, if it agrees with that."""
-        bound = self.pair.config.outcome.contradiction
-        if len(self.hints.known) and winner.hint_error <= bound:
-            return "initial map"
-        return winner.candidate.hypothesis.origin if winner.candidate else ""
+        return Measured(points, quality, doubt, reason, self.origin_of(selection.winner))
 
     def summed_up(
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
