@@ -55,12 +55,12 @@ def distinct(
     """
     kept: list[T] = []
     images = list(known)
-    for each in maps:
+    for candidate in maps:
         if len(kept) == most:
             break
-        own = image(each)
+        own = image(candidate)
         if not images or (distances(own, images) > apart).all():
-            kept.append(each)
+            kept.append(candidate)
             images.append(own)
     return kept
 
@@ -128,10 +128,10 @@ def contenders(
     return kept
 
 
-def nearest_to_hints(found: Sequence[H], slack: float) -> list[H]:
+def nearest_to_hints(maps: Sequence[H], slack: float) -> list[H]:
     """Keep those that agree with the hints as well as any, but for a slack; all of them without hints."""
-    limit = min(c.hint_error for c in found) + slack
-    return [c for c in found if c.hint_error <= limit]
+    limit = min(c.hint_error for c in maps) + slack
+    return [c for c in maps if c.hint_error <= limit]
 
 
 def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:

@@ -139,19 +139,19 @@ def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> 
 
 def solve_prepared(
     pair: ShapePair,
-    given: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
+    user_hints: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
     stages: Stages,
     timer: StageTimer,
 ) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
-    landmarks, initial_map, _ = given
+    landmarks, initial_map, _ = user_hints
     tolerance = pair.config.pin
     if isinstance(initial_map, Correspondence):
         initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
-        solution = match_components(pair, *given, stages, timer)
+        solution = match_components(pair, *user_hints, stages, timer)
     else:
-        solution = solve(pair, Hints.of(pair, *given), stages, timer)
+        solution = solve(pair, Hints.of(pair, *user_hints), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("pins")

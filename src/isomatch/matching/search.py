@@ -14,7 +14,7 @@ from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
-from isomatch.matching.starts import start_from_known, starts_from_extremities, starts_from_hints
+from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_hints
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -28,26 +28,26 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     flips of the map from landmarks come with it; otherwise automatic hypotheses compete.
     """
     settings = pair.config.search
-    given = [
+    from_hints = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], settings.hint_steps)[0], origin)
         for start, origin in starts_from_hints(pair, hints)
     ]
-    led = [start for start in given if start.origin == "landmarks"]
-    if not led or not settings.flip_landmarks or pair.config.hypotheses == "all":
-        return given
-    best = min(led, key=lambda start: start.alignment.residual)
-    return [*given, *flips(pair, best, given)]
+    from_landmarks = [start for start in from_hints if start.origin == "landmarks"]
+    if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
+        return from_hints
+    best = min(from_landmarks, key=lambda start: start.alignment.residual)
+    return [*from_hints, *flips(pair, best, from_hints)]
 
 
-def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
-    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those known.
+def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are.
 
     They are its mirror images, and of a thin body the map that exchanges front and back.
     """
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
-    images = [h.target_row for h in known]
+    images = [h.target_row for h in others]
     least = pair.config.search.same_map
     return [flip for flip in pool.hypotheses if pair.differs(flip.target_row, images, least)]
 
@@ -72,7 +72,7 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 
 
 def search(
-    pair: ShapePair, given: list[Hypothesis], starts: Sequence[Start] | None = None
+    pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses, best residual first.
 
@@ -80,7 +80,7 @@ def search(
     ----------
     pair : ShapePair
         The two shapes.
-    given : list of Hypothesis
+    from_hints : list of Hypothesis
         Maps from what the user knows.
     starts : sequence of Start, optional
         By default `default_starts`: maps from extremal points, of shapes without limbs also maps from anchors, and flips
@@ -88,12 +88,12 @@ def search(
     """
     most = pair.config.anchors.n_hypotheses if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
-    pool.merge(given)
+    pool.merge(from_hints)
     for start in default_starts if starts is None else starts:
         if isinstance(start, PoolStart):
             start.extend(pool)
         else:
-            rows = [start_from_known(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
+            rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
             pool.add(rows, pair.config.search.hint_steps, name_of(start))
     return pool.hypotheses
 

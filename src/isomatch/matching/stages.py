@@ -240,7 +240,7 @@ class Relation(ABC):
     def origin_of(self, winner: Fit) -> str:
         """Where a map came from: the initial map, if it agrees with that."""
         agrees = winner.hint_error <= self.pair.config.outcome.contradiction
-        return "initial map" if len(self.hints.known) and agrees else winner.origin
+        return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
 
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:

@@ -146,21 +146,21 @@ class Elastic(Relation):
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
         pair, landmarks, starts = self.pair, self.hints.landmarks, starts_of(self)
-        found: list[tuple[IntArray, str]] = []
+        first_maps: list[tuple[IntArray, str]] = []
         if any(isinstance(start, FromAnchors) for start in starts):
             source, target = self._shapes
             turned = ShapePair(pair.target, pair.source, pair.config)
             back = anchor_starts(turned, landmarks[:, ::-1], (target, source))
             pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
-            found = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
+            first_maps = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
         if self.ordinary is not None:
-            found.append((self.ordinary, self.origin))
+            first_maps.append((self.ordinary, self.origin))
         else:
-            found += [
+            first_maps += [
                 (np.column_stack([pair.source_vertices, pair.target_vertices[rows]]), origin)
                 for rows, origin in starts_from_hints(pair, self.hints)
             ]
-        return [*found, *self.others, *first_maps_of(starts, pair)]
+        return [*first_maps, *self.others, *first_maps_of(starts, pair)]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
@@ -194,16 +194,18 @@ class Elastic(Relation):
         """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
         coarse, settings = self._coarse, self.pair.config.elastic
         steps = coarse_steps(settings)
-        found = coarse.from_pairs(start, steps[0])
-        if coarse.orientation(found, coarse.images(found)) < 0:
+        coefficients = coarse.from_pairs(start, steps[0])
+        if coarse.orientation(coefficients, coarse.images(coefficients)) < 0:
             return None
-        found, images = coarse.run(found, steps)
-        if coarse.orientation(found, images) < LEAST_ORIENTATION:
+        coefficients, images = coarse.run(coefficients, steps)
+        if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         score = images.misfit * penalty
-        return StretchedFit(image, images.misfit, score, origin=origin, coefficients=found, images=images)
+        return StretchedFit(
+            image, images.misfit, score, origin=origin, coefficients=coefficients, images=images
+        )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""
@@ -229,16 +231,16 @@ class Elastic(Relation):
 
     def _unchanged(self, pairs: IntArray, origin: str = "") -> StretchedFit:
         """Score a map (q, 2) as it is."""
-        found = self._fine.from_pairs(pairs, self._fine_steps[-1])
-        return self._scored(found, self._fine.images(found), origin)
+        coefficients = self._fine.from_pairs(pairs, self._fine_steps[-1])
+        return self._scored(coefficients, self._fine.images(coefficients), origin)
 
-    def _scored(self, found: Coefficients, images: Images, origin: str) -> StretchedFit:
+    def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
         settings = self.pair.config.elastic
         judge = replace(self._fine, settings=replace(settings, normal_weight=settings.score_normal_weight))
-        misfit, stretch = judge.images(found).misfit, judge.stretch(found)
+        misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
         score = misfit * stretch**STRETCH_EXPONENT
         image = self._fine.target.targets[images.forth]
-        return StretchedFit(image, misfit, score, origin=origin, coefficients=found, images=images)
+        return StretchedFit(image, misfit, score, origin=origin, coefficients=coefficients, images=images)
 
     def measure(self, selection: Selection[StretchedFit]) -> tuple[PrecisePoints, Quality]:
         """Take the nearest points under the map selected, and measure it."""

@@ -105,8 +105,8 @@ class Isometry(Relation):
         timer.start("quality")
         return self.summed_up(found, self.measure(found), timer)
 
-    def match(self, timer: StageTimer, known: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; hypotheses that are ``known`` take the place of the search.
+    def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
+        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class Isometry(Relation):
         both = self.source, self.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
-        may_win, only_rivals = self.hypotheses() if known is None else (list(known), [])
+        may_win, only_rivals = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
         timer.start("selection")
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
@@ -128,10 +128,10 @@ class Isometry(Relation):
         """Hypotheses that may win, and those that are searched as rivals only."""
         pair, config, starts = self.pair, self.pair.config, self.stages.starts
         self.require_hints()
-        given = hypotheses_from_hints(pair, self.hints)
+        from_hints = hypotheses_from_hints(pair, self.hints)
         if config.hypotheses == "all":
-            return search(pair, given, starts), []
-        return given, search(pair, given, starts) if self.searches_rivals else []
+            return search(pair, from_hints, starts), []
+        return from_hints, search(pair, from_hints, starts) if self.searches_rivals else []
 
     @property
     def searches_rivals(self) -> bool:

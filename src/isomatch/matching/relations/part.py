@@ -199,7 +199,7 @@ class Part(Relation):
         if self.closed is not None:
             images.append((self.closed.image_of(self.side), self.closed.origin))
         if self._hinted_image is not None:
-            images.append((self._hinted_image, "initial map" if len(self.hints.known) else "pose"))
+            images.append((self._hinted_image, "initial map" if len(self.hints.initial_pairs) else "pose"))
         images += [
             (_filled(self.source, self._towards_whole(pairs)), name)
             for pairs, name in first_maps_of(starts_of(self), self.pair)
@@ -221,7 +221,7 @@ class Part(Relation):
     @cached_property
     def _hinted_image(self) -> IntArray | None:
         """(n_part,) images by the initial map, or by the pose."""
-        pairs, pair = self.hints.known, self.pair
+        pairs, pair = self.hints.initial_pairs, self.pair
         if not len(pairs) and pair.config.start == "pose":
             vertices = np.arange(pair.source.body.n_vertices)
             pairs = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
@@ -324,9 +324,9 @@ class Part(Relation):
         landmark_error, initial_map_error = np.nan, np.nan
         if len(hints.landmarks):
             landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
-        known = hints.known[matched[hints.known[:, 0]]]
-        if len(known):
-            initial_map_error = float(np.median(distances_to_hints(pair, image, known)))
+        initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
+        if len(initial_pairs):
+            initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
         return Quality(
             misfit=best.misfit,
             rival=selection.rival,
