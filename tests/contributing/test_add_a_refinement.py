@@ -7,7 +7,16 @@ import pytest
 
 from isomatch import Config, Outcome, SettingError, match
 from isomatch.lab.damage import cut
-from isomatch.matching import Elastic, Hints, Part, Refinement, Stages, check_refinement, prepare_pair
+from isomatch.matching import (
+    Elastic,
+    Hints,
+    Isometry,
+    Part,
+    Refinement,
+    Stages,
+    check_refinement,
+    prepare_pair,
+)
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
@@ -74,6 +83,20 @@ def test_it_refines_an_elastic_map(animals):
     selection, _ = relation.match()
     assert selection.winner.image.shape == relation.vertices.shape
     assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04
+
+
+@pytest.mark.parametrize("relation", [Isometry(), Part()])
+@pytest.mark.parametrize("sizes", [{"final_sizes": ()}, {"final_sizes": (), "sizes_with_positions": ()}])
+def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):
+    source, target, truth = animals
+    refining = replace(Config().refining, **sizes)
+    given = Config(hypotheses="given", search_rivals=False, refining=refining)
+    for refinement in (Upsampling(), None):
+        found = match(
+            source, target, initial_map=truth, config=given, relation=relation, refinement=refinement
+        )
+        assert found.quality.misfit < 0.5
+        assert mean_error(found.map, target, truth) < 0.03
 
 
 def test_a_map_that_was_not_measured_is_refused(animals):

@@ -5,16 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from isomatch import Config, Outcome
+from isomatch import Outcome
 from isomatch.matching.judge import (
     Evidence,
     PartDoubt,
     closed_evidence,
     held_evidence,
+    lowered,
     outcome_of,
+    part_contradicts,
     part_evidence,
 )
-from isomatch.matching.relations.part import Part
 from isomatch.settings import PartSettings
 
 SETTINGS = PartSettings()
@@ -71,19 +72,18 @@ def test_a_map_that_is_not_sure_says_why_and_what_to_do():
 
 
 def test_single_landmarks_do_not_contradict_the_map_of_a_part():
-    quality = SimpleNamespace(initial_map_error=np.nan)
-    points = SimpleNamespace(corners=np.arange(5)[:, None])
+    assert not part_contradicts(np.array([1.0, 1, 0, 0, 0]), np.nan, 0.1)
+    assert part_contradicts(np.array([1.0, 1, 1, 0, 0]), np.nan, 0.1)
+    assert not part_contradicts(np.zeros(0), np.nan, 0.1)
+    assert part_contradicts(np.zeros(0), 1.0, 0.1)
 
-    def contradicts(off, quality):
-        target = SimpleNamespace(distance=lambda a, b: np.array(off, dtype=float))
-        hints = SimpleNamespace(landmarks=np.zeros((len(off), 2), dtype=int))
-        pair = SimpleNamespace(target=target, config=Config())
-        return Part().on(pair, hints)._contradicts(points, quality)
 
-    assert not contradicts([1, 1, 0, 0, 0], quality)
-    assert contradicts([1, 1, 1, 0, 0], quality)
-    assert not contradicts([], quality)
-    assert contradicts([], SimpleNamespace(initial_map_error=1.0))
+def test_an_outcome_is_lowered_and_never_raised():
+    for outcome in Outcome:
+        assert outcome_of([Evidence.of(outcome)]) is outcome
+        for other in Outcome:
+            assert lowered(outcome, Evidence.of(other)) is min(outcome, other, key=lambda o: o.sureness)
+    assert lowered(Outcome.PARTIAL, Evidence(poor=False)) is Outcome.PARTIAL
 
 
 PART, POOR, AMBIGUOUS = Evidence(partial=True), Evidence(partial=True, poor=True), Evidence(ambiguous=True)

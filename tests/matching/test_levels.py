@@ -315,12 +315,12 @@ def test_an_initial_map_may_name_any_vertices(truth, shapes):
     known[chosen] = truth[chosen]
     hints = Hints.of(prepare_pair(*shapes), None, known, None)
     pairs = np.column_stack([shapes[0].body_vertex[chosen], shapes[1].body_vertex[truth[chosen]]])
-    np.testing.assert_array_equal(np.unique(hints.known, axis=0), np.unique(pairs, axis=0))
+    np.testing.assert_array_equal(np.unique(hints.initial_pairs, axis=0), np.unique(pairs, axis=0))
 
 
 def test_of_an_initial_map_the_nearest_vertices_count(truth, shapes):
     hints = Hints.of(prepare_pair(*shapes), None, truth, None)
-    source, image = hints.known.T
+    source, image = hints.initial_pairs.T
     np.testing.assert_array_equal(np.sort(source), np.arange(1000))
     np.testing.assert_array_equal(image, shapes[1].body_vertex[truth[shapes[0].user_vertex[source]]])
 

@@ -24,11 +24,11 @@ def match_part(part, whole, config):
     """Match a prepared part to a prepared whole, without hints and without closing holes."""
     pair = ShapePair(part, whole, config)
     relation = Part().on(pair, Hints.of(pair, None, None, None))
-    selection, scores = relation.match()
+    selection, score = relation.match()
     best = selection.winner
     return SimpleNamespace(
         fits=[best, *selection.rivals],
-        scores=scores,
+        score=score,
         pair=best.pair,
         bent=relation.bent(best),
         share=best.share,
@@ -100,7 +100,7 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     rows = best.pair.part.sample_vertices[: len(best.fits[0].image)]
     before, after = (prepared.mean_distance(each.fits[0].image, truth[rows]) for each in (unsettled, best))
     assert after < 0.9 * before
-    assert best.scores[0] < unsettled.scores[0]
+    assert best.score < unsettled.score
 
 
 def test_hopeless_maps_are_given_up(found, prepared):

@@ -154,6 +154,21 @@ def test_landmarks_of_components_are_held(bodies):
     assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
 
 
+def test_a_landmark_that_holds_alone_is_matched(bodies):
+    source, target, truth = bodies
+    alone = source.n_vertices
+    triangle = source.vertices[:3] + np.array([0, 0, 5])
+    with_triangle = Mesh(
+        np.vstack([source.vertices, triangle]), np.vstack([source.faces, alone + np.arange(3)])
+    )
+    rows = np.arange(50, 1400, 300)
+    free = np.setdiff1d(np.arange(target.n_vertices), truth[rows])[0]
+    pairs = np.vstack([np.column_stack([rows, truth[rows]]), [alone, free]])
+    held = match(with_triangle, target, landmarks=pairs, config=Config(pin=0))
+    assert held.map.vertices[alone] == free
+    assert held.quality.matched == held.map.matched.mean()
+
+
 def points_of(mesh):
     return PointCloud(mesh.vertices)
 

@@ -292,7 +292,7 @@ def test_maps_that_are_kept_differ_from_each_other_and_every_other_one_is_like_o
 
 def test_without_rules_about_limbs_only_the_distance_makes_a_rival():
     fits = [Fit(0.3, score=0.10), Fit(0.3, score=0.11), Fit(0.3, score=0.12)]
-    rules = Rules(1.0, 1.0, 0.1, 0.0)
+    rules = Rules(rival_distance=0.1)
     near = np.array([[0, 0.07, 0.2], [0.07, 0, 0.2], [0.2, 0.2, 0]])
     assert contest.select(fits, near, rules).rival == pytest.approx(1.2)
     assert contest.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]

@@ -21,7 +21,7 @@ from isomatch.collections.run import Event
 from isomatch.collections.states import is_contradicted
 from isomatch.collections.workers import Task, Workers, late_after, workers_of
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Outcome
+from isomatch.matching import Evidence, Outcome, lowered, outcome_of
 from isomatch.runtime.memory import require_memory
 from isomatch.settings import Config
 from isomatch.storage.files import claimed
@@ -214,8 +214,7 @@ def _write(ledger: Ledger, job: CycleJob, inconsistencies: FloatArray) -> None:
         agreement = {**known, "inconsistency": value, "outcomes": own}
         sides = {}
         for side, outcome in zip(("there", "back"), own):
-            least = Outcome.LOW_CONFIDENCE if value > CONTRADICTED else Outcome.CONVERGED
-            held = Outcome.least_sure((Outcome[outcome], least))
+            held = lowered(Outcome[outcome], Evidence(poor=value > CONTRADICTED))
             sides[side] = {**row[side], "outcome": held.name, "advice": held.advice}
         new = {**row, **sides, "agreement": agreement}
         if new != row:
@@ -250,7 +249,7 @@ def _repairs(rows: Rows, job: CycleJob, inconsistencies: FloatArray) -> Sequence
 def _least_sure(rows: Rows, pair: Pair, middle: str) -> str:
     legs = [rows.pairs.get((end, middle)) or rows.pairs[middle, end] for end in pair]
     outcomes = [Outcome[leg[side]["outcome"]] for leg in legs for side in ("there", "back")]
-    return Outcome.least_sure(outcomes).name
+    return outcome_of(map(Evidence.of, outcomes)).name
 
 
 def _after(row: Record, result: Any, n_shapes: int) -> Record:

@@ -15,7 +15,7 @@ from isomatch.collections.jobs import loaded_shape, row_of
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching import Outcome, match_both
+from isomatch.matching import Evidence, Outcome, lowered, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
@@ -158,11 +158,11 @@ class CycleJob:
             f"other maps contradict the map that was matched, by {before:.2f} √area; this one is their composition over "
             f"{over}, refined, and its outcome is at most as sure as theirs"
         )
-        of_composition = Outcome[repair.outcomes[best]]
+        of_composition = Evidence.of(Outcome[repair.outcomes[best]])
         results = [
             replace(
                 result,
-                outcome=Outcome.least_sure((result.outcome, of_composition)),
+                outcome=lowered(result.outcome, of_composition),
                 notes=(note, *result.notes),
             ).to_dict()
             for result in rematched

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from functools import partial
 from shlex import join
 from typing import Any, Literal
-
-import numpy as np
 
 from isomatch.assets import mesh_from
 from isomatch.collections.collection import Collection
@@ -21,7 +19,7 @@ from isomatch.collections.states import is_contradicted
 from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.errors import SettingError
-from isomatch.matching import MatchResult, Outcome, Quality
+from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import writing
 from isomatch.view import write_report
 
@@ -109,27 +107,11 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
 
 
 def _result(collection: Collection, pair: Pair, record: Record) -> MatchResult:
-    """Restore the result of a match from its saved parts, without alternatives and expected errors of the vertices."""
+    """Restore the result of a match from its saved parts, and say what is not in them."""
     there, summary = collection.maps(*pair).there, record["there"]
     notes = list(summary["notes"])
     if summary["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if is_contradicted(record):
         notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
-    return MatchResult(
-        map=there,
-        outcome=Outcome[summary["outcome"]],
-        quality=Quality(
-            **{name: math.nan if value is None else value for name, value in summary["quality"].items()}
-        ),
-        expected_error=np.full(len(there.vertices), np.nan),
-        alternatives=(),
-        timings=summary["timings"],
-        notes=tuple(notes),
-        engine=summary["engine"],
-        origin=summary["origin"],
-        reason=summary["reason"],
-        config=collection.config,
-        seed=summary["seed"],
-        symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
-    )
+    return replace(MatchResult.from_dict(summary, there, collection.config), notes=tuple(notes))

@@ -3,7 +3,7 @@ from isomatch.matching.confidence import expected_errors
 from isomatch.matching.coordinates import joint_coordinates
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, judged, measured_evidence, outcome_of
+from isomatch.matching.judge import Evidence, Solution, judged, lowered, measured_evidence, outcome_of
 from isomatch.matching.match import match, stages_of
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, prepare_pair
@@ -49,6 +49,7 @@ __all__ = [
     "first_map",
     "joint_coordinates",
     "judged",
+    "lowered",
     "match",
     "match_both",
     "measure_quality",

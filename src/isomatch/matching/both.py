@@ -91,21 +91,26 @@ def match_both(
     return both
 
 
-Given = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
+UserHints = tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None]
 
 
 def _both(
-    pair: ShapePair, given: Given, stages: Stages, timer: StageTimer, timer_back: StageTimer, seed: int
+    pair: ShapePair,
+    user_hints: UserHints,
+    stages: Stages,
+    timer: StageTimer,
+    timer_back: StageTimer,
+    seed: int,
 ) -> BothDirections:
-    pair_back, given_back = replace(pair, source=pair.target, target=pair.source), _turned(pair, given)
+    pair_back, hints_back = replace(pair, source=pair.target, target=pair.source), _turned(pair, user_hints)
     alone = pair.oriented and (pair.source.others or pair.target.others)
-    hints = None if alone else Hints.of(pair, *given)
+    hints = None if alone else Hints.of(pair, *user_hints)
     searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
     if hints is None or not searched or part_role(pair, hints, stages):
-        there = judged(solve_prepared(pair, given, stages, timer), timer, seed)
+        there = judged(solve_prepared(pair, user_hints, stages, timer), timer, seed)
         timer_back.restart()
-        solution = solve_prepared(pair_back, given_back, stages, timer_back)
+        solution = solve_prepared(pair_back, hints_back, stages, timer_back)
         note = "the shapes were prepared for both directions at once; the map was found by itself"
     else:
         relation = Isometry().on(pair, hints, stages)
@@ -113,28 +118,28 @@ def _both(
         solution_there = solve_complete(relation, found, timer)
         there = judged(solution_there, timer, seed)
         timer_back.restart()
-        known = _turned_hypotheses(found, pair, pair_back)
-        relation_back = Isometry().on(pair_back, Hints.of(pair_back, *given_back), stages)
-        solution = solve_complete(relation_back, relation_back.match(timer_back, known), timer_back)
+        hypotheses = _turned_hypotheses(found, pair, pair_back)
+        relation_back = Isometry().on(pair_back, Hints.of(pair_back, *hints_back), stages)
+        solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)
         solution = solution.with_evidence(*solution_there.evidence)
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
-            f"{len(known) - 1} rivals of it, turned around, and the outcome is at most as sure as there"
+            f"{len(hypotheses) - 1} rivals of it, turned around, and the outcome is at most as sure as there"
         )
     solution = replace(solution, notes=(note, *solution.notes))
     return BothDirections(there, judged(solution, timer_back, seed))
 
 
-def _turned(pair: ShapePair, given: Given) -> Given:
+def _turned(pair: ShapePair, user_hints: UserHints) -> UserHints:
     """Turn hints around; of several vertices with one image, the last one is its image on the way back."""
-    landmarks, initial_map, descriptors = given
+    landmarks, initial_map, descriptors = user_hints
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
     image_back = None
     if initial_map is not None:
         image = checked_initial_map(initial_map, *sizes)
-        known = np.flatnonzero(image != UNMATCHED)
+        rows = np.flatnonzero(image != UNMATCHED)
         image_back = np.full(sizes[1], UNMATCHED)
-        image_back[image[known]] = known
+        image_back[image[rows]] = rows
     return (
         None if landmarks is None else checked_landmarks(landmarks, *sizes)[:, ::-1],
         image_back,
@@ -149,14 +154,17 @@ def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapeP
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
     others = [
-        each for each in found.eligible if all(each.hypothesis is not fit.hypothesis for fit in refined)
+        candidate
+        for candidate in found.eligible
+        if all(candidate.hypothesis is not fit.hypothesis for fit in refined)
     ]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     starts = np.array([_turned_rows(pair, image) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, settings.hint_steps)
     return [
-        Hypothesis(alignment, each.hypothesis.origin) for alignment, each in zip(aligned, refined + others)
+        Hypothesis(alignment, candidate.hypothesis.origin)
+        for alignment, candidate in zip(aligned, refined + others)
     ]
 
 

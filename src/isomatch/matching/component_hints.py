@@ -40,8 +40,8 @@ class ComponentHints:
             self.image = checked_initial_map(initial_map, *sizes)
         if initial_descriptors is not None:
             self.functions = checked_descriptors(initial_descriptors, *sizes)
-        known = np.flatnonzero(self.image != UNMATCHED)
-        self.joins = np.concatenate([self.landmarks, np.column_stack([known, self.image[known]])])
+        rows = np.flatnonzero(self.image != UNMATCHED)
+        self.joins = np.concatenate([self.landmarks, np.column_stack([rows, self.image[rows]])])
         joined = [self._inside(ShapePair(*sides, pair.config), self.joins) for sides in product(*self.sides)]
         self.joined = np.reshape([len(rows) for rows in joined], [len(side) for side in self.sides])
         if len(self.joins) and self.joined.max() < FEWEST_POINTS:
@@ -60,10 +60,10 @@ class ComponentHints:
     def on(self, pair: ShapePair) -> Hints:
         """Hints on two components; none where too little is known of them."""
         landmarks = self.landmarks_on(pair)
-        known = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
-        known = known[known[:, 1] != UNMATCHED]
+        initial_pairs = self._inside(pair, np.column_stack([np.arange(len(self.image)), self.image]))
+        initial_pairs = initial_pairs[initial_pairs[:, 1] != UNMATCHED]
         image = np.full(len(self.image), UNMATCHED)
-        image[known[:, 0]] = known[:, 1]
+        image[initial_pairs[:, 0]] = initial_pairs[:, 1]
         functions = self.functions
         if functions is not None and pair.source.body is not self.pair.source.body:
             parts = zip((pair.source, pair.target), functions)
@@ -72,7 +72,7 @@ class ComponentHints:
         return Hints.of(
             pair,
             landmarks if len(landmarks) else None,
-            image if len(known) >= FEWEST_POINTS else None,
+            image if len(initial_pairs) >= FEWEST_POINTS else None,
             functions,
         )
 

@@ -47,7 +47,7 @@ class ComponentMatch:
         return max(max(shape.share, _vertex_share(shape)) for shape in (self.pair.source, self.pair.target))
 
 
-def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: ComponentHints) -> Solution:
+def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: ComponentHints) -> Solution:
     """Sum up the maps of all pairs of components; the first is the main one.
 
     The map is no surer than that of any component that is large, or has hints of its own.
@@ -65,9 +65,9 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, given: 
     notes = [*main.solution.notes, *(_described(match) for match in others)]
     if tied:
         notes.append("the largest components may as well be exchanged: nothing tells which are partners")
-    if lost := len(given.landmarks) - sum(len(given.landmarks_on(match.pair)) for match in matches):
+    if lost := len(hints.landmarks) - sum(len(hints.landmarks_on(match.pair)) for match in matches):
         notes.append(
-            f"{lost} of {len(given.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
+            f"{lost} of {len(hints.landmarks)} landmarks do not lie on partners, or fewer than {FEWEST_POINTS} on one, "
             "and are left out"
         )
     vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)

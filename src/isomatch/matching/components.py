@@ -75,19 +75,19 @@ def match_components(
     """
     timer.start("components")
     parallel_map(components_of, (pair.source, pair.target))
-    given = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
-    found = _Components(pair, given, stages, timer)
-    matches, tied = found.large_ones()
-    matches += found.carried_ones(matches)
-    return composed(pair, matches, tied, given)
+    hints = ComponentHints(pair, landmarks, initial_map, initial_descriptors)
+    components = _Components(pair, hints, stages, timer)
+    matches, tied = components.large_ones()
+    matches += components.carried_ones(matches)
+    return composed(pair, matches, tied, hints)
 
 
 class _Components:
     """The components of both shapes, and which of them are partners."""
 
-    def __init__(self, pair: ShapePair, given: ComponentHints, stages: Stages, timer: StageTimer) -> None:
-        self.pair, self.given, self.stages, self.timer = pair, given, stages, timer
-        self.sources, self.targets = given.sides
+    def __init__(self, pair: ShapePair, hints: ComponentHints, stages: Stages, timer: StageTimer) -> None:
+        self.pair, self.hints, self.stages, self.timer = pair, hints, stages, timer
+        self.sources, self.targets = hints.sides
         self.settings = pair.config.components
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
@@ -96,7 +96,7 @@ class _Components:
         Returns also whether another assignment of them fits as well.
         """
         rows, columns = (self._rivals(side) for side in (self.sources, self.targets))
-        joined = self.given.joined[: len(rows), : len(columns)]
+        joined = self.hints.joined[: len(rows), : len(columns)]
         if len(rows) == len(columns) == 1:
             return [self._matched(0, 0)], False
         if joined.any():
@@ -110,10 +110,11 @@ class _Components:
                 matched[i, j] = self._matched(i, j)
         if not matched:
             return [self._matched(0, 0)], False
-        found = [
-            [matched[each] for each in pairs if each in matched] for pairs in _assignments(*unlike.shape)
+        assignments = [
+            [matched[numbers] for numbers in pairs if numbers in matched]
+            for pairs in _assignments(*unlike.shape)
         ]
-        best, *others = sorted((matches for matches in found if matches), key=_against)
+        best, *others = sorted((matches for matches in assignments if matches), key=_against)
         tied = others and _against(others[0])[:2] == _against(best)[:2]
         limit = self.pair.config.outcome.tie * _against(best)[2]
         return best, bool(tied and _against(others[0])[2] < limit)
@@ -122,11 +123,11 @@ class _Components:
         least = RIVAL_AREA * side[0].share
         return [i for i, shape in enumerate(side[:MOST_RIVALS]) if shape.share >= least]
 
-    def carried_ones(self, known: list[ComponentMatch]) -> list[ComponentMatch]:
-        """Match the components that have a partner near where the known map carries them."""
-        rows = numbers_without(self.sources, [match.pair.source for match in known])
-        columns = numbers_without(self.targets, [match.pair.target for match in known])
-        carrier = Carrier.of([match.solution for match in known], FALLOFF)
+    def carried_ones(self, matches: list[ComponentMatch]) -> list[ComponentMatch]:
+        """Match the components that have a partner near where those matched already carry them."""
+        rows = numbers_without(self.sources, [match.pair.source for match in matches])
+        columns = numbers_without(self.targets, [match.pair.target for match in matches])
+        carrier = Carrier.of([match.solution for match in matches], FALLOFF)
         if not (rows and columns and carrier):
             return []
         centres = {i: carrier.moved(self.sources[i]).mean(axis=0) for i in rows}
@@ -134,15 +135,15 @@ class _Components:
         chosen = [
             (rows[a], columns[b]) for a, b in zip(*linear_sum_assignment(cost)) if cost[a, b] < FAR_APART
         ]
-        found = []
+        more = []
         for i, j in chosen:
             with suppress(NotConvergedError):
-                found.append(self._matched(i, j, carrier))
-        return found
+                more.append(self._matched(i, j, carrier))
+        return more
 
     def _cost(self, carrier: Carrier, centre: FloatArray, i: int, j: int) -> float:
         """Return the cost of taking two components for partners: place, size, spectrum; negative if hints join them."""
-        joined = self.given.joined
+        joined = self.hints.joined
         if joined[i].any() or joined[:, j].any():
             return -float(joined[i, j]) if joined[i, j] else FAR_APART
         source, target = self.sources[i], self.targets[j]
@@ -161,7 +162,7 @@ class _Components:
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
         pair = ShapePair(self.sources[i], self.targets[j], self.pair.config)
-        hints = self.given.on(pair)
+        hints = self.hints.on(pair)
         if carrier is None or hints.any:
             return ComponentMatch(solve(pair, hints, self.stages, self.timer), hinted=hints.any)
         return self._carried(pair, carrier)
@@ -179,19 +180,19 @@ class _Components:
                 return ComponentMatch(placed, "it moves along rigidly")
             turned = placed.with_evidence(Evidence(ambiguous=True))
             return ComponentMatch(turned, "nothing near it tells how it is turned")
-        led = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
-        hints = Hints.of(led, None, carrier.image(pair.source, pair.target), None)
-        found = replace(solve(led, hints, self.stages, self.timer), pair=pair)
-        if found.outcome is Outcome.HINTS_CONTRADICTED:
-            doubted = replace(found, evidence=(Evidence(poor=True),))
+        carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
+        hints = Hints.of(carried, None, carrier.image(pair.source, pair.target), None)
+        solution = replace(solve(carried, hints, self.stages, self.timer), pair=pair)
+        if solution.outcome is Outcome.HINTS_CONTRADICTED:
+            doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")
-        measures = replace(found.quality, rival=np.inf, mirrored=np.inf)
+        measures = replace(solution.quality, rival=np.inf, mirrored=np.inf)
         decided = measured_evidence(pair, measures, pair.config.orientation)
-        differs = outcome_of([decided]) is not found.outcome
-        tied = differs and not found.quality.rival < 1 / pair.config.outcome.tie
+        differs = outcome_of([decided]) is not solution.outcome
+        tied = differs and not solution.quality.rival < 1 / pair.config.outcome.tie
         if self.stages.relation is not None or not (held and tied):
-            return ComponentMatch(found)
-        by_place = replace(found, evidence=(decided,))
+            return ComponentMatch(solution)
+        by_place = replace(solution, evidence=(decided,))
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
     def _placed(self, pair: ShapePair, carrier: Carrier) -> Solution | None:

@@ -55,12 +55,12 @@ def distinct(
     """
     kept: list[T] = []
     images = list(known)
-    for each in maps:
+    for candidate in maps:
         if len(kept) == most:
             break
-        own = image(each)
+        own = image(candidate)
         if not images or (distances(own, images) > apart).all():
-            kept.append(each)
+            kept.append(candidate)
             images.append(own)
     return kept
 
@@ -128,10 +128,10 @@ def contenders(
     return kept
 
 
-def nearest_to_hints(found: Sequence[H], slack: float) -> list[H]:
+def nearest_to_hints(maps: Sequence[H], slack: float) -> list[H]:
     """Keep those that agree with the hints as well as any, but for a slack; all of them without hints."""
-    limit = min(c.hint_error for c in found) + slack
-    return [c for c in found if c.hint_error <= limit]
+    limit = min(c.hint_error for c in maps) + slack
+    return [c for c in maps if c.hint_error <= limit]
 
 
 def _orientation_rank(cosine: float, wanted: Orientation, oriented: float) -> int:
@@ -186,16 +186,16 @@ def survivors(
     return kept
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rules:
     """What decides a contest.
 
     Parameters
     ----------
-    tie, mirror_tie : float
-        Score, against the least, up to which a map ties with the best: one of its side, and one of the other.
     rival_distance : float
         Mean distance between images, in √area, from which a map is a rival and not a variant of the winner.
+    tie, mirror_tie : float
+        Score, against the least, up to which a map ties with the best: one of its side, and one of the other.
     landmark_slack : float
         Difference of hint errors, in √area, that counts for nothing.
     score_noise : float
@@ -208,10 +208,10 @@ class Rules:
         than the second.
     """
 
-    tie: float
-    mirror_tie: float
     rival_distance: float
-    landmark_slack: float
+    tie: float = 1.0
+    mirror_tie: float = 1.0
+    landmark_slack: float = 0.0
     score_noise: float = 0.0
     elsewhere_share: float = np.inf
     elsewhere_tie: float = 1.0
@@ -222,15 +222,15 @@ class Rules:
     def of(cls, settings: SelectionSettings, bounds: OutcomeSettings) -> Self:
         """Return the rules that settings state."""
         return cls(
-            bounds.tie,
-            bounds.mirror_tie,
-            settings.rival_distance,
-            settings.landmark_slack,
-            settings.score_noise,
-            settings.elsewhere_share,
-            ELSEWHERE_TIE,
-            settings.clearly_better,
-            settings.same_map,
+            tie=bounds.tie,
+            mirror_tie=bounds.mirror_tie,
+            rival_distance=settings.rival_distance,
+            landmark_slack=settings.landmark_slack,
+            score_noise=settings.score_noise,
+            elsewhere_share=settings.elsewhere_share,
+            elsewhere_tie=ELSEWHERE_TIE,
+            clearly_better=settings.clearly_better,
+            same_map=settings.same_map,
         )
 
 

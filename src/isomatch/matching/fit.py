@@ -81,6 +81,8 @@ class Fit:
         How far the map is from what hints, and landmarks alone, say, in √area; 0 without.
     candidate : Candidate, optional
         The candidate that it came from.
+    origin : str
+        Where its first map came from, as that of a `Hypothesis`.
     """
 
     image: IntArray
@@ -90,6 +92,7 @@ class Fit:
     hint_error: float = 0.0
     landmark_error: float = 0.0
     candidate: Candidate | None = None
+    origin: str = ""
 
     @property
     def is_measured(self) -> bool:
@@ -111,6 +114,7 @@ class Fit:
         return replace(
             self,
             candidate=other.candidate,
+            origin=other.origin,
             orientation=other.orientation,
             hint_error=other.hint_error,
             landmark_error=other.landmark_error,

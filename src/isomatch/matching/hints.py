@@ -25,21 +25,21 @@ class Hints:
     ----------
     landmarks : (m, 2) array of int
         Landmarks on both bodies: source vertex, target vertex.
-    known : (q, 2) array of int
+    initial_pairs : (q, 2) array of int
         Source vertices and their images in the initial map.
     functions : (n_s, r) and (n_t, r) arrays of float
         Functions on source and target that should correspond.
     notes : tuple of str
         Which hints were left out.
-    given : (m, 2) array of int
+    user_landmarks : (m, 2) array of int
         The landmarks in the users' vertices.
     """
 
     landmarks: IntArray
-    known: IntArray
+    initial_pairs: IntArray
     functions: tuple[FloatArray, FloatArray]
     notes: tuple[str, ...] = ()
-    given: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    user_landmarks: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
     @classmethod
     def of(
@@ -58,11 +58,11 @@ class Hints:
         """
         source, target = pair.source, pair.target
         sizes = source.surface.n_vertices, target.surface.n_vertices
-        points = given = known = np.zeros((0, 2), dtype=np.int64)
+        points = user_landmarks = initial_pairs = np.zeros((0, 2), dtype=np.int64)
         notes: list[str] = []
         if landmarks is not None:
             pairs = checked_landmarks(landmarks, *sizes)
-            given, points = _on_bodies(source, target, pairs)
+            user_landmarks, points = _on_bodies(source, target, pairs)
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"only {len(points)} landmarks lie on the main component of both shapes; at least {FEWEST_POINTS} "
@@ -73,7 +73,7 @@ class Hints:
                     f"{len(pairs) - len(points)} of {len(pairs)} landmarks lie off the main components and are left out"
                 )
             first = np.sort(np.unique(points, axis=0, return_index=True)[1])
-            points, given = points[first], given[first]
+            points, user_landmarks = points[first], user_landmarks[first]
             if len(points) < FEWEST_POINTS:
                 raise LandmarkError(
                     f"the landmarks fall on {len(points)} vertices of the resolution that is matched, at least "
@@ -85,12 +85,12 @@ class Hints:
             pairs = pairs[image != UNMATCHED]
             # of several vertices merged into one of a coarser body, the one nearest to it, or else the first
             farther = source.user_vertex[source.body_vertex[pairs[:, 0]]] != pairs[:, 0]
-            _, known = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
-            known = known[np.unique(known[:, 0], return_index=True)[1]]
-            if len(known) < FEWEST_POINTS:
+            _, initial_pairs = _on_bodies(source, target, pairs[np.argsort(farther, kind="stable")])
+            initial_pairs = initial_pairs[np.unique(initial_pairs[:, 0], return_index=True)[1]]
+            if len(initial_pairs) < FEWEST_POINTS:
                 raise MapError(
-                    f"the initial map joins only {len(known)} vertices of the main components of both shapes; at least "
-                    f"{FEWEST_POINTS} are needed to start anything"
+                    f"the initial map joins only {len(initial_pairs)} vertices of the main components of both shapes; at "
+                    f"least {FEWEST_POINTS} are needed to start anything"
                 )
         functions: tuple[FloatArray, FloatArray] = np.zeros((sizes[0], 0)), np.zeros((sizes[1], 0))
         if initial_descriptors is not None:
@@ -102,17 +102,17 @@ class Hints:
                     f"{side} descriptors hold values that are not finite on the main component; only vertices that are "
                     "not matched may have nan"
                 )
-        return cls(points, known, functions_on_bodies, tuple(notes), given)
+        return cls(points, initial_pairs, functions_on_bodies, tuple(notes), user_landmarks)
 
     @property
     def only_landmarks(self) -> bool:
         """Whether nothing but landmarks is known, if anything."""
-        return not len(self.known) and not self.functions[0].shape[1]
+        return not len(self.initial_pairs) and not self.functions[0].shape[1]
 
     @property
     def any(self) -> bool:
         """Whether anything is known."""
-        return bool(len(self.landmarks) or len(self.known) or self.functions[0].shape[1])
+        return bool(len(self.landmarks) or len(self.initial_pairs) or self.functions[0].shape[1])
 
 
 def _on_bodies(source: PreparedShape, target: PreparedShape, pairs: IntArray) -> tuple[IntArray, IntArray]:

@@ -19,6 +19,14 @@ from isomatch.values.arrays import FloatArray
 
 NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 
+# what each flag of evidence calls for, the least sure first
+CALLED_FOR = {
+    "contradicted": Outcome.HINTS_CONTRADICTED,
+    "poor": Outcome.LOW_CONFIDENCE,
+    "ambiguous": Outcome.SYMMETRY_AMBIGUOUS,
+    "partial": Outcome.PARTIAL,
+}
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -41,6 +49,11 @@ class Evidence:
     ambiguous: bool = False
     partial: bool = False
 
+    @classmethod
+    def of(cls, outcome: Outcome) -> Self:
+        """Return the evidence that calls for an outcome, as of a map that was judged before."""
+        return cls(**{flag: called_for is outcome for flag, called_for in CALLED_FOR.items()})
+
 
 def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     """Sum up evidence: the first outcome in the order of `Outcome` that any piece of it calls for.
@@ -48,15 +61,15 @@ def outcome_of(evidence: Iterable[Evidence]) -> Outcome:
     A match is `Outcome.PARTIAL` if something has no counterpart, and nothing worse is found.
     """
     pieces = tuple(evidence)
-    for name, outcome in (
-        ("contradicted", Outcome.HINTS_CONTRADICTED),
-        ("poor", Outcome.LOW_CONFIDENCE),
-        ("ambiguous", Outcome.SYMMETRY_AMBIGUOUS),
-        ("partial", Outcome.PARTIAL),
-    ):
-        if any(getattr(piece, name) for piece in pieces):
-            return outcome
-    return Outcome.CONVERGED
+    called_for = (
+        outcome for flag, outcome in CALLED_FOR.items() if any(getattr(piece, flag) for piece in pieces)
+    )
+    return next(called_for, Outcome.CONVERGED)
+
+
+def lowered(outcome: Outcome, *evidence: Evidence) -> Outcome:
+    """Lower the outcome of a map that was judged before, by evidence found since; it never becomes surer."""
+    return outcome_of([Evidence.of(outcome), *evidence])
 
 
 def measured_evidence(
@@ -108,6 +121,15 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
 def contradicts(quality: Quality, bound: float) -> bool:
     """Whether a map is farther than a bound, in √area, from its landmarks or from the initial map."""
     return quality.landmark_error > bound or quality.initial_map_error > bound
+
+
+def part_contradicts(landmark_errors: FloatArray, initial_map_error: float, bound: float) -> bool:
+    """Whether the map of a part is farther than a bound from most of its landmarks (m,), or from the initial map.
+
+    Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other one.
+    """
+    most_are_off = len(landmark_errors) and np.median(landmark_errors) > bound
+    return bool(initial_map_error > bound or most_are_off)
 
 
 @dataclass(frozen=True)

@@ -66,9 +66,12 @@ def match(
         Takes the place of ``config.refinement``: your own subclass of `Refinement`.
     starts : sequence of callable, optional
         Where first maps come from, beside hints: functions of the pair that return arrays (q, 2) of vertices of both
-        bodies; with ``[yours, *default_starts]`` they are added to those of isomatch.
+        bodies; with ``[yours, *default_starts]`` they are added to those of isomatch. In every relation, landmarks and an
+        initial map contend with them, whichever they are; with ``Config(hypotheses="given")`` no start may win.
     relation : Relation, optional
-        What is claimed of the shapes, such as `Isometry`, `Part` or `Elastic`; by default each one that fits them.
+        What is claimed of the shapes, such as `Isometry`, `Part` or `Elastic`; by default each one that fits them. Of
+        shapes of several components it is claimed of each two partners. `Part` and `Elastic` want meshes and the
+        orientation "preserve", and `Part` no descriptors.
 
     Returns
     -------
@@ -82,8 +85,8 @@ def match(
     LandmarkError, MapError, DescriptorError
         If landmarks, initial map or descriptors do not fit the shapes.
     SettingError
-        If shapes were prepared with other settings, hints are asked for and none was given, or a refinement, start or
-        relation handed in gives something else than it should.
+        If shapes were prepared with other settings, hints are asked for and none was given, a refinement, start or
+        relation handed in gives something else than it should, or a relation does not suit the shapes or the settings.
     NotConvergedError
         If no map of a part keeps the orientation.
 
@@ -136,19 +139,19 @@ def require_landmarks_for_pins(pair: ShapePair, landmarks: ArrayLike | None) -> 
 
 def solve_prepared(
     pair: ShapePair,
-    given: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
+    user_hints: tuple[ArrayLike | None, ArrayLike | None, tuple[ArrayLike, ArrayLike] | None],
     stages: Stages,
     timer: StageTimer,
 ) -> Solution:
     """Match two prepared shapes, given landmarks, an initial map and descriptors."""
-    landmarks, initial_map, _ = given
+    landmarks, initial_map, _ = user_hints
     tolerance = pair.config.pin
     if isinstance(initial_map, Correspondence):
         initial_map.check_fits(pair.source.surface, pair.target.surface)
     if pair.oriented and (pair.source.others or pair.target.others):
-        solution = match_components(pair, *given, stages, timer)
+        solution = match_components(pair, *user_hints, stages, timer)
     else:
-        solution = solve(pair, Hints.of(pair, *given), stages, timer)
+        solution = solve(pair, Hints.of(pair, *user_hints), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("pins")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from enum import Enum
 
 
@@ -24,11 +23,6 @@ class Outcome(Enum):
     def sureness(self) -> int:
         """Rank among the outcomes; 0 is the least sure."""
         return list(Outcome).index(self)
-
-    @staticmethod
-    def least_sure(outcomes: Iterable[Outcome]) -> Outcome:
-        """Return the least sure of some outcomes."""
-        return min(outcomes, key=lambda outcome: outcome.sureness)
 
 
 _ADVICE = {

@@ -43,25 +43,26 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     Returns
     -------
     Solution
-        With the map, its landmark error, and notes on what was moved. The other measures and the evidence are those of
-        the map before, but where that contradicted the landmarks, which now hold, it fits badly.
+        With the map, its landmark error, the share of vertices that have an image, and notes on what was moved. The
+        other measures and the evidence are those of the map before, but where that contradicted the landmarks, which now
+        hold, it fits badly.
 
     Notes
     -----
     Displacements are interpolated by heat kernels of the source, in coordinates of the target in which images are then
     the nearest points: positions, and a few Laplace–Beltrami functions, so that no other sheet is nearer.
     """
-    found, target = solution.map, pair.target
+    bent_map, target = solution.map, pair.target
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
-        bending = _Bending(source_part, target_part, found, pair.config.refining)
+        bending = _Bending(source_part, target_part, bent_map, pair.config.refining)
         on_both = bending.holds(landmarks)
         if on_both.any():
-            found, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
+            bent_map, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
             alone &= ~on_both
     rows, images = landmarks[alone].T
-    found = _with_images(found, rows, PrecisePoints.at_vertices(images))
+    bent_map = _with_images(bent_map, rows, PrecisePoints.at_vertices(images))
     notes = [f"{len(landmarks)} landmarks are held, {(moved > tolerance).sum()} of them by bending the map"]
     if moved.max() > tolerance:
         notes[0] += f" by up to {moved.max():.3f} √area"
@@ -71,12 +72,14 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
             f"landmarks at source vertices {named} lie on nothing that is matched to where they lead: they hold alone, "
             "and the map around them was not bent"
         )
-    ends = target.body_vertex[np.column_stack([found.vertices[landmarks[:, 0]], landmarks[:, 1]])]
+    ends = target.body_vertex[np.column_stack([bent_map.vertices[landmarks[:, 0]], landmarks[:, 1]])]
     apart = target.distance(*ends[(ends >= 0).all(axis=1)].T)
-    quality = replace(solution.quality, landmark_error=float(apart.mean()) if len(apart) else np.nan)
+    landmark_error = float(apart.mean()) if len(apart) else np.nan
+    matched = float(bent_map.matched.mean())
+    quality = replace(solution.quality, landmark_error=landmark_error, matched=matched)
     return replace(
         solution,
-        map=found,
+        map=bent_map,
         quality=quality,
         evidence=held_evidence(solution.evidence, quality, pair.config.outcome.contradiction),
         notes=(*solution.notes, *notes),

@@ -68,8 +68,8 @@ def measure_quality(
         landmark_error=float(distances_to_hints(pair, image, hints.landmarks).mean())
         if len(hints.landmarks)
         else np.nan,
-        initial_map_error=float(np.median(distances_to_hints(pair, image, hints.known)))
-        if len(hints.known)
+        initial_map_error=float(np.median(distances_to_hints(pair, image, hints.initial_pairs)))
+        if len(hints.initial_pairs)
         else np.nan,
     )
 
@@ -127,9 +127,9 @@ def torn_off_share(source: Surface, target_area: float, images: FloatArray | Non
     return float(shares[1]) if len(shares) > 1 else 0.0
 
 
-def distances_to_hints(pair: ShapePair, target_vertex: IntArray, known: IntArray) -> FloatArray:
-    """Distance between the images under a map (n_s,) and those known (q, 2), source and target vertex: (q,), in √area."""
-    return pair.target.distance(target_vertex[known[:, 0]], known[:, 1])
+def distances_to_hints(pair: ShapePair, target_vertex: IntArray, pairs: IntArray) -> FloatArray:
+    """Distance between the images under a map (n_s,) and the second vertices of pairs (q, 2): (q,), in √area."""
+    return pair.target.distance(target_vertex[pairs[:, 0]], pairs[:, 1])
 
 
 def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints) -> list[str]:
@@ -140,7 +140,8 @@ def contradicted_landmarks(pair: ShapePair, points: PrecisePoints, hints: Hints)
         return []
     worst = against[np.argsort(-apart[against], kind="stable")[:MOST_NAMED]]
     named = ", ".join(
-        f"{i} → {j} ({distance:.2f} √area off)" for (i, j), distance in zip(hints.given[worst], apart[worst])
+        f"{i} → {j} ({distance:.2f} √area off)"
+        for (i, j), distance in zip(hints.user_landmarks[worst], apart[worst])
     )
     more = ", …" if len(against) > len(worst) else ""
     which = "the map" if pair.config.pin is None else "the map before it was bent"

@@ -307,6 +307,22 @@ class MatchResult:
                 f"{path}: not a match result ({error}); expected a file written by {FORMAT.writer}"
             ) from None
 
+    @classmethod
+    def from_dict(cls, summary: dict[str, Any], found: Correspondence, config: MatchSettings) -> MatchResult:
+        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices."""
+        quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
+        return cls(
+            map=found,
+            outcome=Outcome[summary["outcome"]],
+            quality=Quality(**quality),
+            expected_error=np.full(len(found.vertices), np.nan),
+            alternatives=(),
+            notes=tuple(summary["notes"]),
+            config=config,
+            symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
+            **{name: summary[name] for name in _PLAIN if name not in ("notes", "symmetries")},
+        )
+
     def _repr_html_(self) -> str:
         """Table of the outcome and the quality, and the picture of the map, for notebooks."""
         rows = {"outcome": f"{self.outcome.name}: {self.outcome.advice}"}

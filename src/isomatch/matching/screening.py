@@ -12,7 +12,7 @@ from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.search import hypotheses_from_hints, search
-from isomatch.matching.starts import start_from_known, starts_from_pose
+from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Orientation
 from isomatch.shapes import orientation_of
@@ -25,11 +25,11 @@ class Screening:
     def __init__(self, pair: ShapePair, hints: Hints) -> None:
         self._pair = pair
         self._landmarks = hints.landmarks
-        self._leading: list[IntArray] = []
-        if len(hints.known):
-            self._leading = [start_from_known(pair, hints.known)]
+        self._hinted_rows: list[IntArray] = []
+        if len(hints.initial_pairs):
+            self._hinted_rows = [start_from_pairs(pair, hints.initial_pairs)]
         elif pair.config.start == "pose" and not len(hints.landmarks):
-            self._leading = starts_from_pose(pair)
+            self._hinted_rows = starts_from_pose(pair)
         self._screened: dict[bytes, Candidate] = {}
 
     def __call__(self, hypotheses: list[Hypothesis]) -> list[Candidate]:
@@ -59,7 +59,7 @@ class Screening:
     def _errors(self, target_row: IntArray) -> tuple[float, float]:
         """Mean error at the landmarks, and ``hint_error``."""
         pair, landmarks = self._pair, self._landmarks
-        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._leading), default=0.0)
+        mean, worst = 0.0, min(pair.distances_between_maps(target_row, self._hinted_rows), default=0.0)
         if len(landmarks):
             apart = pair.target.distance(extended(pair, target_row, landmarks[:, 0]), landmarks[:, 1])
             mean, worst = float(apart.mean()), max(worst, apart.max())
@@ -106,8 +106,8 @@ def first_map(
     origin : str
         Where the hypothesis came from.
     """
-    found = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
+    hypotheses = hypotheses_from_hints(pair, hints) if hints.any else search(pair, [])
     order = ranked(
-        Screening(pair, hints)(found), orientation, pair.config.selection, bool(len(hints.landmarks))
+        Screening(pair, hints)(hypotheses), orientation, pair.config.selection, bool(len(hints.landmarks))
     )
     return extended(pair, order[0].target_row, source_vertex), order[0].hypothesis.origin

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -14,8 +13,8 @@ from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.stages import Start, name_of, pairs_of
-from isomatch.matching.starts import start_from_known, starts_from_extremities, starts_from_hints
+from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
+from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_hints
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -29,26 +28,26 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     flips of the map from landmarks come with it; otherwise automatic hypotheses compete.
     """
     settings = pair.config.search
-    given = [
+    from_hints = [
         Hypothesis(iterative_closest_points(*pair.search_points, start[None], settings.hint_steps)[0], origin)
         for start, origin in starts_from_hints(pair, hints)
     ]
-    led = [start for start in given if start.origin == "landmarks"]
-    if not led or not settings.flip_landmarks or pair.config.hypotheses == "all":
-        return given
-    best = min(led, key=lambda start: start.alignment.residual)
-    return [*given, *flips(pair, best, given)]
+    from_landmarks = [start for start in from_hints if start.origin == "landmarks"]
+    if not from_landmarks or not settings.flip_landmarks or pair.config.hypotheses == "all":
+        return from_hints
+    best = min(from_landmarks, key=lambda start: start.alignment.residual)
+    return [*from_hints, *flips(pair, best, from_hints)]
 
 
-def flips(pair: ShapePair, hypothesis: Hypothesis, known: list[Hypothesis]) -> list[Hypothesis]:
-    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those known.
+def flips(pair: ShapePair, hypothesis: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+    """Find the maps that the flip of one Laplace–Beltrami function makes of a hypothesis, other than those there are.
 
     They are its mirror images, and of a thin body the map that exchanges front and back.
     """
     pool = Pool(pair, pair.config.search.n_hypotheses)
     pool.merge([hypothesis])
     pool.flip([hypothesis], hypothesis.origin)
-    images = [h.target_row for h in known]
+    images = [h.target_row for h in others]
     least = pair.config.search.same_map
     return [flip for flip in pool.hypotheses if pair.differs(flip.target_row, images, least)]
 
@@ -73,7 +72,7 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
 
 
 def search(
-    pair: ShapePair, given: list[Hypothesis], starts: Sequence[Start] | None = None
+    pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
     """Collect distinct hypotheses, best residual first.
 
@@ -81,7 +80,7 @@ def search(
     ----------
     pair : ShapePair
         The two shapes.
-    given : list of Hypothesis
+    from_hints : list of Hypothesis
         Maps from what the user knows.
     starts : sequence of Start, optional
         By default `default_starts`: maps from extremal points, of shapes without limbs also maps from anchors, and flips
@@ -89,12 +88,12 @@ def search(
     """
     most = pair.config.anchors.n_hypotheses if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
-    pool.merge(given)
+    pool.merge(from_hints)
     for start in default_starts if starts is None else starts:
         if isinstance(start, PoolStart):
             start.extend(pool)
         else:
-            rows = [start_from_known(pair, pairs) for pairs in pairs_of([start], pair)]
+            rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
             pool.add(rows, pair.config.search.hint_steps, name_of(start))
     return pool.hypotheses
 
@@ -159,25 +158,6 @@ class Pool:
         return alignments
 
 
-class PoolStart(ABC):
-    """A start of isomatch's own, which sees the hypotheses found before."""
-
-    name: ClassVar[str]
-
-    def __call__(self, pair: ShapePair) -> list[IntArray]:
-        """Return first maps as pairs of vertices (m_s, 2)."""
-        pool = Pool(pair, pair.config.search.n_hypotheses)
-        self.extend(pool)
-        return [
-            np.column_stack([pair.source_vertices, pair.target_vertices[hypothesis.target_row]])
-            for hypothesis in pool.hypotheses
-        ]
-
-    @abstractmethod
-    def extend(self, pool: Pool) -> None:
-        """Add hypotheses to those found before."""
-
-
 class FromExtremities(PoolStart):
     """First maps from every assignment of extremal points."""
 
@@ -213,6 +193,18 @@ class FromFlips(PoolStart):
 
 default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
+
+
+def starts_of(relation: Relation) -> tuple[Start, ...]:
+    """Return the starts of a part or an elastic map: those handed in, else isomatch's; none where only hints may win.
+
+    Landmarks lead through anchors, in any case but where a whole map is given and nothing else may win.
+    """
+    starts, config, hints = relation.stages.starts, relation.pair.config, relation.hints
+    found = () if config.hypotheses == "given" else default_starts if starts is None else tuple(starts)
+    whole_map = not hints.only_landmarks or config.start == "pose"
+    led = len(hints.landmarks) and not (config.hypotheses == "given" and whole_map)
+    return (*found, FromAnchors()) if led else found
 
 
 def _flipped(pair: ShapePair, functional_map: FloatArray, function: int) -> IntArray:

@@ -13,11 +13,9 @@ from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.closed import match_closed, with_doubt
 from isomatch.matching.relations.elastic import FAR, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry, Measured
-from isomatch.matching.relations.part import Part
+from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
-
-PartRole = Literal["source", "target", "both"]
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -45,8 +43,8 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
     return solve_complete(relation, relation.match(timer), timer)
 
 
-def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartRole | None:
-    """Tell which shape is a part, if one is, or both.
+def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
+    """Tell which shape is a part of the other, or whether both are parts of something that neither shows.
 
     A part has a long boundary. Only refinements that look further, of maps that preserve the orientation, know of parts,
     without descriptors.
@@ -74,7 +72,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         stretched = elastic.match()
         if stretched:
             selection, reason = stretched
-            measured = Measured(*elastic.measure(selection), None, reason, "anchors")
+            measured = Measured(*elastic.measure(selection), None, reason, selection.winner.origin)
             return relation.summed_up(found, measured, timer, FAR)
     return relation.summed_up(found, measured, timer)
 
@@ -82,13 +80,17 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
 def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
     """Match elastically, from the winner and all candidates too."""
     pair = relation.pair
-    ordinary = np.column_stack([relation.vertices, found.selection.winner.image])
+    winner = found.selection.winner
+    ordinary = np.column_stack([relation.vertices, winner.image])
     others = [
-        np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]])
+        (
+            np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]]),
+            candidate.hypothesis.origin,
+        )
         for candidate in found.eligible
         if candidate.orientation > 0
     ]
-    return Elastic(ordinary, others).on(pair, relation.hints, relation.stages)
+    return Elastic(ordinary, others, winner.origin).on(pair, relation.hints, relation.stages)
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:

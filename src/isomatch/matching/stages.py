@@ -22,7 +22,18 @@ from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]]
+
+class PoolStart(ABC):
+    """A start of isomatch's own, which adds to the hypotheses found before instead of making first maps of a pair."""
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def extend(self, pool: Any) -> None:
+        """Add hypotheses to those of a `Pool`."""
+
+
+Start: TypeAlias = Callable[[ShapePair], Iterable[IntArray]] | PoolStart
 """Makes first maps of a pair: arrays (q, 2) of vertices of both bodies that may correspond, a few or all."""
 
 
@@ -201,6 +212,36 @@ class Relation(ABC):
                 f"{_named(self.refinement)} gave images from {given.min()} to {given.max()}; {expected}"
             )
 
+    def require_sides(self) -> None:
+        """Raise `SettingError` unless the shapes have an inside and an outside, which the map should preserve.
+
+        Only maps that do so are sought by relations that compare normals of the shapes themselves.
+        """
+        name, orientation = type(self).__name__, self.pair.config.orientation
+        if not self.pair.oriented:
+            raise SettingError(
+                f"relation = {name}, but a shape is a graph or a point cloud, which has no inside to tell maps by; give "
+                "meshes, or leave the relation out"
+            )
+        if orientation != "preserve":
+            raise SettingError(
+                f"relation = {name}, but orientation = {orientation!r}, and this relation finds only maps that preserve "
+                "it; turn the faces of one shape inside out (faces[:, ::-1]) and leave orientation at 'preserve'"
+            )
+
+    def require_hints(self) -> None:
+        """Raise `SettingError` if only maps from hints may win, and there are none."""
+        config = self.pair.config
+        if config.hypotheses == "given" and not self.hints.any and config.start == "auto":
+            raise SettingError(
+                "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
+            )
+
+    def origin_of(self, winner: Fit) -> str:
+        """Where a map came from: the initial map, if it agrees with that."""
+        agrees = winner.hint_error <= self.pair.config.outcome.contradiction
+        return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
+
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps as isomatch does: by joint coordinates of functions, signatures, positions and normals."""
@@ -284,11 +325,11 @@ class Stages:
                 raise SettingError(
                     f"{name} = {value!r} is no {kind.__name__}; give an instance of a subclass"
                 )
-        if callable(self.starts):
+        if callable(self.starts) or isinstance(self.starts, PoolStart):
             raise SettingError(f"starts = {name_of(self.starts)} is one start; give a list of them")
         if self.starts is not None:
             object.__setattr__(self, "starts", tuple(self.starts))
-            if not all(callable(start) for start in self.starts):
+            if not all(callable(start) or isinstance(start, PoolStart) for start in self.starts):
                 raise SettingError("starts hold something that cannot be called with a pair of shapes")
 
 
@@ -298,8 +339,10 @@ def name_of(start: Start) -> str:
     return str(own or type(start).__name__)
 
 
-def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
-    """Collect the first maps of starts, checked: arrays (q, 2) of vertices of both bodies.
+def first_maps_of(starts: Iterable[Start], pair: ShapePair) -> list[tuple[IntArray, str]]:
+    """Collect the first maps of the starts that are not isomatch's own, checked, each with the name of its start.
+
+    They are arrays (q, 2) of vertices of both bodies.
 
     Raises
     ------
@@ -309,20 +352,22 @@ def pairs_of(starts: Iterable[Start], pair: ShapePair) -> list[IntArray]:
     found = []
     sizes = pair.source.body.n_vertices, pair.target.body.n_vertices
     for start in starts:
-        given = start(pair)
-        if given is None or (isinstance(given, np.ndarray) and given.ndim < 3):
-            what = "None" if given is None else f"one array of shape {given.shape}"
+        if isinstance(start, PoolStart):
+            continue
+        maps = start(pair)
+        if maps is None or (isinstance(maps, np.ndarray) and maps.ndim < 3):
+            what = "None" if maps is None else f"one array of shape {maps.shape}"
             raise SettingError(
                 f"the start {name_of(start)} gave {what}; expected a list of first maps, which may be empty"
             )
-        for pairs in map(np.asarray, given):
+        for pairs in map(np.asarray, maps):
             fits = pairs.ndim == 2 and pairs.shape[1] == 2 and pairs.dtype.kind in "iu" and len(pairs) >= 3
             if not fits or (pairs < 0).any() or (pairs >= sizes).any():
                 raise SettingError(
                     f"the start {name_of(start)} gave an array of shape {pairs.shape} and type {pairs.dtype}; expected "
                     f"at least three rows (source vertex, target vertex) of bodies of {sizes[0]} and {sizes[1]} vertices"
                 )
-            found.append(pairs)
+            found.append((pairs, name_of(start)))
     return found
 
 

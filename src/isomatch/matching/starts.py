@@ -23,8 +23,8 @@ def starts_from_hints(pair: ShapePair, hints: Hints) -> Iterator[tuple[IntArray,
     if len(hints.landmarks):
         for penalty in settings.off_diagonal:
             yield _from_points(pair, hints.landmarks[None], penalty)[0], "landmarks"
-    if len(hints.known):
-        yield start_from_known(pair, hints.known), "initial map"
+    if len(hints.initial_pairs):
+        yield start_from_pairs(pair, hints.initial_pairs), "initial map"
     if hints.functions[0].shape[1]:
         yield start_from_functions(pair, *hints.functions), "descriptors"
     if pair.config.start == "pose":
@@ -77,21 +77,21 @@ def _places(surface: Surface) -> FloatArray:
     return surface.vertices
 
 
-def start_from_known(pair: ShapePair, known: IntArray) -> IntArray:
-    """First map from a map known at some vertices (q, 2): target rows (m_s,) of the search vertices.
+def start_from_pairs(pair: ShapePair, pairs: IntArray) -> IntArray:
+    """First map from a map that is known at some vertices, pairs (q, 2): target rows (m_s,) of the search vertices.
 
     Search vertices without an image take that of the nearest one that has an image, nearest in descriptors; and an image
     between the target's search vertices goes to the nearest of them.
     """
     source, target = pair.search_points
     image = np.full(pair.source.body.n_vertices, -1)
-    image[known[::-1, 0]] = known[::-1, 1]  # of vertices that were welded, the first counts
+    image[pairs[::-1, 0]] = pairs[::-1, 1]  # of vertices that were welded, the first counts
     target_vertex = image[pair.source_vertices]
     held = np.flatnonzero(target_vertex >= 0)
     if len(held) < FEWEST_POINTS:  # the nearest known vertices stand in
         held = np.arange(len(target_vertex))
-        points = pair.source.points.at(known[:, 0], len(source.signs)).coordinates
-        target_vertex = known[cKDTree(points).query(source.coordinates)[1], 1]
+        points = pair.source.points.at(pairs[:, 0], len(source.signs)).coordinates
+        target_vertex = pairs[cKDTree(points).query(source.coordinates)[1], 1]
     stand_in = held[cKDTree(source.coordinates[held]).query(source.coordinates)[1]]
     images = pair.target.points.at(target_vertex[stand_in], len(target.signs)).coordinates
     return np.asarray(cKDTree(target.coordinates).query(images)[1], dtype=np.int64)

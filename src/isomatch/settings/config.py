@@ -32,6 +32,7 @@ Hypotheses = Literal["all", "given"]
 Start = Literal["auto", "pose"]
 Resolution = Literal["auto", "full", "fast"]
 PartRole = Literal["auto", "source", "target", "both", "none"]
+"""The source is a part of the target, or the target of the source, or both of a whole that neither shows."""
 Scale = Literal["auto", "same", "area", "free"]
 
 

@@ -63,3 +63,9 @@ class RefinementSettings(Settings):
             raise SettingError(
                 "the three stages of the joint refinement are all empty; give one of them a size"
             )
+
+    @property
+    def last_step(self) -> tuple[tuple[int, ...], bool]:
+        """Size of the last step of the joint refinement, by which every map is measured; whether it has positions."""
+        with_positions = (*self.sizes_with_positions, *self.final_sizes)
+        return (with_positions or self.sizes_without_positions)[-1:], bool(with_positions)

@@ -120,8 +120,10 @@ def solved(task: Task, config: FunctionalMapsConfig) -> FloatArray:
     energy = FunctionalEnergy(k, k)
     for of_source, of_target in (*zip(*coefficients), (constant, constant)):
         energy.preserve(of_source, of_target, config.descriptor_weight)
-    if len(task.hints.known):
-        energy.preserve(task.functional_map_at(task.hints.known, k), np.eye(k), k * config.descriptor_weight)
+    if len(task.hints.initial_pairs):
+        energy.preserve(
+            task.functional_map_at(task.hints.initial_pairs, k), np.eye(k), k * config.descriptor_weight
+        )
     a, b = (np.hstack(groups) for groups in coefficients)
     energy.commute(
         *_comparable(products(source.laplace, a), products(target.laplace, b)), config.product_weight

@@ -121,9 +121,9 @@ def placement(task: Task, config: GmdsConfig) -> tuple[Placement, tuple[float, .
 def _start(task: Task, config: GmdsConfig) -> tuple[IntArray, str]:
     """Source vertices and their first images (q, 2), and where they come from."""
     pair, samples = task.pair, task.pair.source.column_vertices
-    if len(task.hints.known):
-        at_samples = task.hints.known[np.isin(task.hints.known[:, 0], samples)]
-        return at_samples if len(at_samples) >= FEWEST_POINTS else task.hints.known, "initial map"
+    if len(task.hints.initial_pairs):
+        at_samples = task.hints.initial_pairs[np.isin(task.hints.initial_pairs[:, 0], samples)]
+        return at_samples if len(at_samples) >= FEWEST_POINTS else task.hints.initial_pairs, "initial map"
     if len(task.hints.landmarks):
         return task.hints.landmarks, "landmarks"
     image, origin = first_map(pair, task.hints, samples, config.orientation)

@@ -155,7 +155,7 @@ def transport(task: Task, features: Embedding, config: GromovWassersteinConfig) 
 
 def _features(task: Task) -> tuple[Embedding, str]:
     """Features of all vertices, and where they come from."""
-    for pairs, origin in ((task.hints.known, "initial map"), (task.hints.landmarks, "landmarks")):
+    for pairs, origin in ((task.hints.initial_pairs, "initial map"), (task.hints.landmarks, "landmarks")):
         if len(pairs):
             return distances_to(task.pair, Placement.at_vertices(pairs)), origin
     functions = task.hints.functions

@@ -84,8 +84,8 @@ def laplace_nearest_neighbours(
 
 def first_functional_map(task: Task, k: int) -> tuple[FloatArray, str]:
     """First functional map, computed as `match` does from distance descriptors, and where it comes from."""
-    if len(task.hints.known):
-        return task.functional_map_at(task.hints.known, k), "initial map"
+    if len(task.hints.initial_pairs):
+        return task.functional_map_at(task.hints.initial_pairs, k), "initial map"
     source, target = (shape.laplace for shape in task.shapes)
     points = _points(source, k), _points(target, k)
     if len(task.hints.landmarks):

@@ -150,8 +150,8 @@ def _data(task: Task, k: int) -> dict[str, tuple[FloatArray, ...]]:
     """Coefficients (k, q) of functions of source and target that should correspond, of norm about 1, by their origin."""
     shapes = task.shapes
     data: dict[str, tuple[FloatArray, ...]] = {}
-    if len(task.hints.known):
-        data["initial map"] = task.functional_map_at(task.hints.known, k), np.eye(k)
+    if len(task.hints.initial_pairs):
+        data["initial map"] = task.functional_map_at(task.hints.initial_pairs, k), np.eye(k)
     if len(task.hints.landmarks):
         data["landmarks"] = tuple(
             _heat(shape.laplace, x, k) for shape, x in zip(shapes, task.hints.landmarks.T)

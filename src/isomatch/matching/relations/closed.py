@@ -48,6 +48,11 @@ class ClosedMatch:
     relation: Isometry
     found: IsometricMatch
 
+    @property
+    def origin(self) -> str:
+        """Where the map came from."""
+        return self.relation.origin_of(self.found.selection.winner)
+
     def image_of(self, side: str) -> IntArray:
         """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
         of_source, of_target = self.found.embedding
@@ -134,7 +139,7 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
     flipped = max(config.parts.flipped, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     capped = ShapePair(source, target, replace(config, search=replace(config.search, flipped=flipped)))
-    closed = Hints(hints.landmarks, hints.known, nothing, given=hints.given)
+    closed = Hints(hints.landmarks, hints.initial_pairs, nothing, user_landmarks=hints.user_landmarks)
     relation = Isometry().on(capped, closed, stages)
     try:
         return ClosedMatch(pair, hints, relation, relation.match(timer))

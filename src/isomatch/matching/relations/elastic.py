@@ -21,8 +21,9 @@ from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
-from isomatch.matching.search import FromAnchors, PoolStart, default_starts
-from isomatch.matching.stages import Relation, pairs_of
+from isomatch.matching.search import FromAnchors, starts_of
+from isomatch.matching.stages import Relation, first_maps_of
+from isomatch.matching.starts import starts_from_hints
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import ElasticSettings
@@ -80,8 +81,10 @@ class Elastic(Relation):
     ----------
     ordinary : (q, 2) array of int, optional
         A map found otherwise, as vertices of source and target, which an elastic one must beat.
-    others : sequence of (q, 2) arrays of int
-        Further first maps.
+    others : sequence of ((q, 2) array of int, str)
+        Further first maps, and where each came from.
+    origin : str
+        Where the ordinary map came from.
 
     Notes
     -----
@@ -93,13 +96,18 @@ class Elastic(Relation):
     Handed to `match` as ``relation=Elastic()``, or with first maps that contend with those searched:
 
     >>> pairs = np.array([[0, 10], [5, 7], [9, 2]])
-    >>> relation = Elastic(others=[pairs])
+    >>> relation = Elastic(others=[(pairs, "by hand")])
     >>> relation.ordinary is None
     True
     """
 
-    def __init__(self, ordinary: IntArray | None = None, others: Sequence[IntArray] = ()) -> None:
-        self.ordinary, self.others = ordinary, others
+    def __init__(
+        self,
+        ordinary: IntArray | None = None,
+        others: Sequence[tuple[IntArray, str]] = (),
+        origin: str = "ordinary",
+    ) -> None:
+        self.ordinary, self.others, self.origin = ordinary, others, origin
 
     def match(self) -> tuple[Selection[StretchedFit], str] | None:
         """Fit first maps coarsely, the best that differ finely, and select; None if the ordinary map scores best.
@@ -117,7 +125,7 @@ class Elastic(Relation):
         """
         settings = self.pair.config.elastic
         starts = self._starts()
-        rough = [fit for fit in parallel_map(self._roughly, starts) if fit]
+        rough = [fit for fit in parallel_map(lambda start: self._roughly(*start), starts) if fit]
         rough.sort(key=lambda fit: fit.score)
         kept = distinct(
             rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, N_CONTENDERS
@@ -131,21 +139,28 @@ class Elastic(Relation):
         if not fits or (self.ordinary is not None and fits[0].score >= self._unchanged(self.ordinary).score):
             return None
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(1.0, 1.0, self.pair.config.selection.rival_distance, 0.0)
+        rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
         return select(fits, apart, rules), reason
 
-    def _starts(self) -> list[IntArray]:
-        pair, landmarks, starts = self.pair, self.hints.landmarks, self.stages.starts
-        found: list[IntArray] = []
-        if any(isinstance(start, FromAnchors) for start in (default_starts if starts is None else starts)):
+    def _starts(self) -> list[tuple[IntArray, str]]:
+        """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
+        pair, landmarks, starts = self.pair, self.hints.landmarks, starts_of(self)
+        first_maps: list[tuple[IntArray, str]] = []
+        if any(isinstance(start, FromAnchors) for start in starts):
             source, target = self._shapes
             turned = ShapePair(pair.target, pair.source, pair.config)
             back = anchor_starts(turned, landmarks[:, ::-1], (target, source))
-            found = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
-        own = [start for start in starts or () if not isinstance(start, PoolStart)]
-        ordinary = [] if self.ordinary is None else [self.ordinary]
-        return [*found, *ordinary, *self.others, *pairs_of(own, pair)]
+            pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
+            first_maps = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
+        if self.ordinary is not None:
+            first_maps.append((self.ordinary, self.origin))
+        else:
+            first_maps += [
+                (np.column_stack([pair.source_vertices, pair.target_vertices[rows]]), origin)
+                for rows, origin in starts_from_hints(pair, self.hints)
+            ]
+        return [*first_maps, *self.others, *first_maps_of(starts, pair)]
 
     @cached_property
     def _shapes(self) -> tuple[ElasticShape, ElasticShape]:
@@ -175,20 +190,22 @@ class Elastic(Relation):
             for k, smoothness in zip(FINE_FUNCTIONS, FINE_SMOOTHNESS)
         )
 
-    def _roughly(self, start: IntArray) -> StretchedFit | None:
+    def _roughly(self, start: IntArray, origin: str) -> StretchedFit | None:
         """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
         coarse, settings = self._coarse, self.pair.config.elastic
         steps = coarse_steps(settings)
-        found = coarse.from_pairs(start, steps[0])
-        if coarse.orientation(found, coarse.images(found)) < 0:
+        coefficients = coarse.from_pairs(start, steps[0])
+        if coarse.orientation(coefficients, coarse.images(coefficients)) < 0:
             return None
-        found, images = coarse.run(found, steps)
-        if coarse.orientation(found, images) < LEAST_ORIENTATION:
+        coefficients, images = coarse.run(coefficients, steps)
+        if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
         score = images.misfit * penalty
-        return StretchedFit(image, images.misfit, score, coefficients=found, images=images)
+        return StretchedFit(
+            image, images.misfit, score, origin=origin, coefficients=coefficients, images=images
+        )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""
@@ -201,29 +218,29 @@ class Elastic(Relation):
         return parallel_map(self._refined, [cast(StretchedFit, fit) for fit in fits])
 
     def _refined(self, fit: StretchedFit) -> StretchedFit:
-        return self._scored(*self._fine.run(fit.coefficients, self._fine_steps, fit.images))
+        return self._scored(*self._fine.run(fit.coefficients, self._fine_steps, fit.images), fit.origin)
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Measure a map as it is, drawn by all functions."""
         self.require_images(image)
-        return self._unchanged(np.column_stack([self.vertices, image]))
+        return self._unchanged(np.column_stack([self.vertices, image]), fit.origin)
 
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices of both bodies: canonical ones, and those of the other shape drawn on each."""
         return self._fine.embedding(cast(StretchedFit, fit).coefficients)
 
-    def _unchanged(self, pairs: IntArray) -> StretchedFit:
+    def _unchanged(self, pairs: IntArray, origin: str = "") -> StretchedFit:
         """Score a map (q, 2) as it is."""
-        found = self._fine.from_pairs(pairs, self._fine_steps[-1])
-        return self._scored(found, self._fine.images(found))
+        coefficients = self._fine.from_pairs(pairs, self._fine_steps[-1])
+        return self._scored(coefficients, self._fine.images(coefficients), origin)
 
-    def _scored(self, found: Coefficients, images: Images) -> StretchedFit:
+    def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
         settings = self.pair.config.elastic
         judge = replace(self._fine, settings=replace(settings, normal_weight=settings.score_normal_weight))
-        misfit, stretch = judge.images(found).misfit, judge.stretch(found)
+        misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
         score = misfit * stretch**STRETCH_EXPONENT
         image = self._fine.target.targets[images.forth]
-        return StretchedFit(image, misfit, score, coefficients=found, images=images)
+        return StretchedFit(image, misfit, score, origin=origin, coefficients=coefficients, images=images)
 
     def measure(self, selection: Selection[StretchedFit]) -> tuple[PrecisePoints, Quality]:
         """Take the nearest points under the map selected, and measure it."""
@@ -233,6 +250,8 @@ class Elastic(Relation):
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
+        self.require_sides()
+        self.require_hints()
         timer.start("elastic match")
         found = self.match()
         if found is None:
@@ -250,7 +269,7 @@ class Elastic(Relation):
             (far,),
             self.source.lift_smooth(expected_errors(pair, points)),
             notes=(*pair.notes, *self.hints.notes, FAR, *contradicted_landmarks(pair, points, self.hints)),
-            origin="anchors",
+            origin=selection.winner.origin,
             reason=reason,
         )
 

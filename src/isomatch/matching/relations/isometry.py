@@ -105,8 +105,8 @@ class Isometry(Relation):
         timer.start("quality")
         return self.summed_up(found, self.measure(found), timer)
 
-    def match(self, timer: StageTimer, known: Sequence[Hypothesis] | None = None) -> IsometricMatch:
-        """Search, select and refine; hypotheses that are ``known`` take the place of the search.
+    def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
+        """Search, select and refine; ``hypotheses`` found otherwise take the place of the search.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class Isometry(Relation):
         both = self.source, self.target
         parallel_map(lambda shape: (shape.points, shape.signatures, shape.curvature, shape.symmetries), both)
         timer.start("search")
-        may_win, only_rivals = self.hypotheses() if known is None else (list(known), [])
+        may_win, only_rivals = self.hypotheses() if hypotheses is None else (list(hypotheses), [])
         timer.start("selection")
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
@@ -127,14 +127,11 @@ class Isometry(Relation):
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as rivals only."""
         pair, config, starts = self.pair, self.pair.config, self.stages.starts
-        if config.hypotheses == "given" and not self.hints.any and config.start == "auto":
-            raise SettingError(
-                "hypotheses = 'given', but no landmarks, initial map or descriptors were given"
-            )
-        given = hypotheses_from_hints(pair, self.hints)
+        self.require_hints()
+        from_hints = hypotheses_from_hints(pair, self.hints)
         if config.hypotheses == "all":
-            return search(pair, given, starts), []
-        return given, search(pair, given, starts) if self.searches_rivals else []
+            return search(pair, from_hints, starts), []
+        return from_hints, search(pair, from_hints, starts) if self.searches_rivals else []
 
     @property
     def searches_rivals(self) -> bool:
@@ -173,6 +170,7 @@ class Isometry(Relation):
                 hint_error=c.hint_error,
                 landmark_error=c.landmark_error,
                 candidate=c,
+                origin=c.hypothesis.origin,
             )
             for c in candidates
         ]
@@ -206,9 +204,7 @@ class Isometry(Relation):
     def measured(self, fit: Fit, image: IntArray) -> Fit:
         """Measure a map: the misfit is that after the last step of the joint refinement, from there."""
         self.require_images(image)
-        _, misfit = refined_images(
-            self.pair, image, fit.side, self.pair.config.refining.final_sizes[-1:], True
-        )
+        _, misfit = refined_images(self.pair, image, fit.side, *self.pair.config.refining.last_step)
         fit = replace(fit, image=image, misfit=misfit)
         return replace(fit, score=self.score(fit))
 
@@ -281,14 +277,7 @@ class Isometry(Relation):
             reason += "; of those that tie, it agrees best with the hints"
         if selection.rival < np.inf:
             reason += f"; the best rival scores {selection.rival:.2f} times as much"
-        return Measured(points, quality, doubt, reason, self._origin(selection.winner))
-
-    def _origin(self, winner: Fit) -> str:
-        """Where the winner came from: the initial map, if it agrees with that."""
-        bound = self.pair.config.outcome.contradiction
-        if len(self.hints.known) and winner.hint_error <= bound:
-            return "initial map"
-        return winner.candidate.hypothesis.origin if winner.candidate else ""
+        return Measured(points, quality, doubt, reason, self.origin_of(selection.winner))
 
     def summed_up(
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None

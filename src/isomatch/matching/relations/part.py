@@ -11,12 +11,12 @@ from typing import Literal, cast
 import numpy as np
 
 from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, SpectralPair
-from isomatch.errors import NotConvergedError, SettingError
+from isomatch.errors import DescriptorError, NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_evidence
+from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import SmoothPair
 from isomatch.matching.quality import (
@@ -33,8 +33,8 @@ from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.relations.part_starts import PartStarts, self_maps
 from isomatch.matching.result import Quality
-from isomatch.matching.search import FromAnchors, PoolStart, default_starts
-from isomatch.matching.stages import Relation, pairs_of
+from isomatch.matching.search import FromAnchors, starts_of
+from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
@@ -119,15 +119,15 @@ class Part(Relation):
     def measured(self, fit: Fit, image: IntArray) -> PartFit:
         """Measure a map: its cost is known once the part has been bent by it."""
         self.require_images(image)
-        return self._fits.measured(cast(PartFit, fit).pair, image)
+        return self._fits.measured(cast(PartFit, fit).pair, image, fit.origin)
 
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
         refinement = cast(PartFit, fit).refinement
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
-    def match(self) -> tuple[Selection[PartFit], list[float]]:
-        """Search, refine, bend and select; returns the selection, and the costs of its winner and rivals.
+    def match(self) -> tuple[Selection[PartFit], float]:
+        """Search, refine, bend and select; returns the selection, and the cost of its winner.
 
         Raises
         ------
@@ -135,13 +135,13 @@ class Part(Relation):
             If no map that keeps the orientation was found.
         """
         config, settings, fits_of = self.pair.config, self.pair.config.parts, self._fits
-        given = self._given()
-        only_given = self._led is not None and config.hypotheses == "given"
-        rough = [] if only_given else self._rough_fits(given)
+        first_maps = self._first_maps()
+        only_given = config.hypotheses == "given" and not starts_of(self)
+        rough = [] if only_given else self._rough_fits(first_maps)
         kept = self._distinct(rough, N_CONTENDERS)
         hopeful = [fit for fit in kept if fit.promise <= settings.hopeless * kept[0].promise]
         hopeful = kept[: max(len(hopeful), 2)]  # the best, and a rival
-        contenders = [*((fit.pair, fit.image) for fit in hopeful), *given]
+        contenders = [*((fit.pair, fit.image, fit.origin) for fit in hopeful), *first_maps]
         if not contenders:
             raise NotConvergedError(
                 "no map of the part keeps the orientation of the faces; give three to five landmarks, or start = 'pose' "
@@ -153,10 +153,14 @@ class Part(Relation):
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = _by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(settings.tie, settings.tie, settings.apart, config.selection.landmark_slack)
+        rules = Rules(
+            rival_distance=settings.apart,
+            tie=settings.tie,
+            mirror_tie=settings.tie,
+            landmark_slack=config.selection.landmark_slack,
+        )
         selection = select(fits, apart, rules, scores=costs)
-        cost = dict(zip(map(id, fits), costs))
-        return selection, [cost[id(fit)] for fit in (selection.winner, *selection.rivals)]
+        return selection, next(cost for fit, cost in zip(fits, costs) if fit is selection.winner)
 
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
@@ -172,29 +176,36 @@ class Part(Relation):
         apart = self.pair.config.parts.apart
         return distinct(fits, lambda fit: fit.image, self.target.mean_distances, apart, count)
 
-    def _rough_fits(self, given: list[tuple[PartPair, IntArray]]) -> list[PartFit]:
+    def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
         promise, fits_of, pair = attrgetter("promise"), self._fits, self._fits.pair
         # landmarks tell the sides
         onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
         fits: list[PartFit] = []
-        starts = default_starts if self.stages.starts is None else self.stages.starts
-        if any(isinstance(start, FromAnchors) for start in starts):
+        if any(isinstance(start, FromAnchors) for start in starts_of(self)):
             anchored = PartStarts(pair, fits_of.coordinates.signatures, onto_itself)()
             fits += [fit for fit in parallel_map(fits_of.rough, anchored) if fit]
-        fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), given) if fit]
+        fits += [fit for fit in parallel_map(lambda x: fits_of.roughly(*x), first_maps) if fit]
         best = self._distinct(sorted(fits, key=promise), N_VARIED)
         varied = parallel_map(lambda x: fits_of.varied(*x), list(product(best, onto_itself)))
         return sorted([*fits, *(fit for fit in varied if fit)], key=promise)
 
-    def _given(self) -> list[tuple[PartPair, IntArray]]:
-        """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in."""
-        closed = None if self.closed is None else self.closed.image_of(self.side)
-        own = [start for start in self.stages.starts or () if not isinstance(start, PoolStart)]
-        handed = [_filled(self.source, self._towards_whole(pairs)) for pairs in pairs_of(own, self.pair)]
+    def _first_maps(self) -> list[tuple[PartPair, IntArray, str]]:
+        """Map the rough vertices, each time in its unit: with the holes closed, by hints, and by starts handed in.
+
+        With each map comes its origin.
+        """
+        images: list[tuple[IntArray, str]] = []
+        if self.closed is not None:
+            images.append((self.closed.image_of(self.side), self.closed.origin))
+        if self._hinted_image is not None:
+            images.append((self._hinted_image, "initial map" if len(self.hints.initial_pairs) else "pose"))
+        images += [
+            (_filled(self.source, self._towards_whole(pairs)), name)
+            for pairs, name in first_maps_of(starts_of(self), self.pair)
+        ]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
-        images = [image for image in (closed, self._led, *handed) if image is not None]
-        return [(self._fits.pair.in_unit_of(image), image[rough]) for image in images]
+        return [(self._fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
 
     def _towards_whole(self, pairs: IntArray) -> IntArray:
         """Turn pairs (q, 2) of vertices of source and target into such of part and whole."""
@@ -203,23 +214,32 @@ class Part(Relation):
     @cached_property
     def _fits(self) -> PartFits:
         landmarks = self._towards_whole(self.hints.landmarks)
-        return PartFits(PartPair.of(self.source, self.target, self.pair.config, landmarks), self._led)
+        return PartFits(
+            PartPair.of(self.source, self.target, self.pair.config, landmarks), self._hinted_image
+        )
 
     @cached_property
-    def _led(self) -> IntArray | None:
+    def _hinted_image(self) -> IntArray | None:
         """(n_part,) images by the initial map, or by the pose."""
-        known, pair = self.hints.known, self.pair
-        if not len(known) and pair.config.start == "pose":
+        pairs, pair = self.hints.initial_pairs, self.pair
+        if not len(pairs) and pair.config.start == "pose":
             vertices = np.arange(pair.source.body.n_vertices)
-            known = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
-        return _filled(self.source, self._towards_whole(known)) if len(known) else None
+            pairs = np.column_stack([vertices, nearest_in_pose(pair.source, pair.target, vertices)])
+        return _filled(self.source, self._towards_whole(pairs)) if len(pairs) else None
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it."""
+        self.require_sides()
+        self.require_hints()
+        if self.hints.functions[0].shape[1]:
+            raise DescriptorError(
+                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: a whole and its "
+                "part cannot be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
+            )
         timer.start("parts")
-        selection, costs = self.match()
+        selection, cost = self.match()
         best, settings = selection.winner, self.pair.config.parts
-        doubt = PartDoubt(costs[0], selection.rival, best.pair.trusted, settings)
+        doubt = PartDoubt(cost, selection.rival, best.pair.trusted, settings)
         share = best.share
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
@@ -228,7 +248,7 @@ class Part(Relation):
             agrees = apart <= settings.apart
             as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
             fits = [best, *selection.rivals]
-            returned = _against(fits)(as_found) / costs[0] < settings.closed_score
+            returned = _against(fits)(as_found) / cost < settings.closed_score
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
                 with_caps = self.closed.solution(timer)
                 evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
@@ -265,13 +285,16 @@ class Part(Relation):
         timer.start("quality")
         quality = self._quality(selection, bent, doubt, points, matched)
         found = pair.source.correspondence(pair.target, points, matched)
+        landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
+        bound = pair.config.outcome.contradiction
+        contradicted = part_contradicts(landmark_errors, quality.initial_map_error, bound)
         solution = Solution(
             pair,
             found,
             quality,
-            (*evidence, Evidence(contradicted=self._contradicts(points, quality))),
+            (*evidence, Evidence(contradicted=contradicted)),
             np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
-            origin=self._origin(best),
+            origin=self.origin_of(best),
             reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
         )
         notes = (
@@ -283,21 +306,6 @@ class Part(Relation):
             *contradicted_landmarks(pair, points, hints),
         )
         return replace(solution, notes=notes)
-
-    def _origin(self, best: PartFit) -> str:
-        if len(self.hints.known) and best.hint_error <= self.pair.config.outcome.contradiction:
-            return "initial map"
-        return "landmarks" if len(self.hints.landmarks) else "anchors"
-
-    def _contradicts(self, points: PrecisePoints, quality: Quality) -> bool:
-        """Whether most landmarks, or the initial map, are contradicted.
-
-        Single landmarks may be off in a right map: where limbs touch, a vertex of the whole may be nearest to the other
-        one.
-        """
-        off = distances_to_hints(self.pair, points.corners[:, 0], self.hints.landmarks)
-        bound = self.pair.config.outcome.contradiction
-        return bool(quality.initial_map_error > bound or (len(off) and np.median(off) > bound))
 
     def _quality(
         self,
@@ -316,9 +324,9 @@ class Part(Relation):
         landmark_error, initial_map_error = np.nan, np.nan
         if len(hints.landmarks):
             landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
-        known = hints.known[matched[hints.known[:, 0]]]
-        if len(known):
-            initial_map_error = float(np.median(distances_to_hints(pair, image, known)))
+        initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
+        if len(initial_pairs):
+            initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
         return Quality(
             misfit=best.misfit,
             rival=selection.rival,

@@ -17,6 +17,7 @@ from isomatch.matching.relations.part_refinement import (
     WholeCoordinates,
 )
 from isomatch.matching.relations.part_starts import PartStart, completed, composed
+from isomatch.matching.search import FromAnchors
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
@@ -131,35 +132,36 @@ class PartFits:
         """Refine some vertices a little; None for a mirror image."""
         refinement = self._rough_refinement(start.pair)
         vertices = refinement.vertices[: self._config.n_search]
-        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS))
+        origin = "landmarks" if len(self.pair.landmarks) else FromAnchors.name
+        return self.roughly(start.pair, refinement.extended(start.dense(vertices), N_ROUGH_FUNCTIONS), origin)
 
     def varied(self, fit: PartFit, image_row: IntArray) -> PartFit | None:
         """Compose a roughly refined map with a map of the whole onto itself, and refine it again."""
-        return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row))
+        return self.roughly(fit.pair, composed(fit.pair.whole, fit.image, image_row), fit.origin)
 
-    def roughly(self, pair: PartPair, image: IntArray) -> PartFit | None:
+    def roughly(self, pair: PartPair, image: IntArray, origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
         refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
         image, misfit = refinement.refined(image, sizes)
         anchors = refinement.at(image, sizes[-1], pair.anchors)
-        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, self.bending)
+        return _fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, self.bending, origin)
 
-    def begun(self, pair: PartPair, image: IntArray) -> PartFit:
+    def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
         pair = pair.with_unit(self._rough_refinement(pair).local_unit(image))
         refinement = self.fine_refinement(pair)
         image = refinement.extended(image, self._config.parts.sizes[-1])
-        return PartFit(image, pair=pair, refinement=refinement, bending=self.bending)
+        return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
     def refined(self, fit: PartFit) -> PartFit:
         """Refine a map to the end."""
         settings = self._config.refining
-        image, _ = fit.refinement.refined(fit.image, settings.sizes_without_positions, with_positions=False)
-        sizes = (*settings.sizes_with_positions, *settings.final_sizes)
-        image, misfit = fit.refinement.refined(image, sizes)
-        return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2])
+        image, misfit = fit.refinement.refined(fit.image, settings.sizes_without_positions, False)
+        if sizes := (*settings.sizes_with_positions, *settings.final_sizes):
+            image, misfit = fit.refinement.refined(image, sizes)
+        return self._finely(fit.pair, image, misfit, self._config.parts.bending[::2], fit.origin)
 
     def settled(self, fit: PartFit, again: Callable[[PartFit], PartFit]) -> PartFit:
         """Refine a map again from where the part lies that was bent by it, bend the part by the new map, and so on."""
@@ -171,21 +173,26 @@ class PartFits:
 
     def refined_again(self, fit: PartFit) -> PartFit:
         """Take the last steps of the refinement."""
-        image, misfit = fit.refinement.refined(fit.image, self._config.refining.final_sizes)
-        return self._finely(fit.pair, image, misfit, self._config.parts.bending)
+        settings = self._config.refining
+        steps = (settings.final_sizes, True) if settings.final_sizes else settings.last_step
+        image, misfit = fit.refinement.refined(fit.image, *steps)
+        return self._finely(fit.pair, image, misfit, self._config.parts.bending, fit.origin)
 
-    def measured(self, pair: PartPair, image: IntArray) -> PartFit:
+    def measured(self, pair: PartPair, image: IntArray, origin: str = "") -> PartFit:
         """Measure a map of the vertices of a fine one that was found otherwise, as if it were refined."""
-        _, misfit = self.fine_refinement(pair).refined(image, self._config.refining.final_sizes[-1:])
-        return self._finely(pair, image, misfit, self._config.parts.bending)
+        _, misfit = self.fine_refinement(pair).refined(image, *self._config.refining.last_step)
+        return self._finely(pair, image, misfit, self._config.parts.bending, origin)
 
-    def _finely(self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...]) -> PartFit:
+    def _finely(
+        self, pair: PartPair, image: IntArray, misfit: float, lengths: tuple[float, ...], origin: str
+    ) -> PartFit:
         refinement, most = self.fine_refinement(pair), len(pair.whole.laplace.values)
         anchors = completed(pair, refinement.at(image, min(N_DRAWN, most), pair.anchors), 2)
         error = 0.0
         if self._hinted is not None:
             error = pair.whole.mean_distance(image, self._hinted[refinement.vertices])
-        return _fit(refinement, pair, image, misfit, anchors, N_FINE_FUNCTIONS, self.bending, lengths, error)
+        k = N_FINE_FUNCTIONS
+        return _fit(refinement, pair, image, misfit, anchors, k, self.bending, origin, lengths, error)
 
 
 def _fit(
@@ -196,6 +203,7 @@ def _fit(
     anchors: IntArray,
     k: int,
     bending: PartBending,
+    origin: str,
     lengths: tuple[float, ...] = (),
     hint_error: float = 0.0,
 ) -> PartFit:
@@ -205,6 +213,7 @@ def _fit(
         misfit,
         orientation=refinement.orientation(image, k),
         hint_error=hint_error,
+        origin=origin,
         pair=pair,
         refinement=refinement,
         bending=bending,

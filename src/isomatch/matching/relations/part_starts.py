@@ -122,10 +122,10 @@ class PartStarts:
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
         settings = self._pair.config.parts
-        found = [each for group in parallel_map(self._assigned, self._pair.units) for each in group]
-        found.sort(key=lambda each: each.cost)
+        assigned = [start for group in parallel_map(self._assigned, self._pair.units) for start in group]
+        assigned.sort(key=lambda start: start.cost)
         kept = self._distinct(
-            parallel_map(lambda each: self._start(each.pair, each.images, 3), found[:N_TRILATERATED]),
+            parallel_map(lambda start: self._start(start.pair, start.images, 3), assigned[:N_TRILATERATED]),
             settings.n_starts,
         )
         mirrored = [
@@ -194,7 +194,7 @@ class PartStarts:
         above = self._balls[places] - most[anchors] * (1 + BALL_TOLERANCE)
         violation = np.maximum(np.maximum(below, above), 0.0) / self._balls.mean(axis=0)
         cost = np.asarray(np.minimum(violation, MOST_BALL).mean(axis=-1))
-        of_part, weights = (each[pair.anchors[anchors]] for each in self._signatures.of_part(pair))
+        of_part, weights = (values[pair.anchors[anchors]] for values in self._signatures.of_part(pair))
         of_whole = self._signatures.values
         apart = weights * np.abs(of_part - of_whole[self._places[places]]) / (2 * self._mean_signatures)
         cost += SIGNATURE_COST * np.minimum(apart, 1.0).mean(axis=-1)
@@ -217,6 +217,8 @@ def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:
     pair = ShapePair(whole, whole, config)
     rows = np.arange(len(pair.source_vertices))
     identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
-    found = [each.image_row for each in whole.symmetries]
-    found += [flip.target_row for flip in flips(pair, identity, [identity])]
-    return distinct(found, lambda image_row: image_row, pair.distances_between_maps, config.symmetry.same_map)
+    image_rows = [symmetry.image_row for symmetry in whole.symmetries]
+    image_rows += [flip.target_row for flip in flips(pair, identity, [identity])]
+    return distinct(
+        image_rows, lambda image_row: image_row, pair.distances_between_maps, config.symmetry.same_map
+    )

@@ -1,0 +1,123 @@
+"""What is handed to `match` beside the shapes: hints, starts and relations follow the same rules everywhere."""
+
+import numpy as np
+import pytest
+
+from isomatch import Config, DescriptorError, Mesh, Outcome, PointCloud, SettingError, match
+from isomatch.datasets import creature, ground_truth
+from isomatch.matching import Elastic, Isometry, Part
+from isomatch.matching.refinement_laws import bumpy_ball
+
+pytestmark = pytest.mark.usefixtures("prepared_once")
+RELATIONS = pytest.mark.parametrize("relation", [Isometry(), Part(), Elastic()])
+SOME_LONG = pytest.mark.parametrize(
+    "relation", [Isometry(), Part(), pytest.param(Elastic(), marks=pytest.mark.long)]
+)
+OF_MESHES = pytest.mark.parametrize("relation", [Part(), Elastic()])
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    """Two poses of an animal, and the true image of each vertex."""
+    source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
+    return source.mesh, target.mesh, ground_truth(source, target).vertices
+
+
+def mean_error(found, target, truth):
+    off = np.linalg.norm(target.vertices[found.map.vertices[: len(truth)]] - target.vertices[truth], axis=1)
+    return off.mean() / np.sqrt(target.area)
+
+
+@RELATIONS
+def test_where_only_hints_may_win_no_start_is_asked(bodies, relation):
+    source, target, truth = bodies
+    asked = []
+
+    def start(pair):
+        asked.append(pair)
+        return []
+
+    config = Config(hypotheses="given", search_rivals=False)
+    found = match(source, target, initial_map=truth, config=config, starts=[start], relation=relation)
+    assert not asked
+    assert found.origin == "initial map"
+    assert mean_error(found, target, truth) < 0.04
+
+
+@RELATIONS
+def test_an_initial_map_contends_whatever_starts_are_handed_in(bodies, relation):
+    source, target, truth = bodies
+    found = match(source, target, initial_map=truth, starts=[], relation=relation)
+    assert found.origin == "initial map"
+    assert mean_error(found, target, truth) < 0.04
+
+
+@SOME_LONG
+def test_landmarks_contend_whatever_starts_are_handed_in(bodies, relation):
+    source, target, truth = bodies
+    rows = np.arange(50, 1400, 200)
+    pairs = np.column_stack([rows, truth[rows]])
+    found = match(source, target, landmarks=pairs, starts=[], relation=relation)
+    assert found.origin == "landmarks"
+    assert mean_error(found, target, truth) < 0.04
+
+
+@RELATIONS
+def test_without_hints_none_may_win(bodies, relation):
+    with pytest.raises(SettingError, match="hypotheses = 'given', but no landmarks"):
+        match(*bodies[:2], config=Config(hypotheses="given"), relation=relation)
+
+
+@RELATIONS
+def test_the_origin_is_the_start_that_won(bodies, relation):
+    source, target, truth = bodies
+
+    def known(pair):
+        """Know the truth at few vertices."""
+        rows = pair.source_vertices
+        return [np.column_stack([rows, pair.target.body_vertex[truth[pair.source.user_vertex[rows]]]])]
+
+    found = match(source, target, starts=[known], relation=relation)
+    assert found.origin == "known"
+    assert mean_error(found, target, truth) < 0.04
+
+
+def test_descriptors_lead_an_elastic_map_and_no_part(bodies):
+    source, target, truth = bodies
+    of_target = np.zeros((target.n_vertices, 3))
+    of_target[truth] = source.vertices
+    given = {"initial_descriptors": (source.vertices, of_target)}
+    found = match(source, target, **given, relation=Elastic(), config=Config(hypotheses="given"))
+    assert found.origin == "descriptors"
+    assert mean_error(found, target, truth) < 0.06
+    with pytest.raises(DescriptorError, match=r"relation = Part cannot use them.* give landmarks"):
+        match(source, target, **given, relation=Part())
+
+
+@OF_MESHES
+@pytest.mark.parametrize("orientation", ["any", "reverse"])
+def test_relations_that_keep_the_orientation_say_so(bodies, relation, orientation):
+    with pytest.raises(SettingError, match=f"orientation = '{orientation}', and this relation finds only"):
+        match(*bodies[:2], config=Config(orientation=orientation), relation=relation)
+
+
+@OF_MESHES
+def test_relations_of_meshes_say_so(bodies, relation):
+    source, target, _ = bodies
+    with pytest.raises(SettingError, match=r"point cloud, which has no inside .* give meshes"):
+        match(PointCloud(source.vertices), target, relation=relation)
+
+
+@pytest.mark.parametrize("relation", [Part(), pytest.param(Elastic(), marks=pytest.mark.long)])
+def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
+    source, target, truth = bodies
+    ball = bumpy_ball(200)
+
+    def with_ball(mesh):
+        vertices = np.vstack([mesh.vertices, 0.1 * ball.vertices + [0, 0, 2]])
+        return Mesh(vertices, np.vstack([mesh.faces, ball.faces + mesh.n_vertices]))
+
+    found = match(with_ball(source), with_ball(target), relation=relation)
+    assert mean_error(found, target, truth) < 0.06
+    assert (found.map.vertices[source.n_vertices :] >= target.n_vertices).all()
+    assert found.outcome is (Outcome.PARTIAL if isinstance(relation, Part) else Outcome.LOW_CONFIDENCE)
