@@ -14,7 +14,7 @@ from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, Spec
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_evidence
 from isomatch.matching.outcome import Outcome
@@ -31,7 +31,7 @@ from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
-from isomatch.matching.relations.part_starts import PartStarts, self_maps
+from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, PoolStart, default_starts
 from isomatch.matching.stages import Relation, pairs_of
@@ -153,7 +153,7 @@ class Part(Relation):
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
         fits, costs = _by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(settings.tie, settings.tie, settings.apart, config.selection.landmark_slack)
+        rules = Rules(settings.tie, settings.tie, APART, LANDMARK_SLACK)
         selection = select(fits, apart, rules, scores=costs)
         cost = dict(zip(map(id, fits), costs))
         return selection, [cost[id(fit)] for fit in (selection.winner, *selection.rivals)]
@@ -169,8 +169,7 @@ class Part(Relation):
         return cast(PartFit, again)
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        apart = self.pair.config.parts.apart
-        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, apart, count)
+        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
 
     def _rough_fits(self, given: list[tuple[PartPair, IntArray]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
@@ -225,7 +224,7 @@ class Part(Relation):
         if self.closed is not None:
             image = self.closed.image_of(self.side)
             apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
-            agrees = apart <= settings.apart
+            agrees = apart <= APART
             as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
             fits = [best, *selection.rivals]
             returned = _against(fits)(as_found) / costs[0] < settings.closed_score
