@@ -13,7 +13,7 @@ from isomatch.matching import Hints, Isometry, ShapePair, prepare_pair, stages_o
 from isomatch.matching.relations.elastic import far_from_isometric
 from isomatch.matching.relations.elastic_fit import ElasticFit, Step
 from isomatch.matching.relations.elastic_shape import ElasticShape
-from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.relations.elastic_starts import N_PLAIN_STARTS, anchor_starts
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.settings import ElasticSettings
 
@@ -110,11 +110,10 @@ def test_the_mirror_image_of_a_stretched_creature_is_found(animals, species, mir
 
 
 def test_a_fit_from_the_identity_stays_there(species):
-    settings = ElasticSettings()
-    shape = ElasticShape(species[0], settings)
+    shape = ElasticShape(species[0], ElasticSettings())
     samples = shape.sampled(400, True)
     signatures = Embedding(species[0].signatures, species[0].signatures)
-    fit = ElasticFit(samples, samples, signatures, NONE, settings)
+    fit = ElasticFit(samples, samples, signatures, NONE)
     pairs = np.column_stack([samples.vertices, samples.vertices])
     step = Step(100, 0.0, 2, False)
     drawn, images = fit.run(fit.from_pairs(pairs, step), (step,))
@@ -137,15 +136,15 @@ def test_legs_lie_aside_and_the_plane_of_symmetry_does_not(animals, mirrored):
 
 
 def test_mirror_images_lead_the_starts(species, mirrored):
-    pair, settings = prepare_pair(*species[:2]), ElasticSettings()
+    pair, n = prepare_pair(*species[:2]), ElasticSettings().n_starts
 
     def difference(starts):
         source, target = (shape.aside / shape.prepared.intrinsic_scale for shape in mirrored)
         return np.mean([np.abs(source[start[:, 0]] - target[start[:, 1]]).mean() for start in starts])
 
     led, plain = anchor_starts(pair, NONE, mirrored), anchor_starts(pair, NONE)
-    assert len(led) == settings.n_starts + settings.n_plain_starts
-    np.testing.assert_array_equal(led[settings.n_starts :], plain[: settings.n_plain_starts])
-    assert difference(led[: settings.n_starts]) < 0.7 * difference(plain)
+    assert len(led) == n + N_PLAIN_STARTS
+    np.testing.assert_array_equal(led[n:], plain[:N_PLAIN_STARTS])
+    assert difference(led[:n]) < 0.7 * difference(plain)
     one_sided = mirrored[0], replace(mirrored[1], mirrored=None)
     np.testing.assert_array_equal(anchor_starts(pair, NONE, one_sided), plain)

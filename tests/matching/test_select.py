@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isomatch.matching import contest
-from isomatch.matching.contest import Rules, contenders, distinct, ranked, survivors
+from isomatch.matching.contest import (
+    LANDMARK_SLACK,
+    SCORE_NOISE,
+    Rules,
+    contenders,
+    distinct,
+    ranked,
+    survivors,
+)
 from isomatch.settings import OutcomeSettings, SelectionSettings
 
 SETTINGS, BOUNDS = SelectionSettings(), OutcomeSettings()
@@ -197,7 +205,7 @@ def test_differences_below_the_noise_of_triangulations_are_ties():
     assert select([copy, other], [True, True], apart(2), NOWHERE, 2).rival == 1
     assert len(survivors([copy, other], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 2
     far = Fit(0.6, score=0.2)
-    assert select([copy, far], [True, True], apart(2), NOWHERE, 2).rival == 0.2 / SETTINGS.score_noise
+    assert select([copy, far], [True, True], apart(2), NOWHERE, 2).rival == 0.2 / SCORE_NOISE
     assert len(survivors([copy, far], apart(2), SETTINGS, with_normals=True, both_sides=False)) == 1
 
 
@@ -227,7 +235,7 @@ def test_a_near_map_that_fits_as_well_and_sends_a_limb_elsewhere_is_a_rival():
 
 def test_a_perfect_map_has_no_rival_though_both_are_below_the_noise():
     near, elsewhere = np.array([[0, 0.07], [0.07, 0]]), np.array([[0, 0.08], [0.08, 0]])
-    fits = [Fit(0.01, score=0.0), Fit(0.15, score=0.5 * SETTINGS.score_noise)]
+    fits = [Fit(0.01, score=0.0), Fit(0.15, score=0.5 * SCORE_NOISE)]
     assert select(fits, [True, True], near, elsewhere, 2).rival == inf
 
 
@@ -243,7 +251,7 @@ def test_hints_decide_ties_and_nothing_else(fits):
     best = min(score for score, _ in fits)
     tied = [fit for fit in made if fit.score <= BOUNDS.tie * best]
     assert chosen.winner in tied
-    assert chosen.winner.hint_error <= min(fit.hint_error for fit in tied) + SETTINGS.landmark_slack
+    assert chosen.winner.hint_error <= min(fit.hint_error for fit in tied) + LANDMARK_SLACK
 
 
 def test_of_maps_that_tie_the_one_nearest_to_the_hints_wins():

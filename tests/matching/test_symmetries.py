@@ -11,6 +11,7 @@ from isomatch.lab.sets import relabelled
 from isomatch.matching import prepare_pair
 from isomatch.matching.search import symmetric_variants
 from isomatch.settings import SymmetrySettings
+from isomatch.shapes.symmetries import LEAST_MOVED
 from shapes import box, cylinder, disguised, icosphere
 from zoo import torus
 
@@ -60,7 +61,7 @@ def test_symmetries_keep_distances_and_move_points(brick):
     for symmetry in brick.symmetries:
         images = distances[np.ix_(symmetry.image_row, symmetry.image_row)]
         assert np.abs(images - distances).mean() < 0.08 * distances.mean(), "the spacing of the samples"
-        assert symmetry.moved > SymmetrySettings().least_moved
+        assert symmetry.moved > LEAST_MOVED
 
 
 def test_twice_a_half_turn_or_a_mirror_image_is_the_identity(brick):

@@ -89,7 +89,7 @@ class BallSignature:
         """
         if self.values.shape != other.values.shape or not np.allclose(self.radii, other.radii):
             raise DescriptorError(
-                f"signatures of {len(self.values)} points with radii {self.radii.tolist()} and of {len(other.values)} with "
+                f"signatures of {len(self.values)} and of {len(other.values)} points with radii {self.radii.tolist()} and "
                 f"{other.radii.tolist()} cannot be compared; take as many points and the same radii"
             )
         unit = deviation_of(self, other) if deviation is None else deviation
@@ -97,11 +97,11 @@ class BallSignature:
         both = self.known & other.known
         n_known = both.sum(axis=1)
         total = np.where(both, apart, 0.0).sum(axis=1)
-        return np.divide(total, n_known, out=np.full(len(total), np.nan), where=n_known > 0)
+        return np.asarray(np.divide(total, n_known, out=np.full(len(total), np.nan), where=n_known > 0))
 
 
 def deviation_of(*signatures: BallSignature) -> FloatArray:
-    """Standard deviations (r, 4) of what is known of some surfaces together, at least 0.03."""
+    """Measure the standard deviations (r, 4) of what is known of some surfaces together; at least 0.03."""
     deviations = np.full(signatures[0].values.shape[1:], LEAST_DEVIATION)
     for j in range(len(deviations)):
         known = np.concatenate([each.values[each.known[:, j], j] for each in signatures])
@@ -200,7 +200,7 @@ def ball_signature(
 
 
 def _normals(surface: Mesh | PointCloud, given: ArrayLike | None) -> FloatArray:
-    """Unit normals (n, 3), those given or those of a mesh."""
+    """Take the unit normals (n, 3) given, or those of a mesh."""
     if given is None:
         if isinstance(surface, Mesh):
             return surface.vertex_normals
@@ -213,7 +213,7 @@ def _normals(surface: Mesh | PointCloud, given: ArrayLike | None) -> FloatArray:
 
 def _to_boundary(surface: Mesh | PointCloud) -> FloatArray:
     """(n,) distance of each vertex to the boundary; inf where there is none."""
-    boundary = np.unique(surface.boundary_edges) if isinstance(surface, Mesh) else np.zeros(0)
+    boundary = np.unique(surface.boundary_edges) if isinstance(surface, Mesh) else np.zeros(0, dtype=np.int64)
     if not len(boundary):
         return np.full(surface.n_vertices, np.inf)
     return distance_along_edges_to_nearest(surface, boundary)[0]
@@ -232,7 +232,7 @@ def _spread(surface: Mesh | PointCloud, centres: IntArray, balls: Balls, values:
     if len(alone):
         _, nearest = distance_along_edges_to_nearest(surface, centres)
         spread[alone] = values.reshape(len(centres), -1)[np.searchsorted(centres, nearest[alone])]
-    return spread.reshape(n, *values.shape[1:])
+    return np.asarray(spread.reshape(n, *values.shape[1:]))
 
 
 @compiled()

@@ -12,7 +12,7 @@ from isomatch.values.arrays import IntArray
 
 SLIDE_STEPS = 10  # steps by which they move it; docs/robustness.md, shapes without limbs
 
-SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first of selection.sizes
+SLIDE_FUNCTIONS = 20  # functions by which signatures move a first map; the first before a judgement
 
 BEAM = 200  # partial assignments that are kept; chosen, not measured
 
@@ -23,7 +23,16 @@ SIGNATURE_WEIGHT = 0.25
 # three points determine an isometry, three more its errors
 N_ANCHORS = 6
 
-N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as symmetry.n_samples
+N_CANDIDATES = 200  # search vertices of the target among which their images are sought; as for symmetries
+
+# mean distance, in units of the average distance, by which partial assignments that are kept differ;
+# chosen, near selection.rival_distance; 0.1 with 80 starts is no better
+APART = 0.15
+
+N_STARTS = 48  # best assignments that become first maps; chosen: of the most that extremities give
+
+# of differences of average distance in the cost of an assignment; as search.eccentricity_weight
+ECCENTRICITY_WEIGHT = 0.3
 
 
 def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
@@ -33,7 +42,6 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     distances and signatures agree. All other vertices go where their distances to these fit best. Such a map is then
     slid to where the signatures agree; see `slid`.
     """
-    settings = pair.config.anchors
     source, target = pair.source, pair.target
     here = source.distances_between(pair.source_vertices) / source.intrinsic_scale
     there = target.distances_between(pair.target_vertices) / target.intrinsic_scale
@@ -43,9 +51,9 @@ def starts_from_anchors(pair: ShapePair) -> list[IntArray]:
     exact = here[np.ix_(anchors, anchors)]
     remoteness = np.abs(there.mean(axis=1)[:n] - here.mean(axis=1)[anchors, None])
     unlike = np.linalg.norm(signatures.target[:n] - signatures.source[anchors, None], axis=2)
-    unary = settings.eccentricity_weight * remoteness + SIGNATURE_WEIGHT * unlike
-    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, settings.apart)
-    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[: settings.n_starts]]
+    unary = ECCENTRICITY_WEIGHT * remoteness + SIGNATURE_WEIGHT * unlike
+    assigned, _ = assign_points(there[:n, :n], exact, exact, unary, EXACTLY, BEAM, APART)
+    starts = [nearest_rows(there[:, images], here[:, anchors]) for images in assigned[:N_STARTS]]
     return parallel_map(lambda start: slid(pair, start), starts)
 
 

@@ -18,6 +18,7 @@ from isomatch.matching.match import require_landmarks_for_pins, solve_prepared, 
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import MatchResult
+from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.solve import part_role, solve_complete
 from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.runtime.interruption import in_background
@@ -149,7 +150,6 @@ def _turned(pair: ShapePair, user_hints: UserHints) -> UserHints:
 
 def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapePair) -> list[Hypothesis]:
     """Turn around the refined maps, best first, and the best of the others, as maps of the target's search vertices."""
-    settings = pair_back.config.search
     fits = (found.selection.winner, *found.selection.rivals)
     refined = [fit.candidate for fit in fits if fit.candidate]
     images = [fit.image[: len(pair.source_vertices)] for fit in fits]
@@ -161,7 +161,7 @@ def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapeP
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
     starts = np.array([_turned_rows(pair, image) for image in images])
-    aligned = iterative_closest_points(*pair_back.search_points, starts, settings.hint_steps)
+    aligned = iterative_closest_points(*pair_back.search_points, starts, HINT_STEPS)
     return [
         Hypothesis(alignment, candidate.hypothesis.origin)
         for alignment, candidate in zip(aligned, refined + others)

@@ -16,6 +16,7 @@ from isomatch.matching.carrier import Carrier
 from isomatch.matching.component_hints import ComponentHints
 from isomatch.matching.component_result import ComponentMatch, composed, numbers_without
 from isomatch.matching.confidence import expected_errors
+from isomatch.matching.contest import MISFIT_NOISE
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, Solution, measured_evidence, outcome_of
 from isomatch.matching.outcome import Outcome
@@ -55,6 +56,10 @@ MOST_LENGTH_RATIO = 1.4  # √area of one over that of its partner; as for the u
 # chosen: sums over a surface converge from 2 on
 FALLOFF = 4.0
 
+# distance of a component from those that carry it, over its √area, up to which its place tells how it is turned;
+# chosen: a thing farther away than its own size may turn by itself
+HELD = 1.0
+
 FAR_APART = 1e6  # cost of components that are no partners
 
 
@@ -88,7 +93,6 @@ class _Components:
     def __init__(self, pair: ShapePair, hints: ComponentHints, stages: Stages, timer: StageTimer) -> None:
         self.pair, self.hints, self.stages, self.timer = pair, hints, stages, timer
         self.sources, self.targets = hints.sides
-        self.settings = pair.config.components
 
     def large_ones(self) -> tuple[list[ComponentMatch], bool]:
         """Match the largest components, and others nearly as large whose spectra do not tell which are partners.
@@ -173,7 +177,7 @@ class _Components:
         A rigid thing, as an eye or a helmet, is where it is carried to; otherwise the map starts from there. The place
         decides what symmetry leaves open, if the component is near enough to what carries it.
         """
-        held = carrier.gap(pair.target) <= self.settings.held
+        held = carrier.gap(pair.target) <= HELD
         placed = self._placed(pair, carrier)
         if placed and placed.outcome.sureness >= Outcome.PARTIAL.sureness:
             if held or not pair.target.symmetries:
@@ -215,11 +219,10 @@ class _Components:
 
 def _against(matches: list[ComponentMatch]) -> tuple[int, int, float]:
     """Return the sort key of an assignment, the best least: few pairs cost most, then an unsure one, then misfits."""
-    noise = matches[0].pair.config.selection.misfit_noise
     misfits = [np.nan_to_num(match.solution.quality.misfit, nan=np.inf) for match in matches]
     sureness = min(match.solution.outcome.sureness for match in matches)
     spread = np.std([np.log(match.pair.source.scale / match.pair.target.scale) for match in matches])
-    return -len(matches), -sureness, float(np.maximum(misfits, noise).mean() + spread)
+    return -len(matches), -sureness, float(np.maximum(misfits, MISFIT_NOISE).mean() + spread)
 
 
 def _assignments(n: int, m: int) -> list[list[tuple[int, int]]]:

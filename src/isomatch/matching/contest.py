@@ -20,6 +20,24 @@ SAME_ENERGY = 1.5
 # horse7–horse14 (wrong): 1.002; of 111 right maps none below 1.059
 ELSEWHERE_TIE = 1.05
 
+# share of the vertices that a map sends far away from where the winner sends them, from which it is a rival though it is
+# near on average; so two limbs that are exchanged are told; half of two exchanged forelegs (horse7–horse14: 0.08)
+ELSEWHERE_SHARE = 0.05
+
+# difference of landmark errors, in √area, that counts for nothing; the spacing of the search vertices
+LANDMARK_SLACK = 0.05
+
+# score of the winner, over another map's, from which that counts as a rival whatever the hints say;
+# docs/benchmarks.md, confidence
+CLEARLY_BETTER = 1.15
+
+# Energies, misfits and scores below these are equal: two triangulations of one surface differ as much, by 0.002 to 0.06,
+# 0.26 to 0.35 and 0.04 to 0.09 (docs/benchmarks.md, symmetry). Otherwise one of the symmetric maps between two copies of
+# a mesh would seem better than the others.
+ENERGY_NOISE = 0.012
+MISFIT_NOISE = 0.25
+SCORE_NOISE = 0.04
+
 T = TypeVar("T")
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
@@ -91,7 +109,7 @@ def ranked(
 
     if not landmarks:
         return sorted(candidates, key=lambda c: (rank(c), c.energy))
-    slack = min((c.landmark_error for c in candidates), default=0.0) + settings.landmark_slack
+    slack = min((c.landmark_error for c in candidates), default=0.0) + LANDMARK_SLACK
     agreeing = sorted((c for c in candidates if c.landmark_error <= slack), key=lambda c: (rank(c), c.energy))
     limit = SAME_ENERGY * min((c.energy for c in agreeing), default=0.0)
 
@@ -120,9 +138,9 @@ def contenders(
         if _orientation_rank(c.orientation, orientation, settings.orientation_threshold) <= side
     ]
     leaning.sort(key=lambda candidate: candidate.energy)
-    limit = settings.energy_limit * max(leaning[0].energy, settings.energy_noise)
+    limit = settings.energy_limit * max(leaning[0].energy, ENERGY_NOISE)
     kept = [c for c in leaning if c.energy <= limit][: settings.most_contenders]
-    nearest = nearest_to_hints(order, settings.landmark_slack)
+    nearest = nearest_to_hints(order, LANDMARK_SLACK)
     if not any(c in kept for c in nearest):
         kept.append(min(nearest, key=lambda c: c.energy))
     return kept
@@ -167,9 +185,9 @@ def survivors(
     clear = [
         i for i in q if with_normals or abs(fits[i].orientation) > settings.orientation_threshold
     ] or list(q)
-    limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), settings.misfit_noise)
+    limit = settings.misfit_limit * max(min(fits[i].misfit for i in clear), MISFIT_NOISE)
     order = sorted(q, key=lambda i: (i not in clear, fits[i].misfit))
-    spared = [i for i in order if fits[i] in nearest_to_hints(fits, settings.landmark_slack)][:1]
+    spared = [i for i in order if fits[i] in nearest_to_hints(fits, LANDMARK_SLACK)][:1]
     if both_sides:
         spared += {fits[i].side: i for i in reversed(order)}.values()
     kept: list[tuple[int, int]] = []
@@ -225,11 +243,11 @@ class Rules:
             tie=bounds.tie,
             mirror_tie=bounds.mirror_tie,
             rival_distance=settings.rival_distance,
-            landmark_slack=settings.landmark_slack,
-            score_noise=settings.score_noise,
-            elsewhere_share=settings.elsewhere_share,
+            landmark_slack=LANDMARK_SLACK,
+            score_noise=SCORE_NOISE,
+            elsewhere_share=ELSEWHERE_SHARE,
             elsewhere_tie=ELSEWHERE_TIE,
-            clearly_better=settings.clearly_better,
+            clearly_better=CLEARLY_BETTER,
             same_map=settings.same_map,
         )
 

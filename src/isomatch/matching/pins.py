@@ -12,10 +12,15 @@ from isomatch.correspondence import Correspondence, nearest_points
 from isomatch.errors import some
 from isomatch.matching.judge import Solution, held_evidence
 from isomatch.matching.pair import ShapePair
-from isomatch.settings import RefinementSettings
 from isomatch.shapes import PreparedShape, components_of
 from isomatch.surfaces import Graph, Mesh, PrecisePoints, Surface
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+
+# width of the bump by which the map follows a pin, over the distance by which it is moved;
+# docs/hints.md: 1.5 to 3 alike; steeper turns faces over
+SLOPE = 2.0
+
+LEAST_WIDTH, MOST_WIDTH = 0.1, 0.2  # of the bump, in √area; docs/hints.md
 
 TAIL = 0.02  # weights up to this become 0: what is far from the pins stays as it was, bit by bit
 LEAST = 0.1  # singular value of the kernel among pins that is inverted; pins too close to be told apart move as one
@@ -56,7 +61,7 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
     moved = np.zeros(len(landmarks))
     alone = np.ones(len(landmarks), dtype=bool)
     for source_part, target_part in product(components_of(pair.source), components_of(target)):
-        bending = _Bending(source_part, target_part, bent_map, pair.config.refining)
+        bending = _Bending(source_part, target_part, bent_map)
         on_both = bending.holds(landmarks)
         if on_both.any():
             bent_map, moved[on_both] = bending.bent(landmarks[on_both], tolerance)
@@ -89,14 +94,8 @@ def pinned(pair: ShapePair, solution: Solution, landmarks: IntArray, tolerance: 
 class _Bending:
     """The map between two bodies in full, and how it is bent."""
 
-    def __init__(
-        self,
-        source: PreparedShape,
-        target: PreparedShape,
-        found: Correspondence,
-        settings: RefinementSettings,
-    ) -> None:
-        self._source, self._target, self._found, self._settings = source, target, found, settings
+    def __init__(self, source: PreparedShape, target: PreparedShape, found: Correspondence) -> None:
+        self._source, self._target, self._found = source, target, found
         self._source_vertex, self._target_vertex = ((x.detail or x).body_vertex for x in (source, target))
         corners = self._target_vertex[found.faces]
         self._mapped = (self._source_vertex >= 0) & found.matched & (corners >= 0).all(axis=1)
@@ -117,7 +116,7 @@ class _Bending:
         shift[gap <= tolerance] = 0.0
         if not shift.any():
             return self._found, gap
-        weights = _weights(self._source, self._source_vertex[rows], gap.max(), self._settings)
+        weights = _weights(self._source, self._source_vertex[rows], gap.max())
         touched = np.flatnonzero(self._mapped)
         touched = np.union1d(touched[weights[self._source_vertex[touched]].any(axis=1)], rows)
         goals = _at(self._images, touched).interpolated(coordinates)
@@ -166,7 +165,7 @@ def _coordinates(shape: PreparedShape) -> FloatArray:
     return np.hstack([body.vertices, FUNCTION_WEIGHT * _carried(shape, smooth)])
 
 
-def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: RefinementSettings) -> FloatArray:
+def _weights(shape: PreparedShape, at: IntArray, gap: float) -> FloatArray:
     """Weights (n_full, m) with which vertices follow pins: 1 at one, 0 at the others, and far away.
 
     None is negative and their sum is at most 1, so that no vertex moves farther than a pin. A bump is so wide that a
@@ -175,11 +174,10 @@ def _weights(shape: PreparedShape, at: IntArray, gap: float, settings: Refinemen
     phi, spectrum = shape.laplace.vectors, shape.laplace.values
     places = _at(shape.detail.transfer.on_coarse, at) if shape.detail else PrecisePoints.at_vertices(at)
     nearest = places.corners[:, 0]
-    least, most = settings.pin_width
-    width = np.clip(settings.pin_slope * gap, least, most)
+    width = np.clip(SLOPE * gap, LEAST_WIDTH, MOST_WIDTH)
     if len(at) > 1:
         apart = shape.distances_between(nearest)[~np.eye(len(at), dtype=bool)]
-        width = min(width, max(apart.min(), 0.5 * least))
+        width = min(width, max(apart.min(), 0.5 * LEAST_WIDTH))
     heat = (phi * np.exp(-0.5 * width**2 * spectrum)) @ places.interpolated(phi).T
     kernel = _carried(shape, heat)
     kernel /= kernel[at].diagonal()

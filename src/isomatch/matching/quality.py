@@ -18,6 +18,7 @@ from isomatch.surfaces import Graph, Surface, linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 MOST_NAMED = 5  # landmarks in a note
+NORMAL_FUNCTIONS = 60  # of the smoothed surfaces whose normals are compared; chosen with poor_orientation
 COVERAGE_RADIUS = Config().outcome.coverage_radius
 
 
@@ -58,7 +59,7 @@ def measure_quality(
         residual=alignment_residual(*aligned, signed_procrustes(*aligned)),
         stretch=edge_stretch(source.body, positions, settings.torn),
         torn_off=torn_off_share(source.body, target.body.area, positions, settings.torn_apart),
-        orientation=orientation_of(source, basis, target, image[vertices], settings.normal_functions)
+        orientation=orientation_of(source, basis, target, image[vertices], NORMAL_FUNCTIONS)
         if pair.oriented
         else np.nan,
         distortion_mean=float(distortion.mean()),

@@ -21,7 +21,12 @@ from isomatch.values.arrays import FloatArray, IntArray
 # functions from which the functional map grows; each is tried; docs/paper.md: the best of four heals most
 LAPLACE_FIRST = (15, 20, 30, 40)
 
+LAPLACE_CHOICE = 50  # functions at which the best of these is chosen; chosen: as many as the rank
+
 LAPLACE_STEP = 5  # functions added in each step; Melzi et al. 2019
+
+# iterations of the plain descriptor alignment on the refinement vertices; two on all follow; chosen, not measured
+DISTANCE_STEPS = 15
 
 
 class Smooth(Joint):
@@ -66,8 +71,7 @@ def descriptor_embedding(pair: ShapePair, target_row: IntArray) -> Embedding:
 
     points = turned(pair.source_vertices, pair.target_vertices[target_row])
     everywhere = np.arange(len(source.coordinates))
-    steps = pair.config.refining.distance_steps
-    for vertices in (*[pair.refinement_vertices] * steps, everywhere, everywhere):
+    for vertices in (*[pair.refinement_vertices] * DISTANCE_STEPS, everywhere, everywhere):
         images = pair.target.index.vertices(points, source.coordinates[vertices])
         points = turned(vertices, images)
     return Embedding(source.coordinates, points)
@@ -93,7 +97,7 @@ def laplace_icp_embedding(pair: ShapePair, start: Embedding) -> Embedding:
     if settings.laplace_steps_at_once:
         first = polar(spectra.functional_map(rows, most))[0]
         return spectra.embedding(spectra.orthogonal_icp(first, most, settings.laplace_steps_at_once, weights))
-    middle = min(settings.laplace_choice, most)
+    middle = min(LAPLACE_CHOICE, most)
 
     def side(target_vertex: IntArray) -> float:
         return float(np.sign(orientation_of(pair.source, spectra.source, pair.target, target_vertex, middle)))

@@ -18,6 +18,10 @@ from isomatch.settings import Orientation
 from isomatch.shapes import orientation_of
 from isomatch.values.arrays import IntArray
 
+# functions in the upsampling that precedes the judgement of a hypothesis, at most half of the fewest search vertices;
+# Melzi et al. 2019: grow in steps of 5
+SIZES = tuple(range(20, 51, 5))
+
 
 class Screening:
     """Makes candidates of hypotheses; those of equal maps share the evidence, which is computed once."""
@@ -42,7 +46,7 @@ class Screening:
     def _candidate(self, hypothesis: Hypothesis) -> Candidate:
         pair, settings = self._pair, self._pair.config.selection
         spectra = pair.search_spectra
-        target_row = spectra.image(spectra.grown(hypothesis.target_row, settings.sizes))
+        target_row = spectra.image(spectra.grown(hypothesis.target_row, SIZES))
         target_vertex = pair.target_vertices[target_row]
         landmark_error, hint_error = self._errors(target_row)
         return Candidate(

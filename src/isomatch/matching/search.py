@@ -18,6 +18,13 @@ from isomatch.matching.starts import start_from_pairs, starts_from_extremities, 
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
+# iterations of closest points from hints and starts handed in; most maps change little afterwards
+HINT_STEPS = 8
+
+# most hypotheses where a shape has few extremities, or both have a long boundary: the residuals of round shapes tell
+# little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
+MOST_WITHOUT_LIMBS = 40
+
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -29,7 +36,7 @@ def hypotheses_from_hints(pair: ShapePair, hints: Hints) -> list[Hypothesis]:
     """
     settings = pair.config.search
     from_hints = [
-        Hypothesis(iterative_closest_points(*pair.search_points, start[None], settings.hint_steps)[0], origin)
+        Hypothesis(iterative_closest_points(*pair.search_points, start[None], HINT_STEPS)[0], origin)
         for start, origin in starts_from_hints(pair, hints)
     ]
     from_landmarks = [start for start in from_hints if start.origin == "landmarks"]
@@ -86,7 +93,7 @@ def search(
         By default `default_starts`: maps from extremal points, of shapes without limbs also maps from anchors, and flips
         of the best of them, which exchange left and right or front and back.
     """
-    most = pair.config.anchors.n_hypotheses if pair.limbless else pair.config.search.n_hypotheses
+    most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
     pool.merge(from_hints)
     for start in default_starts if starts is None else starts:
@@ -94,7 +101,7 @@ def search(
             start.extend(pool)
         else:
             rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
-            pool.add(rows, pair.config.search.hint_steps, name_of(start))
+            pool.add(rows, HINT_STEPS, name_of(start))
     return pool.hypotheses
 
 

@@ -1,5 +1,3 @@
-from isomatch.settings.anchors import AnchorSettings
-from isomatch.settings.components import ComponentSettings
 from isomatch.settings.config import (
     Config,
     Hypotheses,
@@ -20,8 +18,6 @@ from isomatch.settings.selection import SelectionSettings
 from isomatch.settings.symmetry import SymmetrySettings
 
 __all__ = [
-    "AnchorSettings",
-    "ComponentSettings",
     "Config",
     "ElasticSettings",
     "Hypotheses",

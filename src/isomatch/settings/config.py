@@ -11,8 +11,6 @@ from isomatch.bases import Weighting
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import engine_names
 from isomatch.settings import (
-    AnchorSettings,
-    ComponentSettings,
     ElasticSettings,
     LevelSettings,
     OutcomeSettings,
@@ -110,11 +108,9 @@ class Config(Settings):
     levels : LevelSettings
     symmetry : SymmetrySettings
     search : SearchSettings
-    anchors : AnchorSettings
     selection : SelectionSettings
     refining : RefinementSettings
     parts : PartSettings
-    components : ComponentSettings
     elastic : ElasticSettings
     outcome : OutcomeSettings
         Fine settings of each stage.
@@ -159,11 +155,9 @@ class Config(Settings):
     levels: LevelSettings = setting(LevelSettings())
     symmetry: SymmetrySettings = setting(SymmetrySettings())
     search: SearchSettings = setting(SearchSettings())
-    anchors: AnchorSettings = setting(AnchorSettings())
     selection: SelectionSettings = setting(SelectionSettings())
     refining: RefinementSettings = setting(RefinementSettings())
     parts: PartSettings = setting(PartSettings())
-    components: ComponentSettings = setting(ComponentSettings())
     elastic: ElasticSettings = setting(ElasticSettings())
     outcome: OutcomeSettings = setting(OutcomeSettings())
 
@@ -179,12 +173,11 @@ class Config(Settings):
             )
         if self.rank > self.n_columns:
             raise SettingError(f"rank = {self.rank} exceeds n_columns = {self.n_columns}")
-        most = max(*self.selection.sizes, self.selection.extension_functions, self.search.flipped_functions)
+        most = max(self.selection.extension_functions, self.search.flipped_functions)
         if most > self.n_search // 2:
             raise SettingError(
                 f"n_search = {self.n_search} is below 2 × {most}, the functions fitted on the search vertices; ask for "
-                "more vertices, or fewer functions in search.flipped_functions, selection.sizes or "
-                "selection.extension_functions"
+                "more vertices, or fewer functions in search.flipped_functions or selection.extension_functions"
             )
 
     @classmethod

@@ -15,8 +15,6 @@ class OutcomeSettings(Settings):
     ----------
     coverage_radius : float
         A target vertex this near to an image along edges, in √area, is covered.
-    normal_functions : int
-        Functions of the smoothed surfaces whose normals are compared.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     mirror_tie : float
@@ -40,7 +38,6 @@ class OutcomeSettings(Settings):
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
-    normal_functions: int = setting(60, "chosen with poor_orientation", least=4)
     tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)

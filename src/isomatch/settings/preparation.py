@@ -26,8 +26,6 @@ class PreparationSettings(Settings):
         Functions of the smoothed surfaces whose signed mean curvatures are part of the signatures.
     energy_curvature_functions : int
         Functions of the smoothed surface whose curvature the energy of a map compares.
-    graph_average_distance : float
-        Average distance between two points of a graph of unit size, in place of an area.
     distance_unit : {"average", "user"}
         Unit in which distances of two shapes are compared: the average distance of each, or that of the user.
     block_diagonal : bool
@@ -35,9 +33,8 @@ class PreparationSettings(Settings):
     sheet_distance : float
         Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
         apart along the surface, in √area; ``inf`` leaves them together.
-    least_component, most_components : float, int
-        Share of the area from which a component of a mesh, beside the largest, is matched by itself, and how many such
-        components at most.
+    most_components : int
+        Most components of a mesh, beside the largest, that are matched by themselves.
     """
 
     extremity_spacing: float = setting(
@@ -55,9 +52,7 @@ class PreparationSettings(Settings):
     energy_curvature_functions: int = setting(
         100, "docs/benchmarks.md, sensitivity; the middle of curvature_functions", least=4
     )
-    graph_average_distance: float = setting(0.75, "about that of animals and people of unit area", least=1e-6)
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
-    least_component: float = setting(0.001, "an eye has a thousandth of the area of a body", least=1e-6)
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)

@@ -25,16 +25,9 @@ class RefinementSettings(Settings):
         Weight of normals.
     registration_steps : int
         Steps of the non-rigid registration that ends "joint".
-    distance_steps : int
-        Iterations of the plain descriptor alignment on the refinement vertices; two on all vertices follow.
-    laplace_choice : int
-        Functions at which the best of these is chosen.
     laplace_steps_at_once : int
         If above 0, "laplace_icp" takes all functions from the start, with an orthogonal functional map and at most so
         many iterations: the paper as it is written.
-    pin_slope, pin_width : float, (float, float)
-        Width of the bump by which the map follows landmarks that are held, over the distance by which they are moved; and
-        the least and the greatest width, in √area.
     """
 
     sizes_without_positions: tuple[int, ...] = setting(
@@ -50,12 +43,7 @@ class RefinementSettings(Settings):
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
-    distance_steps: int = setting(15, "chosen, not measured", least=0)
-    laplace_choice: int = setting(50, "chosen: as many as the rank", least=2)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
-
-    pin_slope: float = setting(2.0, "docs/hints.md: 1.5 to 3 alike; steeper turns faces over", least=1)
-    pin_width: tuple[float, ...] = setting((0.1, 0.2), "docs/hints.md", least=0.01)
 
     def __post_init__(self) -> None:
         super().__post_init__()

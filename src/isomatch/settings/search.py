@@ -29,8 +29,8 @@ class SearchSettings(Settings):
         Best assignments that are kept for each count and direction.
     eccentricity_weight : float
         Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
-    start_steps, hint_steps, flip_steps : int
-        Iterations of closest points from extremities, from hints, and after flips.
+    start_steps, flip_steps : int
+        Iterations of closest points from extremities, and after flips.
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
@@ -65,7 +65,6 @@ class SearchSettings(Settings):
     )
     eccentricity_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
     start_steps: int = setting(12, "docs/benchmarks.md, sensitivity", least=1)
-    hint_steps: int = setting(8, "most maps change little afterwards", least=1)
     flip_steps: int = setting(4, "docs/benchmarks.md, sensitivity", least=1)
     unchanged: float = setting(0.99, "docs/benchmarks.md, sensitivity", least=0, most=1)
     compare_every: int = setting(2, "docs/benchmarks.md, sensitivity", least=1)

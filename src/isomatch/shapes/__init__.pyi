@@ -5,11 +5,12 @@ from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.shapes.signatures import CURVATURE_WEIGHT, WAVE_WEIGHT
 from isomatch.shapes.smooth_shape import SmoothShape
-from isomatch.shapes.symmetries import EXACTLY, describe_symmetries, farthest_rows
+from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
 
 __all__ = [
     "CURVATURE_WEIGHT",
     "EXACTLY",
+    "SAME_SYMMETRY",
     "WAVE_WEIGHT",
     "Body",
     "PreparedShape",

@@ -15,6 +15,13 @@ from isomatch.values.arrays import BoolArray, IntArray
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
 LEFT_UNMATCHED = "are left unmatched"
+
+# average distance between two points of a graph of unit size, in place of an area; about that of animals and people
+GRAPH_AVERAGE_DISTANCE = 0.75
+
+# share of the area from which a further component is matched by itself; an eye has a thousandth of a body
+LEAST_COMPONENT = 0.001
+
 SIGNS_OF_SHEETS = ("non_manifold_edges", "non_manifold_vertices", "duplicate_faces", "coincident_vertices")
 
 
@@ -83,7 +90,7 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
         )
 
     def component(label: int) -> Body:
-        surface, length = _normalised(whole, labels == label, settings.graph_average_distance)
+        surface, length = _normalised(whole, labels == label, GRAPH_AVERAGE_DISTANCE)
         vertices = np.flatnonzero(labels == label)
         to_body = np.full(whole.n_vertices + 1, -1, dtype=np.int64)  # the last entry stands for "removed"
         to_body[vertices] = np.arange(len(vertices))
@@ -91,7 +98,7 @@ def body_of(shape: Surface, settings: PreparationSettings) -> Body:
         return Body(surface, length * unit, to_body[new_index], old_index[vertices], 0.0, (), share)
 
     own = others & (sizes >= FEWEST_VERTICES)
-    matchable = np.flatnonzero(own & (shares >= settings.least_component) & isinstance(whole, Mesh))
+    matchable = np.flatnonzero(own & (shares >= LEAST_COMPONENT) & isinstance(whole, Mesh))
     largest_first = matchable[np.argsort(-shares[matchable], kind="stable")]
     return replace(
         component(largest),

@@ -37,7 +37,7 @@ class PreparedShape(SmoothShape):
         As for ``SmoothShape``.
     scale : float
         What a length of 1 in the body is worth in the user's units: √area of the body, or of a graph the average distance
-        over ``graph_average_distance``.
+        over that of a graph of unit size.
     distances : DistanceBasis
         Geodesic distance basis of the body, rank k.
     column_vertices : (p,) array of int

@@ -32,6 +32,21 @@ GENERATORS = 6  # symmetries whose products are tried, too; chosen, not measured
 # mean cosine between normals, of either sign, from which a map is a symmetry; docs/benchmarks.md, symmetry
 LEAST_ORIENTATION = 0.7
 
+N_SAMPLES = 200  # samples among which symmetries are searched; chosen: spacing 0.08, less than SAME_SYMMETRY
+
+STEPS = 12  # iterations of closest points from each assignment; docs/benchmarks.md, symmetry
+
+# mean distance, in √area, from which a map is not the identity; selection.rival_distance: less is a variant
+LEAST_MOVED = 0.15
+
+SAME_SYMMETRY = 0.1  # mean distance, in √area, from which two maps differ; the spacing of the samples
+
+# residual, over the largest of a symmetry, up to which a map serves in products; chosen, not measured
+NEAR = 1.5
+
+# the same, up to which its orientation need not be clear, as of one-sided surfaces; chosen, not measured
+EXACT = 0.75
+
 EXACTLY = IntervalCost(tolerance=0.0, inside=0.0)
 
 
@@ -87,7 +102,7 @@ def find_symmetries(
     partial assignments kept that differ. Each assignment is a first alignment of the descriptors with themselves, for
     iterative closest points. O(beam · samples · log) for the assignments and O(starts · samples² · rank) for the rest.
     """
-    n = min(settings.n_samples, len(distances))
+    n = min(N_SAMPLES, len(distances))
     largest = settings.largest_residual / np.sqrt(len(distances))
     few, between = points.at(np.arange(n)), distances[:n, :n]
     anchors = farthest_rows(between, N_ANCHORS)
@@ -96,24 +111,24 @@ def find_symmetries(
         return ()
     to_anchors = between[:, anchors]
     starts = np.array([nearest_rows(between[:, images], to_anchors) for images in assigned])
-    alignments = iterative_closest_points(few, few, starts, settings.steps)
+    alignments = iterative_closest_points(few, few, starts, STEPS)
     found: list[tuple[Symmetry, FloatArray]] = []
 
     def add(rotation: FloatArray) -> None:
         image_row = nearest_under_rotation(points, points, rotation)
         moved = distances[image_row, np.arange(len(distances))].mean()
-        repeats = any(distances[image_row, known.image_row].mean() < settings.same_map for known, _ in found)
-        if moved < settings.least_moved or repeats:
+        repeats = any(distances[image_row, known.image_row].mean() < SAME_SYMMETRY for known, _ in found)
+        if moved < LEAST_MOVED or repeats:
             return
         rotation = signed_procrustes(points, points.at(image_row))
         image_row = nearest_under_rotation(points, points, rotation)
         images = points.at(image_row)
         rotation = signed_procrustes(points, images)
         residual = alignment_residual(points, images, rotation)
-        if residual > settings.near * largest:
+        if residual > NEAR * largest:
             return
         side = orientation(image_row)
-        if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= settings.exact * largest:
+        if side == 0 or abs(side) >= LEAST_ORIENTATION or residual <= EXACT * largest:
             found.append((Symmetry(image_row, residual, side, float(moved)), rotation))
 
     for alignment in sorted(alignments, key=lambda each: each.residual):
@@ -150,7 +165,7 @@ def _assignments(distances: FloatArray, anchors: IntArray, settings: SymmetrySet
     remoteness = distances.mean(axis=1)
     exact = distances[np.ix_(anchors, anchors)]
     unary = 0.5 * np.abs(remoteness - remoteness[anchors, None])
-    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, BEAM, settings.least_moved)
+    assigned, _ = assign_points(distances, exact, exact, unary, EXACTLY, BEAM, LEAST_MOVED)
     moved = distances[assigned, anchors].mean(axis=1)
-    far: IntArray = assigned[moved > settings.least_moved][: settings.most]
+    far: IntArray = assigned[moved > LEAST_MOVED][: settings.most]
     return far

@@ -26,7 +26,6 @@ from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import starts_from_hints
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.settings import ElasticSettings
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
@@ -49,6 +48,13 @@ FINE_SMOOTHNESS = (0.01, 0.005, 0.0025, 0.001, 0.0005)
 
 # from so many on, maps need not exchange mirror images; chosen: details may differ from side to side
 FREE_FUNCTIONS = 100
+
+# mean distance, in √area, by which coarse fits that are fitted finely differ; search.same_map
+SAME_MAP = 0.05
+
+# of normals, beside canonical coordinates: in the fine fit, and in the misfit that scores it;
+# docs/robustness.md, other species
+FINE_NORMAL_WEIGHT, SCORE_NORMAL_WEIGHT = 0.15, 0.0
 
 FINE_ITERATIONS = 2  # in each step; docs/robustness.md, other species
 
@@ -123,13 +129,10 @@ class Elastic(Relation):
         NotConvergedError
             If there is no ordinary map, and none that keeps the orientation was found.
         """
-        settings = self.pair.config.elastic
         starts = self._starts()
         rough = [fit for fit in parallel_map(lambda start: self._roughly(*start), starts) if fit]
         rough.sort(key=lambda fit: fit.score)
-        kept = distinct(
-            rough, lambda fit: fit.image, self.target.mean_distances, settings.same_map, N_CONTENDERS
-        )
+        kept = distinct(rough, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, N_CONTENDERS)
         fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
         if self.ordinary is None and not fits:
@@ -168,20 +171,17 @@ class Elastic(Relation):
         source, target = parallel_map(lambda shape: with_mirror(shape, config), (self.source, self.target))
         return source, target
 
-    def _fit(self, count: int, everywhere: bool, settings: ElasticSettings) -> ElasticFit:
+    def _fit(self, count: int, everywhere: bool) -> ElasticFit:
         first, second = (shape.sampled(count, everywhere) for shape in self._shapes)
-        return ElasticFit(first, second, self.pair.signatures, self.hints.landmarks, settings)
+        return ElasticFit(first, second, self.pair.signatures, self.hints.landmarks)
 
     @cached_property
     def _coarse(self) -> ElasticFit:
-        settings = self.pair.config.elastic
-        return self._fit(N_COARSE, False, settings)
+        return self._fit(N_COARSE, False)
 
     @cached_property
     def _fine(self) -> ElasticFit:
-        config = self.pair.config
-        settings = replace(config.elastic, normal_weight=config.elastic.fine_normal_weight)
-        return self._fit(config.n_refine, True, settings)
+        return replace(self._fit(self.pair.config.n_refine, True), normal_weight=FINE_NORMAL_WEIGHT)
 
     @cached_property
     def _fine_steps(self) -> tuple[Step, ...]:
@@ -192,8 +192,7 @@ class Elastic(Relation):
 
     def _roughly(self, start: IntArray, origin: str) -> StretchedFit | None:
         """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
-        coarse, settings = self._coarse, self.pair.config.elastic
-        steps = coarse_steps(settings)
+        coarse, steps = self._coarse, coarse_steps()
         coefficients = coarse.from_pairs(start, steps[0])
         if coarse.orientation(coefficients, coarse.images(coefficients)) < 0:
             return None
@@ -235,8 +234,7 @@ class Elastic(Relation):
         return self._scored(coefficients, self._fine.images(coefficients), origin)
 
     def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
-        settings = self.pair.config.elastic
-        judge = replace(self._fine, settings=replace(settings, normal_weight=settings.score_normal_weight))
+        judge = replace(self._fine, normal_weight=SCORE_NORMAL_WEIGHT)
         misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
         score = misfit * stretch**STRETCH_EXPONENT
         image = self._fine.target.targets[images.forth]

@@ -10,7 +10,6 @@ from scipy.linalg import solve
 
 from isomatch.correspondence import Embedding, nearest_rows
 from isomatch.matching.relations.elastic_shape import ElasticShape, Samples
-from isomatch.settings import ElasticSettings
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -22,6 +21,8 @@ COARSE_FUNCTIONS = (20, 30)  # in the steps of the coarse fit; chosen: limbs, bu
 COARSE_ITERATIONS = 4  # in each step; chosen, not measured
 
 SIGNATURE_WEIGHT = 0.05  # beside canonical coordinates; chosen on pairs of animals, not one by one
+
+NORMAL_WEIGHT = 0.05  # in the coarse fit; chosen on pairs of animals, not one by one
 
 LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; chosen, not measured
 
@@ -45,7 +46,7 @@ class Step(NamedTuple):
     symmetric: bool
 
 
-def coarse_steps(settings: ElasticSettings) -> tuple[Step, ...]:
+def coarse_steps() -> tuple[Step, ...]:
     """Return the steps with few functions."""
     return tuple(
         Step(k, smoothness, COARSE_ITERATIONS, True)
@@ -72,9 +73,10 @@ class ElasticFit:
         Signatures of all vertices of both.
     landmarks : (l, 2) array of int
         Vertices of source and target that correspond.
-    settings : ElasticSettings
     side : float
         1 for maps that preserve the orientation of the faces, −1 for those that reverse it.
+    normal_weight : float
+        Of normals, beside canonical coordinates.
 
     Notes
     -----
@@ -88,8 +90,8 @@ class ElasticFit:
     target: Samples
     signatures: Embedding
     landmarks: IntArray
-    settings: ElasticSettings
     side: float = 1.0
+    normal_weight: float = NORMAL_WEIGHT
 
     def from_pairs(self, pairs: IntArray, step: Step) -> Coefficients:
         """Fit smooth maps to pairs (q, 2) of vertices alone."""
@@ -149,10 +151,10 @@ class ElasticFit:
 
     def embedding(self, found: Coefficients) -> Embedding:
         """Coordinates of the vertices sought of both shapes, in which images are nearest."""
-        settings, (source, target) = self.settings, (self.source, self.target)
+        source, target = self.source, self.target
         target_here, its_normals = _drawn(source, found.source)
         source_there, own_normals = _drawn(target, found.target)
-        weight, on_source, on_target = settings.normal_weight, source.targets, target.targets
+        weight, on_source, on_target = self.normal_weight, source.targets, target.targets
         return Embedding(
             np.hstack(
                 [

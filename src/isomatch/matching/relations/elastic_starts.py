@@ -13,6 +13,16 @@ from isomatch.values.arrays import FloatArray, IntArray
 # bound of the cost of a distance, see `IntervalCost`; chosen on pairs of animals, not one by one
 MOST_COST = 0.6
 
+SOFT = 0.2  # of the same cost; chosen, not measured
+
+BEAM = 600  # partial assignments that are kept; chosen on pairs of animals, not one by one
+
+APART = 0.12  # mean distance, in average distances, by which they differ; as in parts
+
+# starts that do not compare distances from the mirror image, where both shapes have one;
+# docs/robustness.md, other species
+N_PLAIN_STARTS = 30
+
 # weight of differences of the distance from the mirror image; chosen: as much as the average distance; not measured
 ASIDE_COST = 1.0
 
@@ -24,7 +34,7 @@ REMOTENESS_COST = 0.5
 
 SIGNATURE_COST = 0.1  # weight of the signatures; chosen on pairs of animals, not one by one
 
-# points of the target among which images are sought; chosen: spacing 0.09, less than apart
+# points of the target among which images are sought; chosen: spacing 0.09, less than APART
 N_CANDIDATES = 150
 
 N_ANCHORS = 12  # points of the source that are assigned; chosen on pairs of animals, not one by one
@@ -54,7 +64,7 @@ def anchor_starts(
     if shapes and all(shape.mirrored is not None for shape in shapes):
         aside = [np.minimum(shape.aside / shape.prepared.intrinsic_scale, MOST_ASIDE) for shape in shapes]
         unlike = np.abs(aside[0][anchors, None] - aside[1][candidates])
-        kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, settings.n_plain_starts)]
+        kinds = [(unary + ASIDE_COST * unlike, settings.n_starts), (unary, N_PLAIN_STARTS)]
 
     def assigned(cost: FloatArray, count: int) -> IntArray:
         pin_first(cost, np.searchsorted(candidates, landmarks[:, 1]))
@@ -63,9 +73,9 @@ def anchor_starts(
             between,
             between,
             cost,
-            IntervalCost(settings.forgiven, settings.inside, MOST_COST, settings.soft),
-            settings.width,
-            settings.apart,
+            IntervalCost(settings.forgiven, settings.inside, MOST_COST, SOFT),
+            BEAM,
+            APART,
         )
         return rows[:count]
 

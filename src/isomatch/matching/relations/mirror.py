@@ -36,8 +36,8 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
     shape = ElasticShape(prepared, settings)
     samples = shape.sampled(N_COARSE, False)
     signatures = Embedding(prepared.signatures, prepared.signatures)
-    fit = ElasticFit(samples, samples, signatures, NONE, settings, side=-1.0)
-    steps = coarse_steps(settings)
+    fit = ElasticFit(samples, samples, signatures, NONE, side=-1.0)
+    steps = coarse_steps()
 
     def fitted(start: IntArray) -> tuple[float, FloatArray]:
         found = fit.from_pairs(start, steps[0])

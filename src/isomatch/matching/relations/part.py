@@ -14,7 +14,7 @@ from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, Spec
 from isomatch.errors import DescriptorError, NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
@@ -31,7 +31,7 @@ from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
-from isomatch.matching.relations.part_starts import PartStarts, self_maps
+from isomatch.matching.relations.part_starts import APART, PartStarts, self_maps
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
 from isomatch.matching.stages import Relation, first_maps_of
@@ -154,10 +154,7 @@ class Part(Relation):
         fits, costs = _by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
-            rival_distance=settings.apart,
-            tie=settings.tie,
-            mirror_tie=settings.tie,
-            landmark_slack=config.selection.landmark_slack,
+            rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
         return selection, next(cost for fit, cost in zip(fits, costs) if fit is selection.winner)
@@ -173,8 +170,7 @@ class Part(Relation):
         return cast(PartFit, again)
 
     def _distinct(self, fits: list[PartFit], count: int) -> list[PartFit]:
-        apart = self.pair.config.parts.apart
-        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, apart, count)
+        return distinct(fits, lambda fit: fit.image, self.target.mean_distances, APART, count)
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
@@ -245,7 +241,7 @@ class Part(Relation):
         if self.closed is not None:
             image = self.closed.image_of(self.side)
             apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
-            agrees = apart <= settings.apart
+            agrees = apart <= APART
             as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
             fits = [best, *selection.rivals]
             returned = _against(fits)(as_found) / cost < settings.closed_score

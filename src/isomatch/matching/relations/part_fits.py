@@ -24,6 +24,9 @@ from isomatch.values.cached import cached_property
 # cost = misfit × stress to this power × √(local stress × curvature mismatch); chosen on cuts and holes, not one by one
 STRESS_EXPONENT = 0.25
 
+# functions of the whole in the short refinement; chosen on cuts and holes, not one by one
+ROUGH_SIZES = (20, 40, 70)
+
 N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
@@ -141,18 +144,18 @@ class PartFits:
 
     def roughly(self, pair: PartPair, image: IntArray, origin: str) -> PartFit | None:
         """Refine a map of the vertices of a rough one a little; None for a mirror image."""
-        refinement, sizes = self._rough_refinement(pair), self._config.parts.sizes
+        refinement = self._rough_refinement(pair)
         if refinement.orientation(image, N_ROUGH_FUNCTIONS) < 0:
             return None
-        image, misfit = refinement.refined(image, sizes)
-        anchors = refinement.at(image, sizes[-1], pair.anchors)
+        image, misfit = refinement.refined(image, ROUGH_SIZES)
+        anchors = refinement.at(image, ROUGH_SIZES[-1], pair.anchors)
         return _fit(refinement, pair, image, misfit, anchors, N_ROUGH_FUNCTIONS, self.bending, origin)
 
     def begun(self, pair: PartPair, image: IntArray, origin: str) -> PartFit:
         """Extend a map of the vertices of a rough one to those of a fine one, in the unit that it measures."""
         pair = pair.with_unit(self._rough_refinement(pair).local_unit(image))
         refinement = self.fine_refinement(pair)
-        image = refinement.extended(image, self._config.parts.sizes[-1])
+        image = refinement.extended(image, ROUGH_SIZES[-1])
         return PartFit(image, origin=origin, pair=pair, refinement=refinement, bending=self.bending)
 
     def refined(self, fit: PartFit) -> PartFit:

@@ -17,6 +17,15 @@ from isomatch.values.cached import cached_property
 # bound of the cost of a distance, in √area of the part, see `IntervalCost`; chosen on cuts and holes, not one by one
 MOST_COST = 0.6
 
+SOFT = 0.18  # of the same cost, in √area of the part; chosen on cuts and holes, not one by one
+
+# boundary vertices through which paths may leave the part; chosen on cuts and holes, not one by one
+N_POSTS = 60
+
+# share of the pairs of anchors whose distance on the whole is known, below which ``scale = "auto"`` keeps the unit of the
+# files; chosen on cuts and holes, not one by one
+LEAST_TRUSTED = 0.07
+
 # distance columns of the part whose images a start consists of; chosen on cuts and holes, not one by one
 N_ANCHORS = 50
 
@@ -70,7 +79,7 @@ class PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
         mesh = part.mesh_body
         engine = distance_engine(mesh, part.config.engine)
-        missing = MissingRegion.of(mesh, engine, config.parts.n_posts)
+        missing = MissingRegion.of(mesh, engine, N_POSTS)
         n = N_ANCHORS
         anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
         along = part.columns[:n].astype(np.float64)
@@ -92,8 +101,7 @@ class PartPair:
     @property
     def cost(self) -> IntervalCost:
         """Cost of distances on the whole; the same for every unit if part and distances grow alike."""
-        settings = self.config.parts
-        return IntervalCost(most=MOST_COST * self.unit, soft=settings.soft * self.unit)
+        return IntervalCost(most=MOST_COST * self.unit, soft=SOFT * self.unit)
 
     @property
     def share(self) -> float:
@@ -119,7 +127,7 @@ class PartPair:
     @property
     def is_hardly_known(self) -> bool:
         """Whether so little of the whole is known that no unit is sure, and no map exact."""
-        return self.trusted < self.config.parts.least_trusted
+        return self.trusted < LEAST_TRUSTED
 
     @cached_property
     def to_boundary(self) -> FloatArray:

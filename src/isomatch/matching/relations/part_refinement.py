@@ -23,6 +23,13 @@ MOST_RATIO = 0.7  # largest logarithm of a ratio of distances that counts; a fac
 # a boundary needs more functions than the share of the area says; chosen on cuts and holes, not one by one
 FUNCTION_RATIO = 1.75
 
+# distances from landmarks, in √area, up to which they are coordinates of the refinement; docs/robustness.md: parts
+LANDMARK_REACH = 0.3
+
+# distances along the part, in its √area, whose ratios to those of the images are compared;
+# chosen on cuts and holes, not one by one
+LEAST_NEAR, MOST_NEAR = 0.08, 0.3
+
 EXTRA_FUNCTIONS = 3
 N_ROUGH_VERTICES = 500  # of the part in the short refinement; chosen on cuts and holes, not one by one
 
@@ -52,7 +59,7 @@ class WholeCoordinates:
     def __init__(self, whole: PreparedShape, config: Config, landmarks: IntArray) -> None:
         self._whole, self._settings = whole, config.refining
         self.signatures = WholeSignatures(whole)
-        self._distances = LandmarkDistances(whole, landmarks, config.parts.landmark_reach)
+        self._distances = LandmarkDistances(whole, landmarks, LANDMARK_REACH)
 
     @cached_property
     def known(self) -> FloatArray:
@@ -109,10 +116,10 @@ class PartSamples:
 
         They are the search vertices that a rough refinement maps, too.
         """
-        pair, config, (least, most) = self._pair, self._pair.config, self._pair.config.parts.near
+        pair, config = self._pair, self._pair.config
         vertices = pair.part.sample_vertices[: min(config.n_search, config.n_refine, N_ROUGH_VERTICES)]
         along = np.maximum(pair.part.distances.between(vertices, vertices), 0.0)
-        near = (along > least) & (along < most)
+        near = (along > LEAST_NEAR) & (along < MOST_NEAR)
         known = pair.missing.lower_bound(vertices, vertices, along)[near] >= TRUSTED * along[near]
         return near, known, along[near]
 

@@ -16,12 +16,20 @@ from isomatch.matching.relations.part_signatures import WholeSignatures
 from isomatch.matching.search import flips
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import SAME_SYMMETRY, PreparedShape
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_method
 
-# `parts.apart` with landmarks, between which maps differ less; chosen on a twisted body between right limbs
+# mean distance, in √area, by which partial assignments and maps that are kept differ;
+# without it, all would be variants of one
+APART = 0.12
+
+# the same of assignments with landmarks, between which maps differ less; chosen on a twisted body between right limbs
 LED_APART = 0.04
+
+BEAM = 1000  # partial assignments that are kept; chosen on cuts and holes, not one by one
+
+N_STARTS = 16  # best starts, before mirror images are added; chosen on cuts and holes, not one by one
 
 # vertices of the whole among which images of the first anchors are sought; chosen on cuts and holes, not one by one
 N_CANDIDATES = 300
@@ -114,19 +122,17 @@ class PartStarts:
         self._places = np.union1d(whole.sample_vertices, self._candidates)
         self._balls = self._areas_of_balls()
         self._areas = areas_of_samples(pair.part, pair.part.sample_vertices)
-        settings = pair.config.parts
         self._at = lru_cache(pair.with_unit)
         self._mean_signatures = np.abs(signatures.values).mean(axis=0)
-        self._apart = LED_APART if len(pair.landmarks) else settings.apart
+        self._apart = LED_APART if len(pair.landmarks) else APART
 
     def __call__(self) -> list[PartStart]:
         """Return the starts, least cost first; no two alike."""
-        settings = self._pair.config.parts
         assigned = [start for group in parallel_map(self._assigned, self._pair.units) for start in group]
         assigned.sort(key=lambda start: start.cost)
         kept = self._distinct(
             parallel_map(lambda start: self._start(start.pair, start.images, 3), assigned[:N_TRILATERATED]),
-            settings.n_starts,
+            N_STARTS,
         )
         mirrored = [
             (start.pair, composed(start.pair.whole, start.images, image_row))
@@ -138,14 +144,14 @@ class PartStarts:
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
-        pair, settings, candidates = self._at(unit), self._pair.config.parts, self._candidates
+        pair, candidates = self._at(unit), self._candidates
         placed = min(N_PLACED, len(pair.anchors))
         rows, costs = assign_points(
             pair.whole.distances_between(candidates),
             *pair.anchor_intervals,
             self._assigned_alone(pair, placed),
             pair.cost,
-            settings.width,
+            BEAM,
             self._apart,
         )
         n_pairs = placed * (placed - 1) / 2
@@ -219,6 +225,4 @@ def self_maps(whole: PreparedShape, config: Config) -> list[IntArray]:
     identity = Hypothesis(Alignment(rows, np.eye(1), 0.0), "identity")
     image_rows = [symmetry.image_row for symmetry in whole.symmetries]
     image_rows += [flip.target_row for flip in flips(pair, identity, [identity])]
-    return distinct(
-        image_rows, lambda image_row: image_row, pair.distances_between_maps, config.symmetry.same_map
-    )
+    return distinct(image_rows, lambda image_row: image_row, pair.distances_between_maps, SAME_SYMMETRY)
