@@ -38,6 +38,11 @@ ENERGY_NOISE = 0.012
 MISFIT_NOISE = 0.25
 SCORE_NOISE = 0.04
 
+# in √area, from which two maps send a vertex to different places; chosen: above the errors of right maps, below a limb
+ELSEWHERE = 0.08
+
+LEAST_REGION = 0.01  # share of the vertices, below which a region says nothing; chosen: ten of 1000
+
 T = TypeVar("T")
 R = TypeVar("R", bound=Fit)
 H = TypeVar("H", Candidate, Fit)
@@ -202,6 +207,54 @@ def survivors(
             if fits[i].side == fits[standing_for].side and fits[i].residual < fits[standing_for].residual:
                 kept[same] = j, i
     return kept
+
+
+def weighed(
+    costs: Sequence[float],
+    images: Sequence[IntArray],
+    mismatches: Sequence[FloatArray],
+    distance: Callable[[IntArray, IntArray], FloatArray],
+    eligible: Sequence[bool],
+    weight: float,
+) -> list[float]:
+    """Multiply the costs of maps by what their images look like where they differ from the best map.
+
+    The ratio of two costs is multiplied by exp(weight × the difference of their mean mismatches over the vertices that
+    they send to different places). The best map is found by comparing each with the best so far, cheapest first; then all
+    are compared with it.
+
+    Parameters
+    ----------
+    costs : sequence of q float
+    images : sequence of q (r,) arrays of int
+    mismatches : sequence of q (r,) arrays of float
+        nan where nothing is known.
+    distance : callable
+        Distances (r,) between the images of two maps, in √area.
+    eligible : sequence of q bool
+        Which of them may be the best.
+    weight : float
+
+    Returns
+    -------
+    list of q float
+        That of the best map is its own.
+    """
+
+    def factor(i: int, j: int) -> float:
+        known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
+        known &= distance(images[i], images[j]) > ELSEWHERE
+        if known.mean() < LEAST_REGION:
+            return 1.0
+        return float(np.exp(weight * (mismatches[i] - mismatches[j])[known].mean()))
+
+    order = sorted(range(len(costs)), key=lambda i: costs[i])
+    best = next(i for i in order if eligible[i])
+    for i in order:
+        if eligible[i] and i != best and costs[i] * factor(i, best) < costs[best]:
+            best = i
+    against_best = [costs[i] if i == best else costs[i] * factor(i, best) for i in range(len(costs))]
+    return [max(cost, costs[best]) if may else cost for cost, may in zip(against_best, eligible)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,9 @@ from typing import Any, ClassVar, Self, TypeAlias
 import numpy as np
 
 from isomatch.correspondence import Embedding, SpectralPair
+from isomatch.descriptors import deviation_of
 from isomatch.errors import SettingError
+from isomatch.matching.contest import weighed
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Solution
@@ -19,7 +21,7 @@ from isomatch.matching.pair import ShapePair
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 
@@ -241,6 +243,26 @@ class Relation(ABC):
         """Where a map came from: the initial map, if it agrees with that."""
         agrees = winner.hint_error <= self.pair.config.outcome.contradiction
         return "initial map" if len(self.hints.initial_pairs) and agrees else winner.origin
+
+    def mismatch(self, fit: Fit) -> FloatArray:
+        """How differently the surfaces look in space around the vertices (r,) and their images, see `BallSignature`.
+
+        nan where nothing is known: near a boundary, and of points and graphs.
+        """
+        here, there = self.source.balls, self.target.balls
+        if here is None or there is None:
+            return np.full(len(self.vertices), np.nan)
+        return here.at(self.vertices).mismatch(there.at(fit.image), self._deviation)
+
+    @cached_property
+    def _deviation(self) -> FloatArray:
+        return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
+
+    def weighed(self, fits: Sequence[Fit], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
+        """Weigh the costs of maps by their mismatch where they differ, see `weighed`."""
+        mismatches = parallel_map(self.mismatch, fits)
+        images, weight = [fit.image for fit in fits], self.pair.config.selection.mismatch_weight
+        return weighed(costs, images, mismatches, self.target.distance, eligible, weight)
 
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:

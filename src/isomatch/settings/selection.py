@@ -33,6 +33,9 @@ class SelectionSettings(Settings):
         Score of a refined map = misfit × energy to this power.
     rival_distance : float
         Mean distance between images, in √area, from which a refined map is a rival and not a variant of the winner.
+    mismatch_weight : float
+        The ratio of the costs of two maps is multiplied by exp(this × the difference of their mean mismatches, see
+        `BallSignature`, over the region where they differ).
     most_alternatives : int
         Most alternatives in the result.
     """
@@ -55,4 +58,5 @@ class SelectionSettings(Settings):
     )
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
+    mismatch_weight: float = setting(1.0, "docs/notes/ball_signature.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)

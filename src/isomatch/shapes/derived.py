@@ -32,7 +32,9 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
         alone.__dict__.update({name: getattr(shape, name) for name in kept})
         return alone
     closed, config = capped(shape.triangles), replace(shape.requested, resolution="full")
-    return prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
+    made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
+    on_cap = made.user_vertex >= shape.body.n_vertices
+    return replace(made, caps=np.flatnonzero(on_cap))
 
 
 @cached_method

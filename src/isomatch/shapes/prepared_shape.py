@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from isomatch.bases import DistanceBasis, refined_laplace_basis
 from isomatch.correspondence import SampledBasis, SignedPoints
-from isomatch.descriptors import geodesic_distance_descriptor, mean_curvature, standardised
+from isomatch.descriptors import (
+    BallSignature,
+    ball_signature,
+    geodesic_distance_descriptor,
+    mean_curvature,
+    standardised,
+)
 from isomatch.errors import SettingError
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.mending import check
 from isomatch.resolution import Prolongation
 from isomatch.settings import Config
@@ -23,6 +30,9 @@ from isomatch.shapes.smooth_shape import SmoothShape
 from isomatch.shapes.symmetries import Symmetry, find_symmetries
 from isomatch.values.arrays import Float32Array, FloatArray, IntArray
 from isomatch.values.cached import cached_property
+
+# vertices whose balls are computed, of 5000; the others get means of near ones
+N_BALLS = 500
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -67,6 +77,8 @@ class PreparedShape(SmoothShape):
         A finer level, on which maps of complete shapes are polished.
     refining : Prolongation, optional
         Between the finer level and the body.
+    caps : (c,) array of int
+        Vertices of the body that close its holes, and are none of the user's.
     """
 
     scale: float
@@ -84,6 +96,7 @@ class PreparedShape(SmoothShape):
     others: tuple[Body, ...] = ()
     finer: Level | None = None
     refining: Prolongation | None = None
+    caps: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
@@ -227,6 +240,17 @@ class PreparedShape(SmoothShape):
             self.triangles, self.laplace, self.config.preparation.energy_curvature_functions
         )
         return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
+
+    @cached_property
+    def balls(self) -> BallSignature | None:
+        """The ball signature of every vertex of the body, as far from caps as it knows; None without triangles."""
+        if self.triangles is None:
+            return None
+        found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS])
+        if len(self.caps):
+            to_caps, _ = distance_along_edges_to_nearest(self.triangles, self.caps)
+            found = replace(found, to_boundary=np.minimum(found.to_boundary, to_caps))
+        return found
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:

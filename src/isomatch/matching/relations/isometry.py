@@ -237,6 +237,7 @@ class Isometry(Relation):
             fits,
             self._apart(fits),
             self.rules,
+            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
             n_tried=len(eligible) + len(rivals),
