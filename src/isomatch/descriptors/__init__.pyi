@@ -1,4 +1,4 @@
-from isomatch.descriptors.ball_signature import BallSignature, ball_signature, deviation_of
+from isomatch.descriptors.ball_signature import RADII, BallSignature, ball_signature, deviation_of
 from isomatch.descriptors.curvature import mean_curvature
 from isomatch.descriptors.gdd import GeodesicDistanceDescriptor, geodesic_distance_descriptor
 from isomatch.descriptors.spectral_signatures import (
@@ -9,6 +9,7 @@ from isomatch.descriptors.spectral_signatures import (
 from isomatch.descriptors.standardised import standardised
 
 __all__ = [
+    "RADII",
     "BallSignature",
     "GeodesicDistanceDescriptor",
     "ball_signature",

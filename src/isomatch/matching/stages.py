@@ -261,8 +261,13 @@ class Relation(ABC):
     def weighed(self, fits: Sequence[Fit], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
         """Weigh the costs of maps by their mismatch where they differ, see `weighed`."""
         mismatches = parallel_map(self.mismatch, fits)
-        images, weight = [fit.image for fit in fits], self.pair.config.selection.mismatch_weight
-        return weighed(costs, images, mismatches, self.target.distance, eligible, weight)
+        images = [fit.image for fit in fits]
+        return weighed(costs, images, mismatches, self.target.distance, eligible, self.mismatch_weight)
+
+    @property
+    def mismatch_weight(self) -> float:
+        """How much the mismatch weighs in the ratio of two costs, see `weighed`."""
+        return self.pair.config.selection.mismatch_weight
 
     @abstractmethod
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:

@@ -2,7 +2,7 @@ from isomatch.shapes.body import Body, body_of
 from isomatch.shapes.derived import capped_shape, components_of
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
-from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
 from isomatch.shapes.signatures import CURVATURE_WEIGHT, WAVE_WEIGHT
 from isomatch.shapes.smooth_shape import SmoothShape
 from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetries, farthest_rows
@@ -10,6 +10,7 @@ from isomatch.shapes.symmetries import EXACTLY, SAME_SYMMETRY, describe_symmetri
 __all__ = [
     "CURVATURE_WEIGHT",
     "EXACTLY",
+    "N_BALLS",
     "SAME_SYMMETRY",
     "WAVE_WEIGHT",
     "Body",

@@ -134,17 +134,20 @@ class Elastic(Relation):
         rough.sort(key=lambda fit: fit.score)
         kept = distinct(rough, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, N_CONTENDERS)
         fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
-        fits.sort(key=lambda fit: fit.score)
         if self.ordinary is None and not fits:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        if not fits or (self.ordinary is not None and fits[0].score >= self._unchanged(self.ordinary).score):
+        ordinary = [] if self.ordinary is None else [self._unchanged(self.ordinary, self.origin)]
+        contenders = [*ordinary, *fits]
+        costs = self.weighed(contenders, [fit.score for fit in contenders], [True] * len(contenders))
+        if ordinary and costs[0] == min(costs):
             return None
+        costs = costs[len(ordinary) :]
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
-        return select(fits, apart, rules), reason
+        return select(fits, apart, rules, scores=costs), reason
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""

@@ -148,16 +148,33 @@ class Part(Relation):
                 "if the shapes are roughly aligned in space"
             )
         begun = parallel_map(lambda contender: fits_of.begun(*contender), contenders)
-        fits, costs = _by_cost(cast(list[PartFit], self.contest(begun)))
+        fits, costs = self._by_cost(cast(list[PartFit], self.contest(begun)))
         n_settled = sum(cost <= settings.hopeless * costs[0] for cost in costs[: settings.n_settled])
         fits[:n_settled] = parallel_map(lambda fit: fits_of.settled(fit, self._again), fits[:n_settled])
-        fits, costs = _by_cost(fits)
+        fits, costs = self._by_cost(fits)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(
             rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
         selection = select(fits, apart, rules, scores=costs)
         return selection, next(cost for fit, cost in zip(fits, costs) if fit is selection.winner)
+
+    def mismatch(self, fit: Fit) -> FloatArray:
+        """How differently part and whole look in space around the vertices (r,) and their images."""
+        return cast(PartFit, fit).mismatches
+
+    @property
+    def mismatch_weight(self) -> float:
+        """How much the mismatch weighs in the ratio of two costs."""
+        import os
+        return float(os.environ.get("PW","6"))
+
+    def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
+        """Bend the part by each map, and order maps by their weighed cost; returns also the costs."""
+        parallel_map(attrgetter("cost"), fits)  # on several threads, and kept
+        costs = self.weighed(fits, list(map(_against(fits), fits)), [True] * len(fits))
+        order = sorted(range(len(fits)), key=lambda i: costs[i])
+        return [fits[i] for i in order], [costs[i] for i in order]
 
     def bent(self, fit: PartFit) -> BentPart:
         """Bend the part onto the whole by a map, in full."""
@@ -244,7 +261,8 @@ class Part(Relation):
             agrees = apart <= APART
             as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
             fits = [best, *selection.rivals]
-            returned = _against(fits)(as_found) / cost < settings.closed_score
+            ratio = self.weighed([best, as_found], [cost, _against(fits)(as_found)], [True, False])[1] / cost
+            returned = ratio < settings.closed_score
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
                 with_caps = self.closed.solution(timer)
                 evidence = part_evidence(doubt.evidence, with_caps.evidence, agrees)
@@ -346,14 +364,6 @@ class Part(Relation):
             bend_misfit=bent.misfit,
             doubt=doubt.doubt,
         )
-
-
-def _by_cost(fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
-    """Bend the part by each map, and order maps by their cost; returns also the costs."""
-    parallel_map(attrgetter("cost"), fits)  # on several threads, and kept
-    against = _against(fits)
-    order = sorted(fits, key=against)
-    return order, list(map(against, order))
 
 
 def _against(fits: Sequence[PartFit]) -> Callable[[PartFit], float]:

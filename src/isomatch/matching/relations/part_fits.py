@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from isomatch.descriptors import deviation_of
 from isomatch.matching.fit import Fit
 from isomatch.matching.relations.part_bending import BentPart, PartBending
 from isomatch.matching.relations.part_pair import PartPair
@@ -18,7 +19,7 @@ from isomatch.matching.relations.part_refinement import (
 )
 from isomatch.matching.relations.part_starts import PartStart, completed, composed
 from isomatch.matching.search import FromAnchors
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 # cost = misfit × stress to this power × √(local stress × curvature mismatch); chosen on cuts and holes, not one by one
@@ -26,6 +27,9 @@ STRESS_EXPONENT = 0.25
 
 # functions of the whole in the short refinement; chosen on cuts and holes, not one by one
 ROUGH_SIZES = (20, 40, 70)
+
+import os
+ROUGH_MISMATCH_WEIGHT = float(os.environ.get("RW","6"))
 
 N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
 
@@ -68,6 +72,20 @@ class PartFit(Fit):
     lengths: tuple[float, ...] = ()
 
     @cached_property
+    def mismatches(self) -> FloatArray:
+        """(r,) how differently part and whole look around each vertex and its image; nan where nothing is known."""
+        here, there = self.pair.signature, self.pair.whole.balls
+        if there is None:
+            return np.full(len(self.image), np.nan)
+        return here.at(self.refinement.vertices).mismatch(there.at(self.image), deviation_of(there))
+
+    @property
+    def mismatch(self) -> float:
+        """Their mean, or 0 if nothing is known."""
+        known = self.mismatches[np.isfinite(self.mismatches)]
+        return float(known.mean()) if len(known) else 0.0
+
+    @cached_property
     def bent(self) -> BentPart:
         """The part bent onto the whole by the map, at a lower resolution."""
         return self.bending.coarsely(self.pair, self.refinement, self.image, self.lengths)
@@ -96,7 +114,8 @@ class PartFit(Fit):
     @property
     def promise(self) -> float:
         """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
-        return float(self.flat_cost / np.sqrt(max(self.orientation, 0.1)))
+        twist = np.sqrt(max(self.orientation, 0.1))
+        return float(self.flat_cost / twist * np.exp(ROUGH_MISMATCH_WEIGHT * self.mismatch))
 
 
 class PartFits:

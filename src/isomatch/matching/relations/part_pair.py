@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from isomatch.correspondence import IntervalCost
+from isomatch.descriptors import RADII, BallSignature, ball_signature
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -37,6 +38,9 @@ LEAST_SHARE = 0.1
 # factor by which the unit of the files may be off; FAUST remeshed: bodies of one person differ by up to 1.2
 LARGEST_UNIT_CHANGE = 1.4
 
+RADIUS_STEP = 1.25  # ratio of the radii between which ball signatures are interpolated
+
+UNKNOWN = BallSignature(np.ones(1), np.zeros((0, 1, 4)), np.zeros(0))
 NO_LANDMARKS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -60,6 +64,8 @@ class PartPair:
         Lower bounds of the distances from them on the whole, and distances along the part, in its units.
     landmarks : (l,) array of int
         Vertices of the whole that the first anchors go to.
+    balls : BallSignature
+        Of the part, in its own units.
     """
 
     part: PreparedShape
@@ -71,6 +77,7 @@ class PartPair:
     lower: FloatArray = field(compare=False)
     along: FloatArray = field(compare=False)
     landmarks: IntArray = field(compare=False)
+    balls: BallSignature = field(compare=False)
 
     @classmethod
     def of(
@@ -87,7 +94,12 @@ class PartPair:
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
         lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
-        return cls(part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1])
+        found = cls(part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN)
+        units = found.units
+        first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
+        radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))
+        samples = part.sample_vertices[:N_BALLS]
+        return replace(found, balls=ball_signature(mesh, radii, unit=1.0, samples=samples))
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""
@@ -133,6 +145,11 @@ class PartPair:
     def to_boundary(self) -> FloatArray:
         """(n_part,) distance of each vertex of the part to its boundary."""
         return self.missing.to_boundary * self.unit
+
+    @cached_property
+    def signature(self) -> BallSignature:
+        """The ball signature of the part, in units of the whole."""
+        return self.balls.scaled(self.unit, RADII)
 
     def stress(self, images: IntArray) -> float:
         """Mean cost of the images (m,) of the anchors."""
