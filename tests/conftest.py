@@ -9,11 +9,34 @@ from threadpoolctl import threadpool_limits
 
 import isomatch.view.report
 from data import real_file
-from isomatch import Mesh, prepare
+from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
 from isomatch.view import draw_map
 from small_collections import copied, finished, small  # noqa: F401 - fixtures
+
+LONGEST = (  # files in the order in which they are handed to workers, before all others
+    "zoo/test_every_command.py",
+    "test_code_blocks.py",
+    "lab/baselines/test_baselines.py",
+    "matching/test_match.py",
+    "matching/test_levels.py",
+    "lab/evaluation/test_benchmark.py",
+    "collections/test_runs.py",
+    "lab/damage/test_damage.py",
+    "matching/test_bad_input.py",
+    "bases/test_distance_basis.py",
+    "cli/test_cli.py",
+    "datasets/test_creatures.py",
+    "fuzz/test_array_files.py",
+    "test_first_use.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """With the longest files first, no worker is left alone with one in the end."""
+    rank = {f"tests/{name}": i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -33,11 +56,11 @@ def ctrl_c_is_heard():
 
 @pytest.fixture(scope="module")
 def prepared_once():
-    """Matches of a module prepare a mesh that they are given again only for other settings."""
+    """Matches of a module prepare a mesh or cloud that they are given again only for other settings."""
     kept = {}
 
     def once(shape, config, seed, **told):
-        if not isinstance(shape, Mesh):
+        if not isinstance(shape, Mesh | PointCloud):
             return prepare(shape, config, seed, **told)
         key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
         if key not in kept:
