@@ -6,7 +6,8 @@ LOWEST := $(VENV)/lowest
 DOCS := $(VENV)/docs
 LOCK := requirements-dev.txt
 PYTHONS ?= 3.11 3.12 3.13
-PIP := -m pip install --quiet --disable-pip-version-check
+PIP := -m pip install --quiet --disable-pip-version-check --no-compile  # Python compiles what is imported
+WORKERS := -n auto --dist loadfile --no-loadscope-reorder  # a worker for each processor, files in the order of conftest.py
 
 unexport PYTHONDONTWRITEBYTECODE # or each of the processes that tests start compiles every module again
 
@@ -40,10 +41,12 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'all tests: about 7 minutes on two cores; `make test-long` runs 197 others'
+	@echo 'all tests: about 7 minutes on two cores; `make test-long` runs 211 others'
 
-test: told $(VENV)/dev lint types
-	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile  # a worker for each processor
+test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
+	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
+	ISOMATCH_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(WORKERS); tested=$$?; \
+	wait $$checked; typed=$$?; cat $(VENV)/types; exit $$((tested | typed))
 
 test-long: $(VENV)/dev
 	$(BIN)/python -m pytest -m long
@@ -52,7 +55,7 @@ fuzz: $(VENV)/dev
 	ISOMATCH_FUZZ_EXAMPLES=$(or $(EXAMPLES),20000) $(BIN)/python -m pytest tests/fuzz -n auto --hypothesis-show-statistics
 
 coverage: $(VENV)/dev
-	$(BIN)/python -m pytest -n auto --dist loadfile --cov
+	$(BIN)/python -m pytest $(WORKERS) --cov
 
 lint: $(VENV)/dev
 	$(BIN)/ruff check .
@@ -77,7 +80,7 @@ lock: $(VENV)/uv
 lowest: $(VENV)/uv
 	$</bin/uv venv --quiet --clear --python 3.11 $(LOWEST)
 	$</bin/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct -e '.[test]'
-	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest -n auto --dist loadfile \
+	NUMBA_CACHE_DIR=$(CURDIR)/$(LOWEST)/loops $(LOWEST)/bin/python -m pytest $(WORKERS) \
 		$(addprefix tests/,surfaces assets mending resolution geodesics bases descriptors correspondence lab/baselines view cli)
 
 release-check: $(VENV)/dev $(VENV)/uv

@@ -9,11 +9,53 @@ from threadpoolctl import threadpool_limits
 
 import isomatch.view.report
 from data import real_file
-from isomatch import Mesh, prepare
+from isomatch import Mesh, PointCloud, prepare
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.matching import pair
 from isomatch.view import draw_map
 from small_collections import copied, finished, small  # noqa: F401 - fixtures
+
+LONGEST = (  # files in the order in which they are handed to workers, before all others
+    "zoo/test_every_command.py",
+    "matching/test_parts.py",
+    "test_code_blocks.py",
+    "matching/test_match.py",
+    "lab/baselines/test_baselines.py",
+    "collections/test_agreement.py",
+    "lab/paper/test_paper.py",
+    "matching/test_levels.py",
+    "collections/test_survival.py",
+    "matching/test_hinted_side.py",
+    "matching/test_pins.py",
+    "matching/test_components.py",
+    "lab/evaluation/test_benchmark.py",
+    "collections/test_runs.py",
+    "lab/damage/test_damage.py",
+    "faults/test_killed.py",
+    "matching/test_match_invariance.py",
+    "cli/test_manners.py",
+    "matching/test_anchors.py",
+    "test_interruption.py",
+    "matching/test_symmetries.py",
+    "matching/test_bad_input.py",
+    "bases/test_distance_basis.py",
+    "matching/test_elastic.py",
+    "cli/test_cli.py",
+    "test_gallery.py",
+    "datasets/test_creatures.py",
+    "matching/test_points_and_graphs.py",
+    "collections/test_dask.py",
+    "fuzz/test_array_files.py",
+    "matching/test_result_file.py",
+    "matching/test_both.py",
+    "cli/test_statistics.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """With the longest files first, no worker is left alone with one in the end."""
+    rank = {f"tests/{name}": i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.nodeid.partition("::")[0], len(rank)))
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -33,11 +75,11 @@ def ctrl_c_is_heard():
 
 @pytest.fixture(scope="module")
 def prepared_once():
-    """Matches of a module prepare a mesh that they are given again only for other settings."""
+    """Matches of a module prepare a mesh or cloud that they are given again only for other settings."""
     kept = {}
 
     def once(shape, config, seed, **told):
-        if not isinstance(shape, Mesh):
+        if not isinstance(shape, Mesh | PointCloud):
             return prepare(shape, config, seed, **told)
         key = shape.content_hash, config, seed, os.environ.get("ISOMATCH_NUM_THREADS")
         if key not in kept:

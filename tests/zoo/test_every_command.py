@@ -15,6 +15,22 @@ from isomatch.matching import prepare_pair
 from zoo.cases import BODY, CASES
 
 SOUND_INDICES = [case for case in CASES if "outside" not in case.distance]
+MATCHED_LATER = {  # another case that ends alike is matched by `make test`; `test_commands` has these too
+    "brick",
+    "double_torus",
+    "open_cylinder",
+    "square",
+    "strip_of_triangles",
+    "hemisphere",
+    "thin_plate",
+    "inner_walls",
+    "inside_out_with_coincident_vertices",
+    "inside_out_with_coincident_vertices_around_one",
+    "inside_out_with_a_pinch",
+    "inside_out_with_a_missing_face",
+    "inside_out_with_a_doubled_face",
+    "inside_out_with_a_dozen_holes",
+}
 VERBS = ("distance", "basis", "match")
 CODES = {True: 1, False: 0}
 
@@ -102,7 +118,11 @@ def mean_error(found, target, new):
     return apart.mean() / np.sqrt(area)
 
 
-@pytest.mark.parametrize("case", SOUND_INDICES, ids=repr)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.long] * (case.name in MATCHED_LATER)) for case in SOUND_INDICES],
+    ids=repr,
+)
 def test_match(case):
     mesh = case.make()
     target, new = relabelled(mesh)

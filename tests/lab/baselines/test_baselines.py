@@ -43,6 +43,7 @@ from isomatch.lab.baselines import (
 )
 from shapes import disguised
 
+pytestmark = pytest.mark.usefixtures("prepared_once")
 REGISTERED = {each.function: each for each in BASELINES.values() if each.preparation is not None}
 CONFIG = {method: each.config for method, each in REGISTERED.items()} | {  # smaller problems, for speed
     functional_maps: FunctionalMapsConfig(n_functions=30),
