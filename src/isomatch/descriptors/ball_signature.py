@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -16,14 +15,13 @@ from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# in √area, from a wrist to a knee; of 26 wrong maps of people and animals, balls up to 0.09 told 24 from the right one, those
-# from 0.13 to 0.24, which reach other limbs where limbs touch, 20
+# in √area, from a wrist to a knee: larger balls reach other limbs where limbs touch; docs/notes/ball_signature.md
 RADII = (0.04, 0.06, 0.09)
 
-# of the offset and the extents in a comparison; the greatest extent hardly depends on the place: alone it told 19 of those 26
+# of the offset and the extents in a comparison; the greatest extent tells little: docs/notes/ball_signature.md
 WEIGHTS = (1.0, 0.0, 0.5, 1.0)
 
-# edges, on average, that the smallest radius must span; chosen: 2.5 edges of a mesh of 5000 vertices are 0.04
+# edges, on average, that a radius must span; of a mesh of 5000 vertices 0.04 is 2.5
 LEAST_EDGES = 2.0
 
 # length by which a ball may reach over a boundary and count, in the same units; so little changes its moments little
@@ -51,20 +49,23 @@ class BallSignature:
         extents, the greatest first: square roots of the eigenvalues of its covariance. All over the radius.
     to_boundary : (n,) array of float
         Distance of each point to the boundary, in the same units; inf where there is none.
+    finest : float
+        Radius, in the same units, below which a ball has too few vertices to tell anything.
     """
 
     radii: FloatArray
     values: FloatArray
     to_boundary: FloatArray
+    finest: float = 0.0
 
     @cached_property
     def known(self) -> BoolArray:
-        """(n, r) whether the boundary is far enough for the values to count."""
-        return np.asarray(self.radii <= self.to_boundary[:, None] + OVERHANG)
+        """(n, r) whether the boundary is far enough, and the triangulation fine enough, for the values to count."""
+        return np.asarray((self.radii <= self.to_boundary[:, None] + OVERHANG) & (self.radii >= self.finest))
 
     def at(self, vertices: IntArray) -> BallSignature:
         """Restrict to some points (m,)."""
-        return BallSignature(self.radii, self.values[vertices], self.to_boundary[vertices])
+        return replace(self, values=self.values[vertices], to_boundary=self.to_boundary[vertices])
 
     def scaled(self, factor: float, radii: ArrayLike) -> BallSignature:
         """Give the signature of the surface enlarged by a factor, interpolated at other radii (q,)."""
@@ -73,7 +74,7 @@ class BallSignature:
         below = np.minimum(place.astype(np.int64), len(self.radii) - 2)
         part = (place - below)[:, None]
         values = (1 - part) * self.values[:, below] + part * self.values[:, below + 1]
-        return BallSignature(wanted, values, factor * self.to_boundary)
+        return BallSignature(wanted, values, factor * self.to_boundary, factor * self.finest)
 
     def mismatch(self, other: BallSignature, deviation: FloatArray | None = None) -> FloatArray:
         """Compare with the signature of as many points: the mean difference (n,) of what is known of both.
@@ -124,7 +125,7 @@ def deviation_of(*signatures: BallSignature) -> FloatArray:
 
 def ball_signature(
     surface: Mesh | PointCloud,
-    radii: Sequence[float] = RADII,
+    radii: ArrayLike = RADII,
     *,
     unit: float | None = None,
     samples: ArrayLike | None = None,
@@ -139,7 +140,7 @@ def ball_signature(
     ----------
     surface : Mesh or PointCloud
         A surface of n vertices.
-    radii : sequence of r float
+    radii : (r,) array_like of float
         Increasing, in units of ``unit``. The smallest should span several edges.
     unit : float, optional
         The length that is 1; by default √area. Of a part, √area of the whole.
@@ -184,7 +185,7 @@ def ball_signature(
         )
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
-        raise DescriptorError(f"radii = {radii}; expected positive numbers that increase")
+        raise DescriptorError(f"radii = {radii!r}; expected positive numbers that increase")
     length = np.sqrt(surface.area) if unit is None else unit
     n, areas = surface.n_vertices, np.asarray(surface.vertex_areas)
     centres = np.arange(n) if samples is None else np.unique(np.asarray(samples, dtype=np.int64))
@@ -208,7 +209,8 @@ def ball_signature(
     values = np.concatenate([offsets[..., None], extents], axis=-1)
     if len(centres) < n:
         values = _spread(surface, centres, balls, values)
-    return BallSignature(reach, values, _to_boundary(surface) / length)
+    finest = LEAST_EDGES * float(surface.edge_lengths.mean()) if isinstance(surface, Mesh) else 0.0
+    return BallSignature(reach, values, _to_boundary(surface) / length, finest / length)
 
 
 def _normals(surface: Mesh | PointCloud, given: ArrayLike | None) -> FloatArray:

@@ -72,10 +72,13 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
         )
     vertices, corners, weights = (getattr(main.solution.map, name).copy() for name in MAP_ARRAYS)
     errors = main.solution.expected_error.copy()
+    mismatch = None if main.solution.mismatch is None else main.solution.mismatch.copy()
     for match in others:
         new = match.solution.map.matched & (vertices == UNMATCHED)
         for array, name in zip((vertices, corners, weights), MAP_ARRAYS):
             array[new] = getattr(match.solution.map, name)[new]
+        if mismatch is not None and match.solution.mismatch is not None:
+            mismatch[new] = match.solution.mismatch[new]
         errors[new] = match.solution.expected_error[new] * np.sqrt(
             match.pair.target.share / main.pair.target.share
         )
@@ -91,6 +94,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
         evidence=evidence,
         quality=quality,
         expected_error=errors,
+        mismatch=mismatch,
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
     )
 

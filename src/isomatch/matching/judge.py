@@ -87,7 +87,8 @@ def measured_evidence(
     hinted : bool
         Whether hints were given: they may have led to the orientation that was not wanted.
     far : bool
-        Whether the shapes are far from isometric, so that the measures cannot tell a right map from a wrong one.
+        Whether the shapes are far from isometric, so that distances cannot tell a right map from a wrong one; what they
+        look like around points and their images can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
@@ -96,14 +97,16 @@ def measured_evidence(
     return Evidence(
         contradicted=contradicts(quality, bounds.contradiction),
         poor=bool(
-            far
-            or fits_badly(quality, bounds)
+            (not quality.mismatch <= bounds.poor_mismatch if far else fits_badly(quality, bounds))
             or quality.torn_off > bounds.poor_torn_off
             or (kept < bounds.poor_orientation and not turned)
             or quality.rival < 1.0
         ),
         ambiguous=bool(
-            quality.rival < bounds.tie or quality.mirrored < bounds.mirror_tie or turned or pair.sideless
+            quality.rival < (bounds.look_tie if far else bounds.tie)
+            or quality.mirrored < bounds.mirror_tie
+            or turned
+            or pair.sideless
         ),
         partial=pair.left_out > bounds.large_component,
     )
@@ -251,6 +254,8 @@ class Solution:
         As in `MatchResult`.
     config : MatchSettings, optional
         The settings of the method, if it is not `match`.
+    mismatch : (n_source,) array of float, optional
+        As in `MatchResult`.
     """
 
     pair: ShapePair
@@ -263,6 +268,7 @@ class Solution:
     origin: str = ""
     reason: str = ""
     config: MatchSettings | None = None
+    mismatch: FloatArray | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -282,6 +288,7 @@ def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
         outcome=solution.outcome,
         quality=solution.quality,
         expected_error=solution.expected_error,
+        mismatch=solution.mismatch,
         alternatives=solution.alternatives,
         timings=timer.stop(),
         notes=solution.notes,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.correspondence import PrecisePoints, SampledBasis, alignment_residual, signed_procrustes
+from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.contest import Selection
 from isomatch.matching.hints import Hints
@@ -73,6 +74,25 @@ def measure_quality(
         if len(hints.initial_pairs)
         else np.nan,
     )
+
+
+def mismatch_of(
+    here: BallSignature | None, there: BallSignature | None, image: IntArray, matched: BoolArray | None = None
+) -> FloatArray | None:
+    """How differently two bodies look around each vertex and its image: (n_s,), nan where not known or not matched.
+
+    None if one of the bodies has no triangles.
+    """
+    if here is None or there is None:
+        return None
+    mismatch = here.mismatch(there.at(image), deviation_of(here, there))
+    return mismatch if matched is None else np.where(matched, mismatch, np.nan)
+
+
+def mean_known(values: FloatArray | None) -> float:
+    """Mean of what is known; nan if nothing is."""
+    known = np.zeros(0) if values is None else values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:

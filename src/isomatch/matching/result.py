@@ -41,6 +41,7 @@ FORMAT = ArrayFormat(
         "target_hash": Stored("text"),
         **{f"alternative_{name}": Stored(a.kind, ("a", *a.shape)) for name, a in MAP_ARRAYS.items()},
         "expected_error": Stored("float", ("n",)),
+        "mismatch": Stored("float", ("m",)),
         "about": Stored("text"),
     },
 )
@@ -88,6 +89,9 @@ class Quality:
         Mean distance between the images of the landmarks and their given targets / √target area; nan without.
     initial_map_error : float
         Median distance between the images and those of the initial map / √target area; nan without.
+    mismatch : float
+        Mean of ``MatchResult.mismatch``: 0.25 to 0.5 for right maps, more for most that are wrong everywhere; nan where
+        nothing is known.
     torn_off : float
         Share of the source's area in the largest piece that the map tears from the rest; 0 for a right map, and a limb
         where the map exchanges two; nan for a graph and for a part.
@@ -116,6 +120,7 @@ class Quality:
     matched: float
     landmark_error: float
     initial_map_error: float
+    mismatch: float = math.nan
     torn_off: float = math.nan
     stress: float = math.nan
     bend_misfit: float = math.nan
@@ -202,6 +207,9 @@ class MatchResult:
         Settings used.
     seed : int
         Seed used.
+    mismatch : (n_source,) array of float, optional
+        How differently the surfaces look in space around each vertex and its image, in standard deviations up to 2, see
+        `BallSignature`; nan where unmatched or too near a boundary, and None of points, graphs, baselines and bent maps.
     symmetries : tuple of str
         Maps of the source, and of the target, onto themselves, in words; empty where none was found, or for a baseline,
         which searches for none.
@@ -220,6 +228,7 @@ class MatchResult:
     config: MatchSettings
     seed: int
     symmetries: tuple[str, str] = ("", "")
+    mismatch: FloatArray | None = None
 
     @property
     def confidence(self) -> FloatArray:
@@ -266,6 +275,7 @@ class MatchResult:
             **vars(self.map),
             **stacked,
             "expected_error": np.nan_to_num(self.expected_error, nan=UNMATCHED),
+            "mismatch": np.zeros(0) if self.mismatch is None else np.nan_to_num(self.mismatch, nan=UNMATCHED),
             "about": json.dumps(about),
         }
         stored = {name: np.array(arrays[name]) for name in FORMAT.arrays}
@@ -285,14 +295,18 @@ class MatchResult:
         others = zip(*(arrays.pop(f"alternative_{name}") for name in MAP_ARRAYS))
         try:
             about = json.loads(arrays.pop("about"))
-            errors = arrays.pop("expected_error")
+            errors, mismatch = (
+                np.where(values == UNMATCHED, np.nan, values)
+                for values in (arrays.pop("expected_error"), arrays.pop("mismatch"))
+            )
             found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
             return cls(
                 map=found,
                 outcome=Outcome[about["outcome"]],
                 quality=Quality(**about["quality"]),
-                expected_error=np.where(errors == UNMATCHED, np.nan, errors),
+                expected_error=errors,
+                mismatch=mismatch if len(mismatch) else None,
                 alternatives=tuple(
                     Alternative(partial(_itself, map), *evidence)
                     for map, evidence in zip(maps, about["alternatives"], strict=True)

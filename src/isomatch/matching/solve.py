@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,8 +12,8 @@ from isomatch.matching.judge import Solution, closed_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.closed import match_closed, with_doubt
-from isomatch.matching.relations.elastic import FAR, Elastic, far_from_isometric
-from isomatch.matching.relations.isometry import IsometricMatch, Isometry, Measured
+from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
+from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
@@ -63,17 +64,17 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
+    """Sum up the match of complete shapes; if the map fits badly, an elastic one that looks better takes its place."""
     timer.start("quality")
     measured = relation.measure(found)
     if far_from_isometric(relation, measured.quality):
         timer.start("elastic match")
         elastic = _elastic(relation, found)
-        stretched = elastic.match()
-        if stretched:
-            selection, reason = stretched
-            measured = Measured(*elastic.measure(selection), None, reason, selection.winner.origin)
-            return relation.summed_up(found, measured, timer, FAR)
+        selection, reason = elastic.match()
+        if selection.winner.is_ordinary:
+            quality = replace(measured.quality, rival=selection.rival)
+            return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
+        return relation.summed_up(found, elastic.measure(selection, reason), timer, FAR)
     return relation.summed_up(found, measured, timer)
 
 

@@ -17,6 +17,8 @@ class OutcomeSettings(Settings):
         A target vertex this near to an image along edges, in √area, is covered.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
+    look_tie : float
+        The same where distances say little, so that the mismatches decide.
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
     torn : float
@@ -25,6 +27,8 @@ class OutcomeSettings(Settings):
         How much farther apart the images of neighbours are than the neighbours, in √area, where the map tears them.
     poor_misfit, poor_residual, poor_stretch, poor_torn_off : float
         Values above which a map is poor.
+    poor_mismatch : float
+        Mean mismatch, see `Quality`, above which a map between shapes far from isometric is poor.
     poor_orientation : float
         Value below which a map is poor.
     contradiction : float
@@ -39,6 +43,7 @@ class OutcomeSettings(Settings):
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
     tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
+    look_tie: float = setting(1.03, "docs/notes/ball_signature.md", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_misfit: float = setting(
@@ -48,6 +53,7 @@ class OutcomeSettings(Settings):
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
+    poor_mismatch: float = setting(0.48, "docs/notes/ball_signature.md", least=0)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
         0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0

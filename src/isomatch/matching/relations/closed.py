@@ -13,7 +13,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import contradicted_landmarks, covered_share
+from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
@@ -93,6 +93,10 @@ class ClosedMatch:
         errors = closed.expected_error[: self.pair.source.body.n_vertices]
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
+        mismatch = closed.mismatch
+        if mismatch is not None:
+            of_body = mismatch[: self.pair.source.body.n_vertices]
+            mismatch = np.where(found.matched, self.pair.source.lift(of_body), np.nan)
         alternatives = tuple(
             replace(alternative, extend=partial(self._opened_map, alternative))
             for alternative in closed.alternatives
@@ -103,7 +107,13 @@ class ClosedMatch:
             map=found,
             expected_error=np.where(found.matched, self.pair.source.lift_smooth(errors), np.nan),
             alternatives=alternatives,
-            quality=replace(closed.quality, matched=float(found.matched.mean()), coverage=coverage),
+            quality=replace(
+                closed.quality,
+                matched=float(found.matched.mean()),
+                coverage=coverage,
+                mismatch=mean_known(mismatch),
+            ),
+            mismatch=mismatch,
             notes=(
                 *self.pair.notes,
                 *self.hints.notes,

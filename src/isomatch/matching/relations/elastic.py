@@ -8,17 +8,18 @@ from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, PrecisePoints
+from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.quality import contradicted_landmarks, measure_quality
+from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
+from isomatch.matching.relations.isometry import Measured
 from isomatch.matching.relations.mirror import with_mirror
 from isomatch.matching.result import Quality
 from isomatch.matching.search import FromAnchors, starts_of
@@ -30,9 +31,6 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 N_CONTENDERS = 6  # coarse fits that are fitted finely; docs/robustness.md, other species
-
-# score of a fine fit = misfit × stretch to this power; docs/robustness.md, other species
-STRETCH_EXPONENT = 0.03
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
@@ -54,13 +52,17 @@ SAME_MAP = 0.05
 
 # of normals, beside canonical coordinates: in the fine fit, and in the misfit that scores it;
 # docs/robustness.md, other species
-FINE_NORMAL_WEIGHT, SCORE_NORMAL_WEIGHT = 0.15, 0.0
+FINE_NORMAL_WEIGHT = 0.15
 
 FINE_ITERATIONS = 2  # in each step; docs/robustness.md, other species
 
 FAR = (
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
     "the picture, and give five landmarks at extremities if it is"
+)
+FAR_KEPT = (
+    "the shapes are far from isometric, but no map that lets limbs stretch looks more alike; the map may be wrong in "
+    "places: look at the picture, and give five landmarks at extremities if it is"
 )
 
 
@@ -74,10 +76,13 @@ class StretchedFit(Fit):
         Of the smooth maps both ways.
     images : Images
         Of the samples, both ways.
+    is_ordinary : bool
+        Whether it is a map found otherwise, drawn as it is.
     """
 
     coefficients: Coefficients
     images: Images
+    is_ordinary: bool = False
 
 
 class Elastic(Relation):
@@ -94,8 +99,8 @@ class Elastic(Relation):
 
     Notes
     -----
-    Maps are scored by misfit × a small power of the stretch, see `ElasticFit`; normals, which a map that turns a body
-    over fits as well, take no part. The ordinary map is scored as it is, drawn by as many functions.
+    Distances say little of such shapes, so what the surfaces look like around points and their images decides, see
+    `weighed`. The ordinary map contends as it is, drawn by as many functions.
 
     Examples
     --------
@@ -115,8 +120,8 @@ class Elastic(Relation):
     ) -> None:
         self.ordinary, self.others, self.origin = ordinary, others, origin
 
-    def match(self) -> tuple[Selection[StretchedFit], str] | None:
-        """Fit first maps coarsely, the best that differ finely, and select; None if the ordinary map scores best.
+    def match(self) -> tuple[Selection[StretchedFit], str]:
+        """Fit first maps coarsely, the best that differ finely, and select, among them and the ordinary map.
 
         Returns
         -------
@@ -134,19 +139,17 @@ class Elastic(Relation):
         rough.sort(key=lambda fit: fit.score)
         kept = distinct(rough, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, N_CONTENDERS)
         fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
-        if self.ordinary is None and not fits:
+        if self.ordinary is not None:
+            fits.append(replace(self._unchanged(self.ordinary, self.origin), is_ordinary=True))
+        if not fits:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        ordinary = [] if self.ordinary is None else [self._unchanged(self.ordinary, self.origin)]
-        contenders = [*ordinary, *fits]
-        costs = self.weighed(contenders, [fit.score for fit in contenders], [True] * len(contenders))
-        if ordinary and costs[0] == min(costs):
-            return None
-        costs = costs[len(ordinary) :]
+        fits.sort(key=lambda fit: fit.score)
+        costs = self.weighed(fits, [1.0] * len(fits), [True] * len(fits))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
-        reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
+        reason = f"looks most alike, of {len(starts)} elastic maps, {len(fits)} fitted to the end"
         return select(fits, apart, rules, scores=costs), reason
 
     def _starts(self) -> list[tuple[IntArray, str]]:
@@ -237,41 +240,37 @@ class Elastic(Relation):
         return self._scored(coefficients, self._fine.images(coefficients), origin)
 
     def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
-        judge = replace(self._fine, normal_weight=SCORE_NORMAL_WEIGHT)
-        misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
-        score = misfit * stretch**STRETCH_EXPONENT
-        image = self._fine.target.targets[images.forth]
-        return StretchedFit(image, misfit, score, origin=origin, coefficients=coefficients, images=images)
+        image, misfit = self._fine.target.targets[images.forth], images.misfit
+        return StretchedFit(image, misfit, misfit, origin=origin, coefficients=coefficients, images=images)
 
-    def measure(self, selection: Selection[StretchedFit]) -> tuple[PrecisePoints, Quality]:
+    def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
         embedding = self.everywhere(selection.winner)
         points = self.target.index.points(embedding.target, embedding.source)
-        return points, replace(measure_quality(self.pair, points, self.hints), rival=selection.rival)
+        mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        quality = measure_quality(self.pair, points, self.hints)
+        quality = replace(quality, rival=selection.rival, mismatch=mean_known(mismatch))
+        return Measured(points, quality, None, mismatch, reason, selection.winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Find the map, and the evidence for it, where no other relation was tried."""
         self.require_sides()
         self.require_hints()
         timer.start("elastic match")
-        found = self.match()
-        if found is None:
-            raise NotConvergedError(
-                "the map given fits better than any elastic one; match without this relation"
-            )
-        selection, reason = found
-        pair = self.pair
-        points, quality = self.measure(selection)
-        far = measured_evidence(pair, quality, pair.config.orientation, self.hints.any, far=True)
+        selection, reason = self.match()
+        pair, measured = self.pair, self.measure(selection, reason)
+        against = contradicted_landmarks(pair, measured.points, self.hints)
+        far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
         return Solution(
             pair,
-            self.source.correspondence(self.target, points),
-            quality,
+            self.source.correspondence(self.target, measured.points),
+            measured.quality,
             (far,),
-            self.source.lift_smooth(expected_errors(pair, points)),
-            notes=(*pair.notes, *self.hints.notes, FAR, *contradicted_landmarks(pair, points, self.hints)),
-            origin=selection.winner.origin,
+            self.source.lift_smooth(expected_errors(pair, measured.points)),
+            notes=(*pair.notes, *self.hints.notes, FAR, *against),
+            origin=measured.origin,
             reason=reason,
+            mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
         )
 
 

@@ -25,7 +25,7 @@ from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.judge import Evidence, Solution, measured_evidence
 from isomatch.matching.pair import ShapePair, SmoothPair
-from isomatch.matching.quality import contradicted_landmarks, measure_quality
+from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.screening import Screening, energy_of, extended
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
@@ -70,15 +70,21 @@ class Measured:
     quality : Quality
     doubt : (n_s,) array of float, optional
         Error to be expected because another map may be right.
+    mismatch : (n_s,) array of float, optional
+        See `mismatch_of`.
     reason, origin : str
         How the map was chosen, in a sentence, and where it came from.
+    fit : Fit, optional
+        The refined map that polishing begins with; none of a map that stretches.
     """
 
     points: PrecisePoints
     quality: Quality
     doubt: FloatArray | None
+    mismatch: FloatArray | None
     reason: str
     origin: str
+    fit: Fit | None = None
 
 
 class Isometry(Relation):
@@ -278,7 +284,10 @@ class Isometry(Relation):
             reason += "; of those that tie, it agrees best with the hints"
         if selection.rival < np.inf:
             reason += f"; the best rival scores {selection.rival:.2f} times as much"
-        return Measured(points, quality, doubt, reason, self.origin_of(selection.winner))
+        mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
+        quality = replace(quality, mismatch=mean_known(mismatch))
+        origin = self.origin_of(selection.winner)
+        return Measured(points, quality, doubt, mismatch, reason, origin, selection.winner)
 
     def summed_up(
         self, found: IsometricMatch, map_: Measured, timer: StageTimer, note: str | None = None
@@ -289,10 +298,10 @@ class Isometry(Relation):
         against = contradicted_landmarks(pair, map_.points, hints)
         level: SmoothPair = pair
         points = map_.points
-        if pair.has_finer and not far and self.refinement.polishes:
+        if pair.has_finer and map_.fit and self.refinement.polishes:
             timer.start("polish")
             level = pair.polishable
-            points = self._polished(level, found.selection.winner)
+            points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
         evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far)]
@@ -315,6 +324,7 @@ class Isometry(Relation):
             ),
             map_.origin,
             map_.reason,
+            mismatch=None if map_.mismatch is None else self.source.lift(map_.mismatch),
         )
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:

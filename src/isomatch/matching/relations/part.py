@@ -25,6 +25,8 @@ from isomatch.matching.quality import (
     distances_to_hints,
     edge_stretch,
     image_positions,
+    mean_known,
+    mismatch_of,
 )
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
@@ -167,7 +169,8 @@ class Part(Relation):
     def mismatch_weight(self) -> float:
         """How much the mismatch weighs in the ratio of two costs."""
         import os
-        return float(os.environ.get("PW","6"))
+
+        return float(os.environ.get("PW", "6"))
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
         """Bend the part by each map, and order maps by their weighed cost; returns also the costs."""
@@ -297,7 +300,11 @@ class Part(Relation):
             points, matched = onto_part, covered
             errors = errors[points.corners[:, 0]] / best.pair.unit
         timer.start("quality")
+        balls = best.pair.signature, best.pair.whole.balls
+        here, there = balls if self.side == "source" else balls[::-1]
+        mismatch = mismatch_of(here, there, points.corners[:, 0], matched)
         quality = self._quality(selection, bent, doubt, points, matched)
+        quality = replace(quality, mismatch=mean_known(mismatch))
         found = pair.source.correspondence(pair.target, points, matched)
         landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
         bound = pair.config.outcome.contradiction
@@ -308,6 +315,7 @@ class Part(Relation):
             quality,
             (*evidence, Evidence(contradicted=contradicted)),
             np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
+            mismatch=None if mismatch is None else pair.source.lift(mismatch),
             origin=self.origin_of(best),
             reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
         )

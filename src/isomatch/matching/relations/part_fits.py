@@ -29,7 +29,8 @@ STRESS_EXPONENT = 0.25
 ROUGH_SIZES = (20, 40, 70)
 
 import os
-ROUGH_MISMATCH_WEIGHT = float(os.environ.get("RW","6"))
+
+ROUGH_MISMATCH_WEIGHT = float(os.environ.get("RW", "6"))
 
 N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
 
