@@ -9,7 +9,7 @@ from isomatch import Config, Mesh, Outcome, match, prepare
 from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, ground_truth
 from isomatch.lab.sets import relabelled
-from isomatch.matching import Hints, Isometry, ShapePair, prepare_pair, stages_of
+from isomatch.matching import Elastic, Fit, Hints, Isometry, ShapePair, prepare_pair, stages_of
 from isomatch.matching.relations.elastic import far_from_isometric
 from isomatch.matching.relations.elastic_fit import ElasticFit, Step
 from isomatch.matching.relations.elastic_shape import ElasticShape
@@ -63,9 +63,24 @@ def test_limbs_stretch(species, found):
     assert mean_error(target, found.map.vertices, truth) < 0.07
 
 
-def test_a_map_between_species_is_never_sure(found):
-    assert found.outcome is Outcome.LOW_CONFIDENCE
-    assert found.quality.rival > 1
+def test_a_map_between_species_is_judged_by_what_it_looks_like(found):
+    """Distances do not count; the mismatch does, and a rival that looks as much alike is a tie."""
+    bounds, quality = Config().outcome, found.quality
+    sure = quality.mismatch <= bounds.poor_mismatch and quality.rival >= bounds.look_tie
+    assert (found.outcome is Outcome.CONVERGED) == sure
+    assert quality.rival >= 1
+
+
+def test_the_right_map_looks_more_alike_than_one_turned_around(species):
+    """An elastic contest has costs that are equal: the region where two maps differ decides."""
+    source, target, truth = species
+    relation = Elastic().on(ShapePair(source, target, Config()), Hints.of(prepare_pair(source, target), None, None, None))
+    right = target.body_vertex[truth[source.user_vertex[relation.vertices]]]
+    turned = np.roll(right, 1)
+    fits = [Fit(turned, 0.1, 0.1), Fit(right, 0.2, 0.2)]
+    costs = relation.weighed(fits, [1.0, 1.0], [True, True])
+    assert costs[1] == 1.0
+    assert costs[0] > 1.2
 
 
 @pytest.mark.long

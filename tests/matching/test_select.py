@@ -260,7 +260,7 @@ def test_of_maps_that_tie_the_one_nearest_to_the_hints_wins():
     assert chosen.winner is hinted
     assert chosen.rival == 1, "it does not lose to one that it ties with"
     assert chosen.hints_decided
-    worse = Fit(0.3, score=0.12, hint_error=0.02)
+    worse = Fit(0.3, score=0.13, hint_error=0.02)
     assert select([better, worse], [True] * 2, apart(2), NOWHERE, 2).winner is better
 
 

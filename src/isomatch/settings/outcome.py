@@ -42,7 +42,7 @@ class OutcomeSettings(Settings):
     """
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
-    tie: float = setting(1.15, "docs/benchmarks.md, confidence", least=1)
+    tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
     look_tie: float = setting(1.03, "docs/notes/ball_signature.md", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)

@@ -58,5 +58,5 @@ class SelectionSettings(Settings):
     )
     energy_exponent: float = setting(0.25, "ablation: contest decided by misfit alone", least=0)
     rival_distance: float = setting(0.15, "more than noise or one limb, less than a turned body", least=0)
-    mismatch_weight: float = setting(1.0, "docs/notes/ball_signature.md", least=0)
+    mismatch_weight: float = setting(1.5, "docs/notes/ball_signature.md", least=0)
     most_alternatives: int = setting(2, "what a report can show beside the map", least=0)

@@ -16,11 +16,12 @@ from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 
-BUILT_IN = ("position", "stretch", "expected error")  # the first two are there of every map
+BUILT_IN = ("position", "stretch", "expected error", "mismatch")  # the first two are there of every map
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
 LARGE_ERROR = 0.05  # √area; the confidence there is ½
+MISMATCHED = 1.0  # standard deviations; points drawn at random differ by about 0.8
 OUTLIERS = 0.02  # share of the values that may lie beyond the ends of the ramp
 
 
@@ -87,6 +88,14 @@ def expected_error(result: MatchResult) -> dict[str, Layer]:
         return {}
     high = max(LARGE_ERROR, float(np.nanquantile(errors, 1 - OUTLIERS)))
     return {"expected error": Layer(errors, 0.0, high, "distance of an image from the right one, in √area")}
+
+
+def mismatch(result: MatchResult) -> dict[str, Layer]:
+    """Show how differently the shapes look around each vertex and its image; nothing where it is not known."""
+    if result.mismatch is None or not np.isfinite(result.mismatch).any():
+        return {}
+    meaning = "how differently the shapes look here, in standard deviations"
+    return {"mismatch": Layer(result.mismatch, 0.0, MISMATCHED, meaning)}
 
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:

@@ -137,6 +137,13 @@ MEASURES = {
         "map stretches or tears the surface. A torn edge counts at most four times.",
         most_of="outcome.poor_stretch",
     ),
+    "mismatch": Measure(
+        "mismatch",
+        "{:.2f}",
+        "standard deviations, up to 2",
+        "How differently the two surfaces look in space around a point and its image, on average. Little is expected for "
+        "two poses of one body, more for two bodies; about 0.8 for points drawn at random.",
+    ),
     "torn_off": Measure(
         "torn off",
         "{:.1%}",
