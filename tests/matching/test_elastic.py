@@ -74,7 +74,9 @@ def test_a_map_between_species_is_judged_by_what_it_looks_like(found):
 def test_the_right_map_looks_more_alike_than_one_turned_around(species):
     """An elastic contest has costs that are equal: the region where two maps differ decides."""
     source, target, truth = species
-    relation = Elastic().on(ShapePair(source, target, Config()), Hints.of(prepare_pair(source, target), None, None, None))
+    relation = Elastic().on(
+        ShapePair(source, target, Config()), Hints.of(prepare_pair(source, target), None, None, None)
+    )
     right = target.body_vertex[truth[source.user_vertex[relation.vertices]]]
     turned = np.roll(right, 1)
     fits = [Fit(turned, 0.1, 0.1), Fit(right, 0.2, 0.2)]

@@ -37,6 +37,8 @@ class PartSettings(Settings):
     little_trusted, clear : float
         Share of the pairs of anchors whose distance on the whole is known, below which a map is not sure, either, unless
         the score of its rival is at least so many times its own.
+    mismatch_weight : float
+        As `SelectionSettings.mismatch_weight`, of parts; also of roughly refined maps, over everything that is known.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     """
@@ -57,4 +59,5 @@ class PartSettings(Settings):
     poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
     clear: float = setting(4.0, "docs/robustness.md: parts", least=1)
+    mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)

@@ -77,8 +77,8 @@ def write_report(
         Additional rows for the table about the run.
     layers : mapping of str to (n_source,) array_like of float, optional
         Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
-        grey. Positions, the stretch of the edges and, where they are known, the expected error and the mismatch are always
-        there.
+        grey. Positions, the stretch of the edges and, where they are known, the expected error and the mismatch are
+        always there.
     landmarks : (q, 2) array_like of int, optional
         Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
         do not have are left out.

@@ -168,9 +168,7 @@ class Part(Relation):
     @property
     def mismatch_weight(self) -> float:
         """How much the mismatch weighs in the ratio of two costs."""
-        import os
-
-        return float(os.environ.get("PW", "6"))
+        return self.pair.config.parts.mismatch_weight
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
         """Bend the part by each map, and order maps by their weighed cost; returns also the costs."""

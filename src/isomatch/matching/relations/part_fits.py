@@ -28,10 +28,6 @@ STRESS_EXPONENT = 0.25
 # functions of the whole in the short refinement; chosen on cuts and holes, not one by one
 ROUGH_SIZES = (20, 40, 70)
 
-import os
-
-ROUGH_MISMATCH_WEIGHT = float(os.environ.get("RW", "6"))
-
 N_BENT = 2  # times that a map is settled; docs/robustness.md: parts
 
 LEAST_SCORE = 1e-12  # so that scores have a ratio where a part is copied onto itself without error
@@ -116,7 +112,7 @@ class PartFit(Fit):
     def promise(self) -> float:
         """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
         twist = np.sqrt(max(self.orientation, 0.1))
-        return float(self.flat_cost / twist * np.exp(ROUGH_MISMATCH_WEIGHT * self.mismatch))
+        return float(self.flat_cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
 
 
 class PartFits:
