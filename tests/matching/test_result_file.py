@@ -43,6 +43,8 @@ def assert_same(one, other):
     assert_same_map(one.map, other.map)
     assert json.dumps(one.to_dict()) == json.dumps(other.to_dict())
     assert (one.config, one.outcome) == (other.config, other.outcome)
+    np.testing.assert_array_equal(one.expected_error, other.expected_error)
+    np.testing.assert_array_equal(one.mismatch, other.mismatch)
     assert len(one.alternatives) == len(other.alternatives)
     for a, b in zip(one.alternatives, other.alternatives):
         assert_same_map(a.map, b.map)

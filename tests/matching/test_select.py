@@ -17,6 +17,7 @@ from isomatch.matching.contest import (
     distinct,
     ranked,
     survivors,
+    weighed,
 )
 from isomatch.settings import OutcomeSettings, SelectionSettings
 
@@ -304,3 +305,33 @@ def test_without_rules_about_limbs_only_the_distance_makes_a_rival():
     near = np.array([[0, 0.07, 0.2], [0.07, 0, 0.2], [0.2, 0.2, 0]])
     assert contest.select(fits, near, rules).rival == pytest.approx(1.2)
     assert contest.select(fits, near, rules, scores=[3, 2, 6]).winner is fits[1]
+
+
+def line(a, b):
+    """Distances between points of a line, by their numbers."""
+    return 0.1 * np.abs(np.asarray(a) - b)
+
+
+HERE, THERE = np.arange(100), np.arange(100) + 5 * (np.arange(100) >= 60)
+
+
+def test_costs_are_weighed_by_the_mismatch_where_maps_differ():
+    """Mismatches where both maps agree do not count, nor do those that are not known."""
+    dear = np.where(HERE < 60, 9.0, 0.7)
+    dear[90:] = np.nan
+    costs = weighed([1.0, 1.1], [HERE, THERE], [dear, np.full(100, 0.5)], line, [True, True], 2.0)
+    assert costs == pytest.approx([1.1 * np.exp(2 * 0.2) / 1.1, 1.1])
+
+
+def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
+    unknown = np.full(100, np.nan)
+    for images, mismatches in (([HERE, HERE], [0 * HERE, 9.0 + HERE]), ([HERE, THERE], [unknown, unknown])):
+        assert weighed([1.0, 1.1], images, mismatches, line, [True, True], 2.0) == [1.0, 1.1]
+    assert weighed([1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0) == [1.0, 1.1]
+
+
+def test_only_eligible_maps_are_the_standard():
+    poor, good = 0.9 + 0 * HERE, 0.1 + 0 * HERE
+    costs = weighed([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, False], 1.0)
+    assert costs == pytest.approx([1.0, 1.1 * np.exp(-0.8)])
+    assert weighed([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, True], 1.0)[1] == 1.1

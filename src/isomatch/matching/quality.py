@@ -89,10 +89,14 @@ def mismatch_of(
     return mismatch if matched is None else np.where(matched, mismatch, np.nan)
 
 
-def mean_known(values: FloatArray | None) -> float:
-    """Mean of what is known; nan if nothing is."""
-    known = np.zeros(0) if values is None else values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
+def mean_known(values: FloatArray | None, areas: FloatArray) -> float:
+    """Mean over the area of what is known of the values of vertices; nan if nothing is."""
+    known = np.zeros(0, dtype=bool) if values is None else np.isfinite(values)
+    return (
+        float(np.average(values[known], weights=areas[known]))
+        if values is not None and known.any()
+        else np.nan
+    )
 
 
 def covered_share(surface: Surface, images: IntArray, radius: float = COVERAGE_RADIUS) -> float:

@@ -90,7 +90,7 @@ class Quality:
     initial_map_error : float
         Median distance between the images and those of the initial map / √target area; nan without.
     mismatch : float
-        Mean of ``MatchResult.mismatch``: 0.25 to 0.5 for right maps, more for most that are wrong everywhere; nan where
+        Mean of ``MatchResult.mismatch`` over the area: 0.25 to 0.5 for right maps, more for most wrong ones; nan where
         nothing is known.
     torn_off : float
         Share of the source's area in the largest piece that the map tears from the rest; 0 for a right map, and a limb

@@ -93,10 +93,10 @@ class ClosedMatch:
         errors = closed.expected_error[: self.pair.source.body.n_vertices]
         images, radius = points.corners[matched, 0], self.pair.config.outcome.coverage_radius
         coverage = covered_share(self.pair.target.body, images, radius)
-        mismatch = closed.mismatch
+        source, mismatch, mean = self.pair.source, closed.mismatch, np.nan
         if mismatch is not None:
-            of_body = mismatch[: self.pair.source.body.n_vertices]
-            mismatch = np.where(found.matched, self.pair.source.lift(of_body), np.nan)
+            of_body = np.where(matched, mismatch[: source.body.n_vertices], np.nan)
+            mismatch, mean = source.lift(of_body), mean_known(of_body, source.body.vertex_areas)
         alternatives = tuple(
             replace(alternative, extend=partial(self._opened_map, alternative))
             for alternative in closed.alternatives
@@ -111,7 +111,7 @@ class ClosedMatch:
                 closed.quality,
                 matched=float(found.matched.mean()),
                 coverage=coverage,
-                mismatch=mean_known(mismatch),
+                mismatch=mean,
             ),
             mismatch=mismatch,
             notes=(

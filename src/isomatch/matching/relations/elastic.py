@@ -249,7 +249,9 @@ class Elastic(Relation):
         points = self.target.index.points(embedding.target, embedding.source)
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
         quality = measure_quality(self.pair, points, self.hints)
-        quality = replace(quality, rival=selection.rival, mismatch=mean_known(mismatch))
+        quality = replace(
+            quality, rival=selection.rival, mismatch=mean_known(mismatch, self.source.body.vertex_areas)
+        )
         return Measured(points, quality, None, mismatch, reason, selection.winner.origin)
 
     def solution(self, timer: StageTimer) -> Solution:

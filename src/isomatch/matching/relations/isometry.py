@@ -285,7 +285,7 @@ class Isometry(Relation):
         if selection.rival < np.inf:
             reason += f"; the best rival scores {selection.rival:.2f} times as much"
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
-        quality = replace(quality, mismatch=mean_known(mismatch))
+        quality = replace(quality, mismatch=mean_known(mismatch, self.source.body.vertex_areas))
         origin = self.origin_of(selection.winner)
         return Measured(points, quality, doubt, mismatch, reason, origin, selection.winner)
 

@@ -302,7 +302,7 @@ class Part(Relation):
         here, there = balls if self.side == "source" else balls[::-1]
         mismatch = mismatch_of(here, there, points.corners[:, 0], matched)
         quality = self._quality(selection, bent, doubt, points, matched)
-        quality = replace(quality, mismatch=mean_known(mismatch))
+        quality = replace(quality, mismatch=mean_known(mismatch, pair.source.body.vertex_areas))
         found = pair.source.correspondence(pair.target, points, matched)
         landmark_errors = distances_to_hints(pair, points.corners[:, 0], hints.landmarks)
         bound = pair.config.outcome.contradiction
