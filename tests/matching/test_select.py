@@ -327,7 +327,10 @@ def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
     unknown = np.full(100, np.nan)
     for images, mismatches in (([HERE, HERE], [0 * HERE, 9.0 + HERE]), ([HERE, THERE], [unknown, unknown])):
         assert weighed([1.0, 1.1], images, mismatches, line, [True, True], 2.0) == [1.0, 1.1]
-    assert weighed([1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0) == [1.0, 1.1]
+    assert weighed([1.0, 1.1], [HERE, THERE], [0.9 + 0 * HERE, 0.1 + 0 * HERE], line, [True] * 2, 0.0) == [
+        1.0,
+        1.1,
+    ]
 
 
 def test_only_eligible_maps_are_the_standard():

@@ -14,6 +14,7 @@ from isomatch.correspondence.functional_maps import (
     fit_functional_map,
     spectral_embedding,
 )
+from isomatch.correspondence.grown_regions import grow_regions
 from isomatch.correspondence.interval_matching import (
     IntervalCost,
     assign_points,
@@ -70,6 +71,7 @@ __all__ = [
     "assign_points",
     "faces_around_vertices",
     "fit_functional_map",
+    "grow_regions",
     "iterative_closest_points",
     "nearest_in_cells",
     "nearest_in_triangle",

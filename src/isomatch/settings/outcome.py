@@ -53,7 +53,7 @@ class OutcomeSettings(Settings):
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
-    poor_mismatch: float = setting(0.48, "docs/notes/ball_signature.md", least=0)
+    poor_mismatch: float = setting(0.46, "docs/notes/ball_signature.md", least=0)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
         0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0

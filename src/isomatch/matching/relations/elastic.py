@@ -47,6 +47,9 @@ FINE_SMOOTHNESS = (0.01, 0.005, 0.0025, 0.001, 0.0005)
 # from so many on, maps need not exchange mirror images; chosen: details may differ from side to side
 FREE_FUNCTIONS = 100
 
+# weight of the mismatch beside the misfit; docs/notes/ball_signature.md
+BOTH_WEIGHT = 4.0
+
 # mean distance, in √area, by which coarse fits that are fitted finely differ; search.same_map
 SAME_MAP = 0.05
 
@@ -146,11 +149,28 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits.sort(key=lambda fit: fit.score)
-        costs = self.weighed(fits, [1.0] * len(fits), [True] * len(fits))
+        costs = self._costs(fits)
+        may_win = [cost == 1.0 for cost in costs]
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"looks most alike, of {len(starts)} elastic maps, {len(fits)} fitted to the end"
-        return select(fits, apart, rules, scores=costs), reason
+        return select(fits, apart, rules, scores=costs, eligible=may_win), reason
+
+    def _costs(self, fits: list[StretchedFit]) -> list[float]:
+        """Give the map that looks most alike the cost 1, and others the ratio by looks, or by looks and misfit if less.
+
+        Two judges that do not agree are a doubt.
+        """
+        everyone = [True] * len(fits)
+        by_looks = self.weighed(fits, [1.0] * len(fits), everyone)
+        best = by_looks.index(min(by_looks))
+        by_both = self.weighed(
+            fits, [fit.misfit for fit in fits], [i == best for i in range(len(fits))], BOTH_WEIGHT
+        )
+        return [
+            1.0 if i == best else min(by_looks[i] / by_looks[best], by_both[i] / by_both[best])
+            for i in range(len(fits))
+        ]
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""

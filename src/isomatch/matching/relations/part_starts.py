@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from isomatch.correspondence import Alignment, assign_points, pin_first, trilaterate
+from isomatch.correspondence import Alignment, assign_points, grow_regions, pin_first, trilaterate
+from isomatch.descriptors import deviation_of
 from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
@@ -47,6 +48,16 @@ N_PLACED = 16
 
 # starts, with those composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
 N_MIRRORED = 24
+
+N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
+MOST_GROWN, N_GROWN = 60, 12  # regions that are completed, and starts of them
+FEWEST_GROWN = 6  # anchors of a region
+NEAR = 0.2  # distances, in √area of the whole, weigh 1 / (this + distance) in a region
+DEAREST = 0.3  # mean cost of distances at which an anchor gains nothing
+MISMATCH_GAIN = 2.0  # of an anchor that looks alike, against one that agrees in its distances
+
+# a mismatch that says nothing, and how many radii it counts as; right ones are about 0.4, any two about 0.8
+NEUTRAL_MISMATCH, PRIOR_RADII = 0.6, 1.0
 
 N_TRILATERATED = 80  # best assignments that are completed; chosen on cuts and holes, not one by one
 
@@ -140,7 +151,45 @@ class PartStarts:
             for image_row in self._onto_itself
         ]
         more = parallel_map(lambda each: self._start(*each, 2), mirrored)
-        return self._distinct([*kept, *more], N_MIRRORED)
+        return [*self._distinct([*kept, *more], N_MIRRORED), *self._grown()]
+
+    def _grown(self) -> list[PartStart]:
+        """Grow regions from the anchors deepest inside, each with the candidates that look most like it."""
+        pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
+        if whole.balls is None or len(pair.landmarks):
+            return []
+        mismatch = self._mismatches(pair)
+        roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[:N_ROOTS]
+        likely = np.argsort(mismatch[roots], axis=1, kind="stable")[:, :N_LIKELY]
+        seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
+        unary = MISMATCH_GAIN * (mismatch - NEUTRAL_MISMATCH)
+        lower, upper = pair.anchor_intervals
+        rows, gains = grow_regions(
+            whole.distances_between(candidates), lower, upper, unary, seeds, pair.cost, NEAR, DEAREST
+        )
+        best = [row for row in np.argsort(-gains, kind="stable") if (rows[row] >= 0).sum() >= FEWEST_GROWN]
+        starts = parallel_map(lambda row: self._completed(pair, rows[row]), best[:MOST_GROWN])
+        return distinct(starts, lambda start: start.images, whole.mean_distances, self._apart, N_GROWN)
+
+    def _completed(self, pair: PartPair, row: IntArray) -> PartStart:
+        """Trilaterate all anchors from those that a region has assigned, the others with −1."""
+        fine, placed = pair.whole.sample_vertices, np.flatnonzero(row >= 0)
+        lower, upper = pair.anchor_intervals
+        there = np.maximum(pair.whole.distances.between(self._candidates[row[placed]], fine), 0.0)
+        images = fine[trilaterate(lower[:, placed], upper[:, placed], there, pair.cost)]
+        return self._start(pair, images, 1)
+
+    def _mismatches(self, pair: PartPair) -> FloatArray:
+        """Mismatch (m, c) of each anchor and candidate, drawn towards a neutral value where little is known."""
+        there = pair.whole.balls
+        assert there is not None
+        here, there = pair.signature.at(pair.anchors), there.at(self._candidates)
+        known = (here.known[:, None] & there.known[None]).sum(axis=2)
+        pairs = np.indices((len(here.values), len(there.values))).reshape(2, -1)
+        apart = here.at(pairs[0]).mismatch(there.at(pairs[1]), deviation_of(there)).reshape(known.shape)
+        total = np.where(known > 0, apart, 0.0) * known
+        mean: FloatArray = (total + NEUTRAL_MISMATCH * PRIOR_RADII) / (known + PRIOR_RADII)
+        return mean
 
     def _assigned(self, unit: float) -> list[PartStart]:
         """Assign the first anchors in one unit."""
