@@ -59,5 +59,5 @@ class PartSettings(Settings):
     poor_doubt: float = setting(3.5e-5, "docs/robustness.md: parts, how the bound was set", least=0)
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
     clear: float = setting(4.0, "docs/robustness.md: parts", least=1)
-    mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
+    mismatch_weight: float = setting(12.0, "docs/notes/ball_signature.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)
