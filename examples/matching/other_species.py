@@ -2,8 +2,8 @@
 Shapes of two kinds
 ===================
 
-A quadruped and a biped have no map that keeps distances. A map is found anyway, in which limbs stretch. In
-all pairs that were measured it was reported with low confidence: look at it.
+A quadruped and a biped have no map that keeps distances. A map is found anyway, in which limbs stretch. The two
+look different around most points and their images, so it is reported with low confidence: look at it.
 """
 
 from isomatch import match

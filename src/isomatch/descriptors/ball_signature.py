@@ -33,6 +33,7 @@ LEAST_DEVIATION = 0.03
 # distance, in spacings of the samples, up to which a sample counts for a vertex; chosen: at least one does
 NEAR = 1.5
 
+TINY = 1e-9
 MOST_DIFFERENCE = 2.0  # standard deviations from which values differ as much as any two
 
 
@@ -191,7 +192,7 @@ def ball_signature(
     centres = np.arange(n) if samples is None else np.unique(np.asarray(samples, dtype=np.int64))
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
-    half_cells = np.sqrt(areas / np.pi)
+    half_cells = np.maximum(np.sqrt(areas / np.pi), TINY * length)  # a vertex may have no area
     balls = geodesic_balls(distance_engine(surface), centres, length * reach[-1] + float(half_cells.max()))
     shape = len(centres), len(reach)
     offsets, covariances = np.zeros(shape), np.zeros((*shape, 3, 3))

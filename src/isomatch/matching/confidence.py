@@ -13,7 +13,7 @@ from isomatch.shapes import SmoothShape
 from isomatch.values.arrays import FloatArray, IntArray, single
 
 # a rival of score ratio r is right with chance 1 / (1 + r^exponent); one in ten at the bound of a tie
-RIVAL_EXPONENT = 16.0
+RIVAL_EXPONENT = 10.0
 
 ERROR_RADIUS = 0.08  # over which it is spread, in √area; 0.05 to 0.14 tried: benchmarks/vertex_confidence.py
 
