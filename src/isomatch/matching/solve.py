@@ -64,7 +64,7 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map fits badly, an elastic one that looks better takes its place."""
+    """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
     timer.start("quality")
     measured = relation.measure(found)
     if far_from_isometric(relation, measured.quality):

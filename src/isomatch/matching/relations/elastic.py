@@ -10,8 +10,9 @@ import numpy as np
 
 from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence
 from isomatch.matching.pair import ShapePair
@@ -32,6 +33,9 @@ from isomatch.values.cached import cached_property
 
 N_CONTENDERS = 6  # coarse fits that are fitted finely; docs/robustness.md, other species
 
+# score of a fine fit = misfit × stretch to this power; docs/robustness.md, other species
+STRETCH_EXPONENT = 0.03
+
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
 
@@ -47,15 +51,12 @@ FINE_SMOOTHNESS = (0.01, 0.005, 0.0025, 0.001, 0.0005)
 # from so many on, maps need not exchange mirror images; chosen: details may differ from side to side
 FREE_FUNCTIONS = 100
 
-# weight of the mismatch beside the misfit; docs/notes/ball_signature.md
-BOTH_WEIGHT = 4.0
-
 # mean distance, in √area, by which coarse fits that are fitted finely differ; search.same_map
 SAME_MAP = 0.05
 
 # of normals, beside canonical coordinates: in the fine fit, and in the misfit that scores it;
 # docs/robustness.md, other species
-FINE_NORMAL_WEIGHT = 0.15
+FINE_NORMAL_WEIGHT, SCORE_NORMAL_WEIGHT = 0.15, 0.0
 
 FINE_ITERATIONS = 2  # in each step; docs/robustness.md, other species
 
@@ -102,8 +103,9 @@ class Elastic(Relation):
 
     Notes
     -----
-    Distances say little of such shapes, so what the surfaces look like around points and their images decides, see
-    `weighed`. The ordinary map contends as it is, drawn by as many functions.
+    Maps are scored by misfit × a small power of the stretch, see `ElasticFit`, weighed by their mismatches, see
+    `Relation.weighed`; normals, which a map that turns a body over fits as well, take no part. The ordinary map contends as it
+    is, drawn by as many functions.
 
     Examples
     --------
@@ -149,28 +151,23 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits.sort(key=lambda fit: fit.score)
-        costs = self._costs(fits)
-        may_win = [cost == 1.0 for cost in costs]
+        may_win = self._agreeing(fits)
+        costs = self.weighed(fits, [fit.score for fit in fits], may_win)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
-        reason = f"looks most alike, of {len(starts)} elastic maps, {len(fits)} fitted to the end"
+        reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
         return select(fits, apart, rules, scores=costs, eligible=may_win), reason
 
-    def _costs(self, fits: list[StretchedFit]) -> list[float]:
-        """Give the map that looks most alike the cost 1, and others the ratio by looks, or by looks and misfit if less.
-
-        Two judges that do not agree are a doubt.
-        """
-        everyone = [True] * len(fits)
-        by_looks = self.weighed(fits, [1.0] * len(fits), everyone)
-        best = by_looks.index(min(by_looks))
-        by_both = self.weighed(
-            fits, [fit.misfit for fit in fits], [i == best for i in range(len(fits))], BOTH_WEIGHT
-        )
-        return [
-            1.0 if i == best else min(by_looks[i] / by_looks[best], by_both[i] / by_both[best])
-            for i in range(len(fits))
-        ]
+    def _agreeing(self, fits: Sequence[Fit]) -> list[bool]:
+        """Tell which maps agree with the landmarks as well as any, but for a slack."""
+        sources, targets = self.hints.landmarks.T
+        if not len(sources):
+            return [True] * len(fits)
+        _, nearest = distance_along_edges_to_nearest(self.source.body, self.vertices)
+        row = np.zeros(self.source.body.n_vertices, dtype=np.int64)
+        row[self.vertices] = np.arange(len(self.vertices))
+        errors = [self.target.mean_distance(fit.image[row[nearest[sources]]], targets) for fit in fits]
+        return [error <= min(errors) + LANDMARK_SLACK for error in errors]
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
@@ -260,8 +257,11 @@ class Elastic(Relation):
         return self._scored(coefficients, self._fine.images(coefficients), origin)
 
     def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
-        image, misfit = self._fine.target.targets[images.forth], images.misfit
-        return StretchedFit(image, misfit, misfit, origin=origin, coefficients=coefficients, images=images)
+        judge = replace(self._fine, normal_weight=SCORE_NORMAL_WEIGHT)
+        misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
+        score = misfit * stretch**STRETCH_EXPONENT
+        image = self._fine.target.targets[images.forth]
+        return StretchedFit(image, misfit, score, origin=origin, coefficients=coefficients, images=images)
 
     def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
