@@ -65,7 +65,7 @@ FAR = (
     "the picture, and give five landmarks at extremities if it is"
 )
 FAR_KEPT = (
-    "the shapes are far from isometric, but no map that lets limbs stretch looks more alike; the map may be wrong in "
+    "the shapes are far from isometric, but no map that lets limbs stretch scores better; the map may be wrong in "
     "places: look at the picture, and give five landmarks at extremities if it is"
 )
 
@@ -104,8 +104,8 @@ class Elastic(Relation):
     Notes
     -----
     Maps are scored by misfit × a small power of the stretch, see `ElasticFit`, weighed by their mismatches, see
-    `Relation.weighed`; normals, which a map that turns a body over fits as well, take no part. The ordinary map contends as it
-    is, drawn by as many functions.
+    `Relation.weighed`; normals, which a map that turns a body over fits as well, take no part. The ordinary map contends
+    as it is, drawn by as many functions.
 
     Examples
     --------
