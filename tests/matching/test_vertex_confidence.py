@@ -95,7 +95,7 @@ def test_a_rival_casts_doubt_where_it_differs(pair):
     tied = doubt_of(pair, image, rival, 1.0)
     np.testing.assert_allclose(tied[rows[:5]], np.maximum(apart, 0) / 2)
     assert not tied[rows[5:]].any()
-    clear, better, none = (doubt_of(pair, image, rival, ratio) for ratio in (1.5, 0.6, np.inf))
+    clear, better, none = (doubt_of(pair, image, rival, ratio) for ratio in (2.0, 0.5, np.inf))
     assert clear.max() < 0.01 * tied.max()
     np.testing.assert_allclose(better, 2 * tied, rtol=1e-3)
     assert not none.any()
