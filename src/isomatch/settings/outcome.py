@@ -43,7 +43,7 @@ class OutcomeSettings(Settings):
 
     coverage_radius: float = setting(0.05, "the spacing of the search vertices", least=0)
     tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
-    look_tie: float = setting(1.05, "docs/notes/ball_signature.md", least=1)
+    look_tie: float = setting(1.15, "docs/notes/ball_signature.md", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_misfit: float = setting(
@@ -53,7 +53,7 @@ class OutcomeSettings(Settings):
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
-    poor_mismatch: float = setting(0.475, "docs/notes/ball_signature.md", least=0)
+    poor_mismatch: float = setting(0.42, "docs/notes/ball_signature.md", least=0)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
         0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0

@@ -10,9 +10,8 @@ import numpy as np
 
 from isomatch.correspondence import Embedding
 from isomatch.errors import NotConvergedError
-from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
+from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence
 from isomatch.matching.pair import ShapePair
@@ -151,23 +150,13 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits.sort(key=lambda fit: fit.score)
-        may_win = self._agreeing(fits)
-        costs = self.weighed(fits, [fit.score for fit in fits], may_win)
+        # landmarks tell limbs apart, and maps that were led by them are worse judged by looks: docs/notes/ball_signature.md
+        weight = 0.0 if len(self.hints.landmarks) else self.mismatch_weight
+        costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits), weight)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
-        return select(fits, apart, rules, scores=costs, eligible=may_win), reason
-
-    def _agreeing(self, fits: Sequence[Fit]) -> list[bool]:
-        """Tell which maps agree with the landmarks as well as any, but for a slack."""
-        sources, targets = self.hints.landmarks.T
-        if not len(sources):
-            return [True] * len(fits)
-        _, nearest = distance_along_edges_to_nearest(self.source.body, self.vertices)
-        row = np.zeros(self.source.body.n_vertices, dtype=np.int64)
-        row[self.vertices] = np.arange(len(self.vertices))
-        errors = [self.target.mean_distance(fit.image[row[nearest[sources]]], targets) for fit in fits]
-        return [error <= min(errors) + LANDMARK_SLACK for error in errors]
+        return select(fits, apart, rules, scores=costs), reason
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
