@@ -150,7 +150,7 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits.sort(key=lambda fit: fit.score)
-        # landmarks tell limbs apart, and maps that were led by them are worse judged by looks: docs/notes/ball_signature.md
+        # landmarks tell limbs apart better than looks do: docs/notes/ball_signature.md
         weight = 0.0 if len(self.hints.landmarks) else self.mismatch_weight
         costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits), weight)
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
