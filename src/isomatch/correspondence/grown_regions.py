@@ -6,7 +6,7 @@ import numpy as np
 
 from isomatch.correspondence.interval_matching import IntervalCost
 from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import n_threads, parallel_map
+from isomatch.runtime.threads import parallel_rows
 from isomatch.values.arrays import FloatArray, IntArray
 
 
@@ -67,25 +67,13 @@ def grow_regions(
     assigned, gains = np.full((s, m), -1, dtype=np.int64), np.zeros(s)
     distances, lower, upper, unary = map(np.ascontiguousarray, (distances, lower, upper, unary))
     order = np.argsort(upper, axis=1, kind="stable")
-    threads = max(1, min(n_threads(), s))
 
-    def rows(first: int) -> None:
-        for row in range(first, s, threads):
-            gains[row] = _grow(
-                distances,
-                lower,
-                upper,
-                unary,
-                order,
-                seeds[row, 0],
-                seeds[row, 1],
-                *cost.numbers,
-                near,
-                dearest,
-                assigned[row],
-            )
+    def region(row: int) -> None:
+        root, image = seeds[row]
+        numbers = *cost.numbers, near, dearest
+        gains[row] = _grow(distances, lower, upper, unary, order, root, image, *numbers, assigned[row])
 
-    parallel_map(rows, range(threads))
+    parallel_rows(region, s)
     return assigned, gains
 
 

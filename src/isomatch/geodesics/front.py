@@ -9,7 +9,7 @@ import numpy as np
 
 from isomatch.geodesics.stencil import Stencil
 from isomatch.loading.compiled import compiled
-from isomatch.runtime.threads import n_threads, parallel_map
+from isomatch.runtime.threads import parallel_rows
 from isomatch.values.arrays import AnyArray, Float32Array, FloatArray, IntArray
 
 MOST_SHIFT = 0.02  # of an edge; limits how much the curvature correction changes a distance in one triangle
@@ -49,13 +49,11 @@ def march(stencil: Stencil, sources: IntArray) -> FloatArray:
     *Cost.* O(n log n) time per source; sources are distributed over threads, each with 28 bytes per vertex.
     """
     out = np.full((len(sources), stencil.n_vertices), np.inf)
-    threads = max(1, min(n_threads(), len(sources)))
 
-    def rows(first: int) -> None:
-        for row in range(first, len(sources), threads):
-            _march(*stencil.arrays, sources[row], out[row], _NO_BOUND, _TO_ALL, np.inf)
+    def front(row: int) -> None:
+        _march(*stencil.arrays, sources[row], out[row], _NO_BOUND, _TO_ALL, np.inf)
 
-    parallel_map(rows, range(threads))
+    parallel_rows(front, len(sources))
     return out
 
 
@@ -90,17 +88,14 @@ def march_within(stencil: Stencil, sources: IntArray, radius: float) -> Balls:
     A front ends at the radius. O(b log b) time for b vertices, and 28 bytes to be cleared for each of all.
     """
     parts: list[tuple[IntArray, FloatArray]] = [(_TO_ALL, _NO_BOUND)] * len(sources)
-    threads = max(1, min(n_threads(), len(sources)))
 
-    def rows(first: int) -> None:
-        column = np.empty(stencil.n_vertices)
-        for row in range(first, len(sources), threads):
-            column.fill(np.inf)
-            _march(*stencil.arrays, sources[row], column, _NO_BOUND, _TO_ALL, radius)
-            inside = np.flatnonzero(column <= radius)
-            parts[row] = inside, column[inside]
+    def front(row: int) -> None:
+        column = np.full(stencil.n_vertices, np.inf)
+        _march(*stencil.arrays, sources[row], column, _NO_BOUND, _TO_ALL, radius)
+        inside = np.flatnonzero(column <= radius)
+        parts[row] = inside, column[inside]
 
-    parallel_map(rows, range(threads))
+    parallel_rows(front, len(sources))
     return Balls.of(parts)
 
 
@@ -113,16 +108,14 @@ def march_to(stencil: Stencil, pairs: IntArray) -> FloatArray:
     order = np.argsort(of_pair, kind="stable")
     ends = np.searchsorted(of_pair[order], np.arange(len(sources) + 1))
     distances = np.full(len(pairs), np.inf)
-    threads = max(1, min(n_threads(), len(sources)))
 
-    def rows(first: int) -> None:
-        for row in range(first, len(sources), threads):
-            chosen = order[ends[row] : ends[row + 1]]
-            column = np.full(stencil.n_vertices, np.inf)
-            _march(*stencil.arrays, sources[row], column, _NO_BOUND, pairs[chosen, 1], np.inf)
-            distances[chosen] = column[pairs[chosen, 1]]
+    def front(row: int) -> None:
+        chosen = order[ends[row] : ends[row + 1]]
+        column = np.full(stencil.n_vertices, np.inf)
+        _march(*stencil.arrays, sources[row], column, _NO_BOUND, pairs[chosen, 1], np.inf)
+        distances[chosen] = column[pairs[chosen, 1]]
 
-    parallel_map(rows, range(threads))
+    parallel_rows(front, len(sources))
     return distances
 
 

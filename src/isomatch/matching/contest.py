@@ -251,9 +251,9 @@ def weighed(
     order = sorted(range(len(costs)), key=lambda i: costs[i])
     best = next(i for i in order if eligible[i])
     for i in order:
-        if eligible[i] and i != best and costs[i] * factor(i, best) < costs[best]:
+        if eligible[i] and costs[i] * factor(i, best) < costs[best]:
             best = i
-    against_best = [costs[i] if i == best else costs[i] * factor(i, best) for i in range(len(costs))]
+    against_best = [cost * factor(i, best) for i, cost in enumerate(costs)]
     return [max(cost, costs[best]) if may else cost for cost, may in zip(against_best, eligible)]
 
 

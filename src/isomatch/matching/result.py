@@ -62,9 +62,9 @@ class Quality:
         refinement it still tells which hypothesis is right, not how precise the map returned is; nan for a baseline and
         for a map between shapes that are far from isometric.
     rival : float
-        Cost of the best map that differs (misfit, times the fourth root of residual × curvature mismatch²), over that of
-        the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not among
-        those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
+        Cost of the best map that differs (misfit, times the fourth root of residual × curvature mismatch², weighed by the
+        mismatch), over that of the map returned: 1 is a tie, large is clear, below 1 the other fits better (it was not
+        among those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
     mirrored : float
         The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
         difference of the poses.

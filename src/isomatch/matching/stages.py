@@ -258,17 +258,13 @@ class Relation(ABC):
     def _deviation(self) -> FloatArray:
         return deviation_of(*(shape.balls for shape in (self.source, self.target) if shape.balls))
 
-    def weighed(
-        self,
-        fits: Sequence[Fit],
-        costs: Sequence[float],
-        eligible: Sequence[bool],
-        weight: float | None = None,
-    ) -> list[float]:
-        """Weigh the costs of maps by their mismatch where they differ, see `weighed`; by default by `mismatch_weight`."""
+    def weighed(self, fits: Sequence[Fit], costs: Sequence[float], eligible: Sequence[bool]) -> list[float]:
+        """Weigh the costs of maps by their mismatch where they differ, see `weighed`."""
+        if not self.mismatch_weight:
+            return list(costs)
         mismatches = parallel_map(self.mismatch, fits)
-        images, used = [fit.image for fit in fits], self.mismatch_weight if weight is None else weight
-        return weighed(costs, images, mismatches, self.target.distance, eligible, used)
+        images = [fit.image for fit in fits]
+        return weighed(costs, images, mismatches, self.target.distance, eligible, self.mismatch_weight)
 
     @property
     def mismatch_weight(self) -> float:

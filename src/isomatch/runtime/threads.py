@@ -37,6 +37,20 @@ def n_threads() -> int:
     return processors()
 
 
+def parallel_rows(function: Callable[[int], None], count: int) -> None:
+    """Call a function with each row number below ``count``; of T threads, thread t takes rows t, t + T, t + 2 T, ….
+
+    For many short calls, each of which writes to arrays of its own row.
+    """
+    threads = max(1, min(n_threads(), count))
+
+    def rows(first: int) -> None:
+        for row in range(first, count, threads):
+            function(row)
+
+    parallel_map(rows, range(threads))
+
+
 def parallel_map(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Apply a function to every item, on several threads, and return the results in the order of the items.
 

@@ -150,13 +150,16 @@ class Elastic(Relation):
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
         fits.sort(key=lambda fit: fit.score)
-        # landmarks tell limbs apart better than looks do: docs/notes/ball_signature.md
-        weight = 0.0 if len(self.hints.landmarks) else self.mismatch_weight
-        costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits), weight)
+        costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
         return select(fits, apart, rules, scores=costs), reason
+
+    @property
+    def mismatch_weight(self) -> float:
+        """None with landmarks, which tell limbs apart better than looks do: docs/notes/ball_signature.md."""
+        return 0.0 if len(self.hints.landmarks) else super().mismatch_weight
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""

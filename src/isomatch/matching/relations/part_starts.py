@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from isomatch.correspondence import Alignment, assign_points, grow_regions, pin_first, trilaterate
-from isomatch.descriptors import deviation_of
+from isomatch.descriptors import BallSignature, deviation_of
 from isomatch.matching.contest import distinct
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.pair import ShapePair
@@ -49,6 +49,7 @@ N_PLACED = 16
 # starts, with those composed with maps of the whole onto itself; chosen on cuts and holes, not one by one
 N_MIRRORED = 24
 
+# of the regions that are grown; all chosen on single views, not one by one
 N_ROOTS, N_LIKELY = 24, 24  # anchors from which regions grow, and candidates of each
 MOST_GROWN, N_GROWN = 60, 12  # regions that are completed, and starts of them
 FEWEST_GROWN = 6  # anchors of a region
@@ -158,7 +159,7 @@ class PartStarts:
         pair, candidates, whole = self._at(min(self._pair.unit, 1.0)), self._candidates, self._pair.whole
         if whole.balls is None or len(pair.landmarks):
             return []
-        mismatch = self._mismatches(pair)
+        mismatch = self._mismatches(pair, whole.balls)
         roots = np.argsort(-pair.to_boundary[pair.anchors], kind="stable")[:N_ROOTS]
         likely = np.argsort(mismatch[roots], axis=1, kind="stable")[:, :N_LIKELY]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
@@ -179,11 +180,9 @@ class PartStarts:
         images = fine[trilaterate(lower[:, placed], upper[:, placed], there, pair.cost)]
         return self._start(pair, images, 1)
 
-    def _mismatches(self, pair: PartPair) -> FloatArray:
+    def _mismatches(self, pair: PartPair, of_whole: BallSignature) -> FloatArray:
         """Mismatch (m, c) of each anchor and candidate, drawn towards a neutral value where little is known."""
-        there = pair.whole.balls
-        assert there is not None
-        here, there = pair.signature.at(pair.anchors), there.at(self._candidates)
+        here, there = pair.signature.at(pair.anchors), of_whole.at(self._candidates)
         known = (here.known[:, None] & there.known[None]).sum(axis=2)
         pairs = np.indices((len(here.values), len(there.values))).reshape(2, -1)
         apart = here.at(pairs[0]).mismatch(there.at(pairs[1]), deviation_of(there)).reshape(known.shape)
