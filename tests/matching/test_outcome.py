@@ -47,6 +47,13 @@ def test_a_better_rival_leaves_no_confidence():
     assert outcome(replace(GOOD, rival=1.0 - LITTLE)) is Outcome.LOW_CONFIDENCE
 
 
+def test_a_mirror_image_that_fits_clearly_better_is_named():
+    better = replace(GOOD, mirrored=BOUNDS.mirror_image - LITTLE)
+    assert outcome(better) is outcome(better, "reverse") is Outcome.MIRROR_IMAGE
+    assert outcome(better, "any") is outcome(better, hinted=True) is Outcome.SYMMETRY_AMBIGUOUS
+    assert outcome(replace(GOOD, mirrored=BOUNDS.mirror_image)) is Outcome.SYMMETRY_AMBIGUOUS
+
+
 def test_the_orientation_that_was_wanted():
     turned = replace(GOOD, orientation=-GOOD.orientation)
     assert outcome(turned, "reverse") is outcome(turned, "any") is outcome(GOOD, "any") is Outcome.CONVERGED
@@ -63,9 +70,9 @@ def test_what_is_not_known_speaks_against_nothing():
 
 
 def test_the_first_outcome_that_holds_is_given():
-    everything = replace(GOOD, landmark_error=1.0, misfit=1.0, rival=1.0)
+    everything = replace(GOOD, landmark_error=1.0, mirrored=0.5, misfit=1.0, rival=1.0)
     found = []
-    for measure in ("landmark_error", "misfit", "rival"):
+    for measure in ("landmark_error", "mirrored", "misfit", "rival"):
         found.append(outcome(everything, left_out=1.0))
         everything = replace(everything, **{measure: getattr(GOOD, measure)})
     found += [outcome(everything, left_out=1.0), outcome(everything, left_out=BOUNDS.large_component)]
@@ -73,7 +80,7 @@ def test_the_first_outcome_that_holds_is_given():
 
 
 def test_a_match_is_partial_if_something_has_no_counterpart_and_nothing_worse_is_found():
-    partial, names = Evidence(partial=True), ("contradicted", "poor", "ambiguous")
+    partial, names = Evidence(partial=True), ("contradicted", "mirrored", "poor", "ambiguous")
     assert outcome_of([]) is outcome_of([Evidence()]) is Outcome.CONVERGED
     assert outcome_of([Evidence(), partial]) is Outcome.PARTIAL
     for name, worse in zip(names, Outcome):

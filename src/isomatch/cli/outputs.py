@@ -159,7 +159,7 @@ def claimed_files(*paths: Path | None, force: bool) -> Iterator[None]:
         yield
 
 
-_STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red"}
+_STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAGE": "bold red"}
 
 
 def say_result(result: isomatch.MatchResult) -> None:

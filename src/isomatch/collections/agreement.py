@@ -200,7 +200,7 @@ def _prior(row: Record, config: Config) -> float:
     ]
     wanted = {"preserve": 1, "reverse": -1, "any": 0}[config.orientation]
     turned = any(wanted * (row[side]["quality"]["orientation"] or 0.0) < 0 for side in ("there", "back"))
-    unsure = set(outcomes) & {"LOW_CONFIDENCE", "HINTS_CONTRADICTED"}
+    unsure = any(Outcome[outcome].is_doubtful for outcome in outcomes)
     return UNSURE if turned or unsure else 1.0
 
 

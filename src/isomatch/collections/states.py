@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.map_file import Record
+from isomatch.matching import Outcome
 
 
 def state_of(record: Record) -> str:
     """Return the state of a pair: "todo", "failed", "low" (matched with low confidence) or "done"."""
-    if record["state"] == "done" and record["there"]["outcome"] in ("LOW_CONFIDENCE", "HINTS_CONTRADICTED"):
+    if record["state"] == "done" and Outcome[record["there"]["outcome"]].is_doubtful:
         return "low"
     return str(record["state"])
 

@@ -22,6 +22,7 @@ NO_LEAD = 1e-9  # so that the doubt of a tie is finite
 # what each flag of evidence calls for, the least sure first
 CALLED_FOR = {
     "contradicted": Outcome.HINTS_CONTRADICTED,
+    "mirrored": Outcome.MIRROR_IMAGE,
     "poor": Outcome.LOW_CONFIDENCE,
     "ambiguous": Outcome.SYMMETRY_AMBIGUOUS,
     "partial": Outcome.PARTIAL,
@@ -30,12 +31,14 @@ CALLED_FOR = {
 
 @dataclass(frozen=True)
 class Evidence:
-    """Four reasons not to take a map for right and complete; each flag is one.
+    """Reasons not to take a map for right and complete; each flag is one.
 
     Parameters
     ----------
     contradicted : bool
         The map is far from what hints ask for.
+    mirrored : bool
+        The mirror image of a shape fits clearly better.
     poor : bool
         The map fits badly.
     ambiguous : bool
@@ -45,6 +48,7 @@ class Evidence:
     """
 
     contradicted: bool = False
+    mirrored: bool = False
     poor: bool = False
     ambiguous: bool = False
     partial: bool = False
@@ -96,6 +100,7 @@ def measured_evidence(
     turned = hinted and kept < -bounds.poor_orientation
     return Evidence(
         contradicted=contradicts(quality, bounds.contradiction),
+        mirrored=wanted != "any" and not hinted and mirror_image_fits(quality, bounds),
         poor=bool(
             (not quality.mismatch <= bounds.poor_mismatch if far else fits_badly(quality, bounds))
             or quality.torn_off > bounds.poor_torn_off
@@ -119,6 +124,11 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
     )
+
+
+def mirror_image_fits(quality: Quality, bounds: OutcomeSettings) -> bool:
+    """Whether the best map of the orientation that was not allowed fits clearly better."""
+    return bool(quality.mirrored < bounds.mirror_image)
 
 
 def contradicts(quality: Quality, bound: float) -> bool:

@@ -9,6 +9,7 @@ class Outcome(Enum):
     """How a match ended; ``advice`` says what it means and what to do. Where several hold, the first one is given."""
 
     HINTS_CONTRADICTED = "hints contradicted"
+    MIRROR_IMAGE = "mirror image"
     LOW_CONFIDENCE = "low confidence"
     SYMMETRY_AMBIGUOUS = "symmetry ambiguous"
     PARTIAL = "partial"
@@ -20,6 +21,11 @@ class Outcome(Enum):
         return _ADVICE[self]
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether the map may be wrong altogether."""
+        return self.sureness <= Outcome.LOW_CONFIDENCE.sureness
+
+    @property
     def sureness(self) -> int:
         """Rank among the outcomes; 0 is the least sure."""
         return list(Outcome).index(self)
@@ -29,6 +35,11 @@ _ADVICE = {
     Outcome.HINTS_CONTRADICTED: (
         "The map does not agree with the landmarks or the initial map. Either may be wrong: check that landmarks are "
         "pairs (source vertex, target vertex) that count from 0; if they are right, match with hypotheses = 'given'."
+    ),
+    Outcome.MIRROR_IMAGE: (
+        "The mirror image of the source fits clearly better than any map that keeps the orientation of the faces, so "
+        "this map is wrong: perhaps one shape is a left and the other a right one, or a file is mirrored. Match with "
+        "orientation = 'any', or reflect one of the shapes."
     ),
     Outcome.LOW_CONFIDENCE: (
         "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "

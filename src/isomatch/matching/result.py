@@ -67,7 +67,7 @@ class Quality:
         among those given); ``inf`` if no other came near; nan if no other was tried, as by a baseline.
     mirrored : float
         The same for the best map of the other side, if ``orientation="any"`` allows either; up to 1.5 may be the
-        difference of the poses.
+        difference of the poses. If only one is allowed, below 0.6 where the other fits clearly better, else inf.
     residual : float
         Misfit of the distance descriptors after the best rotation, in units of √(average distance).
     stretch : float

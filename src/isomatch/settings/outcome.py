@@ -21,6 +21,9 @@ class OutcomeSettings(Settings):
         The same between shapes far from isometric, whose misfits are nearly equal.
     mirror_tie : float
         The same for a map of the other side where either is allowed; the poses alone may differ as much.
+    mirror_image : float
+        Score of a map of the orientation that is not allowed, against the map returned, below which it fits clearly
+        better.
     torn : float
         Squared length of the image of an edge, over its own, above which it counts no more: the edge is torn.
     torn_apart : float
@@ -45,6 +48,9 @@ class OutcomeSettings(Settings):
     tie: float = setting(1.25, "docs/notes/ball_signature.md", least=1)
     look_tie: float = setting(1.15, "docs/notes/ball_signature.md", least=1)
     mirror_tie: float = setting(1.5, "docs/benchmarks.md, confidence: either side", least=1)
+    mirror_image: float = setting(
+        0.6, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.67", least=0, most=1
+    )
     torn: float = setting(4.0, "chosen: a few torn faces must not outweigh all others", least=1)
     poor_misfit: float = setting(
         0.66, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0

@@ -19,6 +19,9 @@ class SelectionSettings(Settings):
         Energy = descriptor residual × curvature mismatch to this power.
     orientation_threshold : float
         Mean cosine between normals above which a map counts as orientation-preserving.
+    mirrored_energy : float
+        Energy of a hypothesis of the orientation that is not allowed, against the least of the others, below which it is
+        refined and compared, too.
     energy_limit : float
         Energy, against the least, up to which a hypothesis is refined and compared again.
     most_contenders : int
@@ -46,6 +49,9 @@ class SelectionSettings(Settings):
     )
     orientation_threshold: float = setting(
         0.3, "measured on 50 pairs: right maps above 0.54, mixed or mirrored ones below 0.3", least=0, most=1
+    )
+    mirrored_energy: float = setting(
+        0.75, "lopsided creatures up to 0.52; bodies with a left and a right side from 0.42", least=0
     )
     energy_limit: float = setting(3.0, "docs/benchmarks.md, sensitivity", least=1)
     most_contenders: int = setting(6, "ablation: no contest (victoria1–victoria2, cat10–cat3)", least=1)

@@ -39,7 +39,7 @@ LEAST_TURN = 0.1  # degrees of a turn worth telling
 COMMAND = "isomatch match SOURCE TARGET -o DIR --landmarks landmarks.txt"
 
 # safe for the colour-blind (Okabe & Ito); the text states the outcome as well
-_COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00"}
+_COLOURS = {Outcome.CONVERGED: "#0072b2", Outcome.LOW_CONFIDENCE: "#d55e00", Outcome.MIRROR_IMAGE: "#d55e00"}
 _UNDECIDED = "#e69f00"
 _SIDES = ("source", "target")
 _INLINED = {"style": "report.css", "landmark_script": "landmarks.js", "script": "report.js"}

@@ -13,7 +13,7 @@ from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Solution, fits_badly, measured_evidence
+from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
@@ -292,11 +292,11 @@ def far_from_isometric(relation: Relation, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
 
     Two meshes are needed, without an initial map or descriptors, maps that are not given, and a refinement that looks
-    further.
+    further, and no mirror image fits better.
     """
     pair, config = relation.pair, relation.pair.config
     if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False
     if config.hypotheses != "all" or not relation.hints.only_landmarks:
         return False
-    return fits_badly(quality, config.outcome)
+    return fits_badly(quality, config.outcome) and not mirror_image_fits(quality, config.outcome)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
+    SCORE_NOISE,
     Rules,
     Selection,
     contenders,
@@ -36,6 +38,8 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 # in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
 ELSEWHERE_DISTANCE = 0.3
+
+MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +130,7 @@ class Isometry(Relation):
         timer.start("selection")
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
-        selection = self._contest(eligible, rivals)
+        selection = self._against_mirror_image(self._contest(eligible, rivals), eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
 
@@ -248,6 +252,35 @@ class Isometry(Relation):
             elsewhere=self._shares_elsewhere(fits),
             n_tried=len(eligible) + len(rivals),
         )
+
+    def _against_mirror_image(
+        self, selection: Selection[Fit], candidates: Sequence[Candidate]
+    ) -> Selection[Fit]:
+        """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
+        config = self.pair.config
+        if (
+            config.orientation == "any"
+            or config.hypotheses != "all"
+            or self.hints.any
+            or not self.pair.oriented
+        ):
+            return selection
+        settings, bounds = config.selection, config.outcome
+        wanted = 1 if config.orientation == "preserve" else -1
+        turned, kept = [], [np.inf]
+        for candidate in candidates:
+            if wanted * candidate.orientation < -settings.orientation_threshold:
+                turned.append(candidate)
+            elif wanted * candidate.orientation > 0:
+                kept.append(candidate.energy)
+        hopeful = [each for each in turned if each.energy < settings.mirrored_energy * min(kept)]
+        if not hopeful:
+            return selection
+        hopeful.sort(key=attrgetter("energy"))
+        fits = [selection.winner, *self.contest(self.begun(hopeful[:MOST_MIRRORED]))]
+        costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
+        ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
+        return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection
 
     def _apart(self, fits: list[Fit]) -> FloatArray:
         return distances_between([fit.image for fit in fits], self.target.mean_distances)

@@ -1,0 +1,41 @@
+"""A left specimen among right ones: the outcome says that the mirror image fits, and finds it where it may."""
+
+import numpy as np
+import pytest
+
+from isomatch import Config, Mesh, Outcome, match
+from isomatch.datasets import creature
+from shapes import disguised
+
+
+def reflected(mesh):
+    return Mesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1])
+
+
+def lopsided(pose, **changes):
+    return creature(2000, pose=pose, style=3, **changes).mesh
+
+
+@pytest.mark.parametrize("kind", ["quadruped", "biped"])
+def test_a_lopsided_body_and_its_mirror_image(kind):
+    """Poses differ, the mirror image is renumbered and turned, and its faces keep their orientation."""
+    source, posed = lopsided(1, kind=kind), lopsided(2, kind=kind)
+    target = disguised(reflected(posed), seed=1)
+    result = match(source, target.mesh)
+    assert result.outcome is Outcome.MIRROR_IMAGE
+    assert result.quality.mirrored < result.config.outcome.mirror_image
+    assert "orientation = 'any'" in result.outcome.advice
+    found = match(source, target.mesh, config=Config(orientation="any"))
+    assert found.outcome is Outcome.CONVERGED
+    assert found.quality.orientation < -0.8
+    same = match(source, posed)
+    assert same.outcome is Outcome.CONVERGED
+    assert same.quality.mirrored == np.inf
+    assert match(source, posed, config=Config(orientation="reverse")).outcome is Outcome.MIRROR_IMAGE
+
+
+@pytest.mark.parametrize("kind", ["quadruped", "biped"])
+def test_a_body_with_two_like_sides_is_its_own_mirror_image(kind):
+    source, target = lopsided(1, kind=kind, symmetric=True), lopsided(2, kind=kind, symmetric=True)
+    result = match(source, disguised(reflected(target), seed=1).mesh)
+    assert result.outcome in (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS)
