@@ -43,6 +43,9 @@ def part_of(pair, hints):
 pytestmark = pytest.mark.usefixtures("prepared_once")
 
 
+NOTHING = np.zeros((1, 0))
+
+
 @pytest.fixture(scope="module")
 def bodies():
     """Two poses of an asymmetric quadruped, and the true image of each vertex of the first on the second."""
@@ -240,11 +243,13 @@ def test_a_shape_is_a_part_of_itself():
 
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
     config = Config(refining=replace(Config().refining, position_unit=0.2))
-    at_once = WholeCoordinates(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0]).at(20, True)
+    at_once = WholeCoordinates(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0], NOTHING).at(20, True)
     np.testing.assert_array_equal(
-        WholeCoordinates(prepared, config, NO_LANDMARKS[:, 0]).at(20, True), at_once
+        WholeCoordinates(prepared, config, NO_LANDMARKS[:, 0], NOTHING).at(20, True), at_once
     )
-    assert not np.array_equal(WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0]).at(20, True), at_once)
+    assert not np.array_equal(
+        WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0], NOTHING).at(20, True), at_once
+    )
 
 
 @pytest.mark.long

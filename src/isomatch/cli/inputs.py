@@ -8,10 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+
 import isomatch
 from isomatch.errors import FormatError, IsomatchError, SettingError
 from isomatch.storage.files import read_integers
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 
 def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
@@ -44,6 +46,23 @@ def read_pairs(path: Path, what: str, whose: str) -> IntArray:
         )
 
     return read_integers(path, 2, refuse)
+
+
+def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
+    """Read values (n, q) of scalars and colours of the points of a file, by their names."""
+    asset = isomatch.read_asset(path)
+    columns = []
+    for name in names:
+        attribute = asset.attribute(name, "point")
+        if attribute.kind not in ("scalar", "colour"):
+            raise FormatError(
+                f"{path}: {name!r} is a {attribute.kind}; --function takes scalars and colours of points"
+            )
+        columns.append(np.asarray(attribute.values, dtype=np.float64).reshape(len(attribute.values), -1))
+    values = np.hstack(columns)
+    if len(values) != n:
+        raise FormatError(f"{path}: {len(values)} points have values, but the surface has {n} vertices")
+    return values
 
 
 def read_initial_map(path: Path, n_target: int) -> IntArray:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_outcomes
+from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
@@ -39,6 +39,7 @@ def match(
     pin: float | None = None,
     hypotheses: Hypotheses | None = None,
     initial_map: Path | None = None,
+    function: Annotated[list[str] | None, Parameter(negative=())] = None,
     refinement: RefinementName | None = None,
     orientation: Orientation | None = None,
     start: Start | None = None,
@@ -76,6 +77,9 @@ def match(
         A map to start from: a text file with one 0-based target index per line (-1: unknown), or a map.npz.
     hypotheses : str
         Whether automatic maps compete with the hints (all, the default), or only rivals of them are reported (given).
+    function : list of str
+        Name of a scalar or a colour of the points that means the same in both files, such as thickness: it takes part
+        in search and refinement. May be given several times.
     refinement : str
         How the map is refined: joint (default), smooth, laplace_icp (similar to the paper), or none.
     orientation : str
@@ -89,8 +93,9 @@ def match(
     both : bool
         Also find the map of the other direction, map_back.npz; both together take about 1.3 times as long as one.
     fail_on : str
-        Outcomes that make the exit code 1, after all files are written: low-confidence, symmetry-ambiguous,
-        hints-contradicted, partial, converged; several with commas. With --both, that of either direction counts.
+        Outcomes that make the exit code 1, after all files are written: low-confidence, mirror-image,
+        symmetry-ambiguous, hints-contradicted, partial, converged; several with commas. With --both, that of either
+        direction counts.
     report : bool
         Whether to write report.html.
     as_mesh : Path
@@ -122,6 +127,10 @@ def match(
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         n_target = shapes[1].n_vertices
         first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
+        known = None
+        if function:
+            files = zip((source, target), shapes)
+            known = tuple(read_functions(path, function, shape.n_vertices) for path, shape in files)
         with folder.claimed(force), claimed_files(as_mesh, force=force):
             if as_mesh is not None:
                 require_writable(as_mesh)
@@ -133,6 +142,7 @@ def match(
                 "initial map": initial_map,
             }
             again = {**options, "output": output, "initial_map": initial_map, "config": config, "seed": seed}
+            again |= {"function": function}
             again |= {"both": both or None, "as_mesh": as_mesh}
             shown: dict[str, Any] = {
                 "names": (source.name, target.name),
@@ -148,6 +158,7 @@ def match(
                         *shapes,
                         landmarks=pairs,
                         initial_map=first,
+                        functions=known,
                         config=settings,
                         seed=seed,
                         progress=part(tell, 0.05, 0.85),
@@ -195,5 +206,7 @@ def _with_landmarks(source: Path, target: Path, **options: Any) -> str:
     words = ["isomatch", "match", str(source), str(target)]
     for name, value in options.items():
         if value is not None and (name, value) != ("seed", 0):
-            words += [f"--{name.replace('_', '-')}", *([] if value is True else [str(value)])]
+            option = f"--{name.replace('_', '-')}"
+            for each in value if isinstance(value, list) else [value]:
+                words += [option, *([] if each is True else [str(each)])]
     return shlex.join([*words, "--landmarks", "landmarks.txt", "--force"])

@@ -14,6 +14,7 @@ from isomatch.correspondence import UNMATCHED, iterative_closest_points
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
 from isomatch.matching.judge import judged
+from isomatch.matching.known_functions import with_functions
 from isomatch.matching.match import require_landmarks_for_pins, solve_prepared, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
@@ -51,6 +52,7 @@ def match_both(
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
     relation: Relation | None = None,
+    functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> BothDirections:
     """Match two surfaces in both directions; errors and parameters are those of `match`.
 
@@ -82,7 +84,7 @@ def match_both(
     def matched() -> BothDirections:
         with serial_blas():
             timer.start("prepare")
-            pair = prepare_pair(source, target, config, seed, timer)
+            pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
             require_landmarks_for_pins(pair, landmarks)
             stages = stages_of(pair, refinement, starts, relation)
             return _both(pair, (landmarks, initial_map, initial_descriptors), stages, timer, timer_back, seed)
@@ -103,7 +105,7 @@ def _both(
     timer_back: StageTimer,
     seed: int,
 ) -> BothDirections:
-    pair_back, hints_back = replace(pair, source=pair.target, target=pair.source), _turned(pair, user_hints)
+    pair_back, hints_back = pair.turned, _turned(pair, user_hints)
     alone = pair.oriented and (pair.source.others or pair.target.others)
     hints = None if alone else Hints.of(pair, *user_hints)
     searched = hints is not None and not hints.any and pair.config.hypotheses == "all"

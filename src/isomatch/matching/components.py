@@ -165,7 +165,7 @@ class _Components:
 
     def _matched(self, i: int, j: int, carrier: Carrier | None = None) -> ComponentMatch:
         """Match two components: by themselves, or starting from where they are carried to."""
-        pair = ShapePair(self.sources[i], self.targets[j], self.pair.config)
+        pair = ShapePair(self.sources[i], self.targets[j], self.pair.config, self.pair.functions)
         hints = self.hints.on(pair)
         if carrier is None or hints.any:
             return ComponentMatch(solve(pair, hints, self.stages, self.timer), hinted=hints.any)

@@ -13,6 +13,7 @@ from isomatch.errors import SettingError
 from isomatch.matching.components import match_components
 from isomatch.matching.hints import Hints, checked_landmarks
 from isomatch.matching.judge import Solution, judged
+from isomatch.matching.known_functions import with_functions
 from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.pins import pinned
 from isomatch.matching.refinements import REFINEMENTS
@@ -39,6 +40,7 @@ def match(
     refinement: Refinement | None = None,
     starts: Sequence[Start] | None = None,
     relation: Relation | None = None,
+    functions: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> MatchResult:
     """Match two near-isometric surfaces.
 
@@ -72,6 +74,10 @@ def match(
         What is claimed of the shapes, such as `Isometry`, `Part` or `Elastic`; by default each one that fits them. Of
         shapes of several components it is claimed of each two partners. `Part` and `Elastic` want meshes and the
         orientation "preserve", and `Part` no descriptors.
+    functions : two array_likes, optional
+        (n_source, q) and (n_target, q), or (n_source,) and (n_target,), values that mean the same on both shapes, such as
+        thickness, sulcal depth or colour; nan where unknown. Unlike ``initial_descriptors``, which only start the search,
+        they are coordinates of every stage, with the weight ``Config.refining.function_weight``.
 
     Returns
     -------
@@ -109,7 +115,7 @@ def match(
     def matched() -> MatchResult:
         with serial_blas():
             timer.start("prepare")
-            pair = prepare_pair(source, target, config, seed, timer)
+            pair = with_functions(prepare_pair(source, target, config, seed, timer), functions)
             stages = stages_of(pair, refinement, starts, relation)
             require_landmarks_for_pins(pair, landmarks)
             solution = solve_prepared(pair, (landmarks, initial_map, initial_descriptors), stages, timer)

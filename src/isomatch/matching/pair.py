@@ -33,11 +33,14 @@ class SmoothPair:
         The shapes.
     config : Config
         The settings of the match.
+    functions : Embedding, optional
+        Weighted values, at the users' vertices, of functions that are known on both: (n_source, q) and (n_target, q).
     """
 
     source: SmoothShape
     target: SmoothShape
     config: Config
+    functions: Embedding | None = None
 
     @cached_property
     def refinement_vertices(self) -> IntArray:
@@ -46,10 +49,21 @@ class SmoothPair:
 
     @cached_property
     def signatures(self) -> Embedding:
-        """Point signatures that both shapes have: of the source (n_s, q) and of the target (n_t, q)."""
+        """Point signatures that both shapes have, and known functions: of the source (n_s, q) and the target (n_t, q)."""
         of_source, of_target = self.source.signatures, self.target.signatures
         common = min(of_source.shape[1], of_target.shape[1])
-        return Embedding(single(of_source[:, :common]), single(of_target[:, :common]))
+        sides = zip((of_source, of_target), self.known)
+        source, target = (single(np.hstack([values[:, :common], known])) for values, known in sides)
+        return Embedding(source, target)
+
+    @cached_property
+    def known(self) -> Embedding:
+        """The known functions on the bodies: (n_s, q) and (n_t, q), with q = 0 if none is."""
+        if self.functions is None:
+            return Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (self.source, self.target)))
+        return Embedding(
+            self.source.restrict(self.functions.source), self.target.restrict(self.functions.target)
+        )
 
     @cached_property
     def spectra(self) -> SpectralPair:
@@ -85,6 +99,13 @@ class ShapePair(SmoothPair):
     source: PreparedShape
     target: PreparedShape
     config: Config
+    functions: Embedding | None = None
+
+    @property
+    def turned(self) -> ShapePair:
+        """The pair the other way round."""
+        functions = None if self.functions is None else Embedding(*self.functions[::-1])
+        return ShapePair(self.target, self.source, self.config, functions)
 
     @property
     def has_finer(self) -> bool:
@@ -95,7 +116,7 @@ class ShapePair(SmoothPair):
     def polishable(self) -> SmoothPair:
         """The shapes at these levels."""
         source, target = parallel_map(lambda shape: shape.polishable, (self.source, self.target))
-        return SmoothPair(source, target, self.config)
+        return SmoothPair(source, target, self.config, self.functions)
 
     @cached_property
     def source_vertices(self) -> IntArray:

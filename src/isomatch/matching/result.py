@@ -103,9 +103,9 @@ class Quality:
         For a part bent onto the whole, the mean ``|log|`` of the stretch of its edges times the mean distance of its
         vertices from the whole, in √area of the whole; nan for complete shapes.
     doubt : float
-        For a part, the cost of the map, all measures together, over how clearly it is better than the best map that
-        differs: score / (1 − score / score of that). Up to 3e-5 for most right maps; above 3.5e-5 a map is sure only
-        if the match with the holes closed is. nan for complete shapes.
+        For a part, the cost of the map × ``bend_misfit``, over how clearly it is better than the best map that differs:
+        over 1 − cost / cost of that. Up to 8e-5 for most right maps; above 8.5e-5 a map is sure only if the match
+        with the holes closed is. nan for complete shapes.
     """
 
     misfit: float

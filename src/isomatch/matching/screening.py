@@ -15,7 +15,7 @@ from isomatch.matching.search import hypotheses_from_hints, search
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Orientation
-from isomatch.shapes import orientation_of
+from isomatch.shapes import CURVATURE_WEIGHT, orientation_of
 from isomatch.values.arrays import IntArray
 
 # functions in the upsampling that precedes the judgement of a hypothesis, at most half of the fewest search vertices;
@@ -77,14 +77,18 @@ def energy_of(
 
     The residual is that of the distance descriptors after the best rotation, in units of √(average distance): it sees
     all but near-symmetries. These are seen by the mismatch, the mean absolute difference of the standardised signed mean
-    curvatures; 1 where a shape has none.
+    curvatures, or 1 where a shape has none, and of known functions.
     """
     source, target = pair.source, pair.target
     points = source.points.at(source_vertex, rank), target.points.at(target_vertex, rank)
     residual = alignment_residual(*points, signed_procrustes(*points))
-    if not pair.oriented:
-        return residual
-    mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+    mismatch = 1.0
+    if pair.oriented:
+        mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
+    known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
+    mismatch += (
+        known.sum(axis=1).mean() / CURVATURE_WEIGHT
+    )  # as much, against curvature, as in the refinement
     return float(residual * mismatch**pair.config.selection.curvature_exponent)
 
 

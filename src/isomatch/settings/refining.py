@@ -23,6 +23,8 @@ class RefinementSettings(Settings):
         Misfit of positions, in √area, that counts as one unit of the spectral coordinates.
     normal_weight : float
         Weight of normals.
+    function_weight : float
+        Weight of functions that are known on both shapes, as of their root mean square; see `match`.
     registration_steps : int
         Steps of the non-rigid registration that ends "joint".
     laplace_steps_at_once : int
@@ -42,6 +44,7 @@ class RefinementSettings(Settings):
     polished_sizes: tuple[int, ...] = setting((100, 150, 200), "docs/performance.md, resolution", least=4)
     position_unit: float = setting(0.08, "measured on 9 pairs: 0.08 2.06, 0.15 2.11, 0.3 2.14", least=1e-6)
     normal_weight: float = setting(0.3, "docs/benchmarks.md, sensitivity", least=0)
+    function_weight: float = setting(0.2, "docs/hints.md: functions known on both", least=0)
     registration_steps: int = setting(4, "ablation: no registration", least=0)
     laplace_steps_at_once: int = setting(0, "docs/paper.md, deviations: at once heals less", least=0)
 

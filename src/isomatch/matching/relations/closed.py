@@ -82,7 +82,7 @@ class ClosedMatch:
         if selection.against:
             other = measured(self.relation.refinement.everywhere(self.relation, selection.against))
             rival = max(1.0, other.cost / fit.cost)
-        return PartDoubt(fit.cost, rival, pair.trusted, config.parts)
+        return PartDoubt(fit.bent_cost, rival, pair.trusted, config.parts)
 
     def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
@@ -152,13 +152,24 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
     config = pair.config
     flipped = max(FLIPPED, config.search.flipped)
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
-    capped = ShapePair(source, target, replace(config, search=replace(config.search, flipped=flipped)))
+    functions = None
+    if pair.functions is not None:
+        functions = Embedding(*map(_on_caps, (source, target), pair.known))
+    capped = ShapePair(
+        source, target, replace(config, search=replace(config.search, flipped=flipped)), functions
+    )
     closed = Hints(hints.landmarks, hints.initial_pairs, nothing, user_landmarks=hints.user_landmarks)
     relation = Isometry().on(capped, closed, stages)
     try:
         return ClosedMatch(pair, hints, relation, relation.match(timer))
     except NotConvergedError:
         return None
+
+
+def _on_caps(capped: PreparedShape, values: FloatArray) -> FloatArray:
+    """Values (n_body, q) of an open body on the surface with its holes closed: those of the rim on caps."""
+    nearest = distance_along_edges_to_nearest(capped.surface, np.arange(len(values)))[1]
+    return np.asarray(values[nearest])
 
 
 def with_doubt(

@@ -14,7 +14,6 @@ from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
-from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
@@ -167,8 +166,7 @@ class Elastic(Relation):
         first_maps: list[tuple[IntArray, str]] = []
         if any(isinstance(start, FromAnchors) for start in starts):
             source, target = self._shapes
-            turned = ShapePair(pair.target, pair.source, pair.config)
-            back = anchor_starts(turned, landmarks[:, ::-1], (target, source))
+            back = anchor_starts(pair.turned, landmarks[:, ::-1], (target, source))
             pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
             first_maps = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
         if self.ordinary is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from operator import attrgetter
@@ -53,7 +53,6 @@ N_BENT_IN_FULL = 5
 N_CONTENDERS = 8  # best starts that are refined to the end; chosen on cuts and holes, not one by one
 
 PartSide = Literal["source", "target"]
-TWISTED = 10.0  # factor on the cost of a map whose orientation is less than half of the clearest
 
 
 class Part(Relation):
@@ -119,7 +118,7 @@ class Part(Relation):
         return self._fits.refined_again(cast(PartFit, fit))
 
     def measured(self, fit: Fit, image: IntArray) -> PartFit:
-        """Measure a map: its cost is known once the part has been bent by it."""
+        """Measure a map: where it is judged, the part is bent by it, too."""
         self.require_images(image)
         return self._fits.measured(cast(PartFit, fit).pair, image, fit.origin)
 
@@ -128,8 +127,8 @@ class Part(Relation):
         refinement = cast(PartFit, fit).refinement
         return refinement.embedding(fit.image, ALL_FUNCTIONS, np.arange(self.source.body.n_vertices))
 
-    def match(self) -> tuple[Selection[PartFit], float]:
-        """Search, refine, bend and select; returns the selection, and the cost of its winner.
+    def match(self) -> Selection[PartFit]:
+        """Search, refine, settle the best and select.
 
         Raises
         ------
@@ -158,8 +157,7 @@ class Part(Relation):
         rules = Rules(
             rival_distance=APART, tie=settings.tie, mirror_tie=settings.tie, landmark_slack=LANDMARK_SLACK
         )
-        selection = select(fits, apart, rules, scores=costs)
-        return selection, next(cost for fit, cost in zip(fits, costs) if fit is selection.winner)
+        return select(fits, apart, rules, scores=costs)
 
     def mismatch(self, fit: Fit) -> FloatArray:
         """How differently part and whole look in space around the vertices (r,) and their images."""
@@ -171,9 +169,8 @@ class Part(Relation):
         return self.pair.config.parts.mismatch_weight
 
     def _by_cost(self, fits: list[PartFit]) -> tuple[list[PartFit], list[float]]:
-        """Bend the part by each map, and order maps by their weighed cost; returns also the costs."""
-        parallel_map(attrgetter("cost"), fits)  # on several threads, and kept
-        costs = self.weighed(fits, list(map(_against(fits), fits)), [True] * len(fits))
+        """Order maps by their weighed cost; returns also the costs."""
+        costs = self.weighed(fits, [fit.cost for fit in fits], [True] * len(fits))
         order = sorted(range(len(fits)), key=lambda i: costs[i])
         return [fits[i] for i in order], [costs[i] for i in order]
 
@@ -227,9 +224,10 @@ class Part(Relation):
 
     @cached_property
     def _fits(self) -> PartFits:
+        pair = self.pair if self.side == "source" else self.pair.turned
         landmarks = self._towards_whole(self.hints.landmarks)
         return PartFits(
-            PartPair.of(self.source, self.target, self.pair.config, landmarks), self._hinted_image
+            PartPair.of(self.source, self.target, pair.config, landmarks, pair.known), self._hinted_image
         )
 
     @cached_property
@@ -251,9 +249,9 @@ class Part(Relation):
                 "part cannot be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
             )
         timer.start("parts")
-        selection, cost = self.match()
+        selection = self.match()
         best, settings = selection.winner, self.pair.config.parts
-        doubt = PartDoubt(cost, selection.rival, best.pair.trusted, settings)
+        doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
         share = best.share
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
@@ -261,8 +259,7 @@ class Part(Relation):
             apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
             agrees = apart <= APART
             as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
-            fits = [best, *selection.rivals]
-            ratio = self.weighed([best, as_found], [cost, _against(fits)(as_found)], [True, False])[1] / cost
+            ratio = self.weighed([best, as_found], [best.cost, as_found.cost], [True, False])[1] / best.cost
             returned = ratio < settings.closed_score
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
                 with_caps = self.closed.solution(timer)
@@ -370,12 +367,6 @@ class Part(Relation):
             bend_misfit=bent.misfit,
             doubt=doubt.doubt,
         )
-
-
-def _against(fits: Sequence[PartFit]) -> Callable[[PartFit], float]:
-    """Return the cost of a map among others, which is higher if it twists the part."""
-    clearest = max(fit.orientation for fit in fits)
-    return lambda fit: fit.cost * (1 if fit.orientation >= 0.5 * clearest else TWISTED)
 
 
 def _filled(part: PreparedShape, known: IntArray) -> IntArray:

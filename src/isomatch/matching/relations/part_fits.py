@@ -22,8 +22,9 @@ from isomatch.matching.search import FromAnchors
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-# cost = misfit × stress to this power × √(local stress × curvature mismatch); chosen on cuts and holes, not one by one
-STRESS_EXPONENT = 0.25
+STRESS_EXPONENT = (
+    0.25  # cost = misfit × stress to this power; docs/notes/ball_signature.md: 0.15 to 0.4 choose alike
+)
 
 # functions of the whole in the short refinement; chosen on cuts and holes, not one by one
 ROUGH_SIZES = (20, 40, 70)
@@ -54,8 +55,6 @@ class PartFit(Fit):
         Bends the part.
     stress : float
         Mean cost of the images of the anchors, see `PartPair.stress`.
-    local_stress, curvature_mismatch : float
-        See `PartRefinement`.
     lengths : tuple of float
         Lengths over which the part resists when it is bent by the map, see `PartSettings`.
     """
@@ -64,8 +63,6 @@ class PartFit(Fit):
     refinement: PartRefinement
     bending: PartBending
     stress: float = np.nan
-    local_stress: float = np.nan
-    curvature_mismatch: float = np.nan
     lengths: tuple[float, ...] = ()
 
     @cached_property
@@ -98,21 +95,20 @@ class PartFit(Fit):
         return self.refinement.local_unit(self.image) ** 2
 
     @property
-    def flat_cost(self) -> float:
-        """The cost of the map before the part is bent by it."""
-        shape = np.sqrt(self.local_stress * self.curvature_mismatch)
-        return float(self.misfit * self.stress**STRESS_EXPONENT * shape)
+    def cost(self) -> float:
+        """What the map costs among others: how badly coordinates and distances agree."""
+        return max(float(self.misfit * self.stress**STRESS_EXPONENT), LEAST_SCORE)
 
     @property
-    def cost(self) -> float:
-        """The cost of the map once the part is bent by it."""
-        return max(self.flat_cost * self.bent.misfit, LEAST_SCORE)
+    def bent_cost(self) -> float:
+        """What the map costs by itself, where no other is compared: the part is bent by it, too."""
+        return max(self.cost * self.bent.misfit, LEAST_SCORE)
 
     @property
     def promise(self) -> float:
         """The cost of a map that is refined roughly: one twisted in places may still become the right one."""
         twist = np.sqrt(max(self.orientation, 0.1))
-        return float(self.flat_cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
+        return float(self.cost / twist * np.exp(self.pair.config.parts.mismatch_weight * self.mismatch))
 
 
 class PartFits:
@@ -129,7 +125,7 @@ class PartFits:
     def __init__(self, pair: PartPair, hinted: IntArray | None = None) -> None:
         config = pair.config
         self.pair, self._config, self._hinted, self._samples = pair, config, hinted, PartSamples(pair)
-        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks)
+        self.coordinates = WholeCoordinates(pair.whole, config, pair.landmarks, pair.functions.target)
         self.bending = PartBending(pair.meshes[0], config.parts.n_bent_vertices)
         self._known: dict[tuple[float, int], PartRefinement] = {}
 
@@ -237,7 +233,5 @@ def _fit(
         refinement=refinement,
         bending=bending,
         stress=pair.stress(anchors),
-        local_stress=refinement.local_stress(image),
-        curvature_mismatch=refinement.curvature_mismatch(image),
         lengths=lengths,
     )

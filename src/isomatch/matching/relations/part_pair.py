@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from isomatch.correspondence import IntervalCost
+from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
 from isomatch.settings import Config
@@ -66,6 +66,8 @@ class PartPair:
         Vertices of the whole that the first anchors go to.
     balls : BallSignature
         Of the part, in its own units.
+    functions : Embedding
+        Known functions on the bodies of part and whole: (n_part, q) and (n_whole, q).
     """
 
     part: PreparedShape
@@ -78,10 +80,16 @@ class PartPair:
     along: FloatArray = field(compare=False)
     landmarks: IntArray = field(compare=False)
     balls: BallSignature = field(compare=False)
+    functions: Embedding = field(compare=False)
 
     @classmethod
     def of(
-        cls, part: PreparedShape, whole: PreparedShape, config: Config, landmarks: IntArray = NO_LANDMARKS
+        cls,
+        part: PreparedShape,
+        whole: PreparedShape,
+        config: Config,
+        landmarks: IntArray = NO_LANDMARKS,
+        functions: Embedding | None = None,
     ) -> PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
         mesh = part.mesh_body
@@ -94,7 +102,11 @@ class PartPair:
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
         lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
-        found = cls(part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN)
+        if functions is None:
+            functions = Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (part, whole)))
+        found = cls(
+            part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN, functions
+        )
         units = found.units
         first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
         radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))

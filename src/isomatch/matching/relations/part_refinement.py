@@ -11,14 +11,12 @@ from isomatch.correspondence import Embedding, SampledBasis
 from isomatch.matching.coordinates import iterated
 from isomatch.matching.relations.landmark_distances import LandmarkDistances
 from isomatch.matching.relations.part_pair import FEWEST_KNOWN, TRUSTED, PartPair
-from isomatch.matching.relations.part_signatures import N_ENERGIES, PartSignatures, WholeSignatures
+from isomatch.matching.relations.part_signatures import PartSignatures, WholeSignatures
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_method, cached_property
-
-MOST_RATIO = 0.7  # largest logarithm of a ratio of distances that counts; a factor of two
 
 # a boundary needs more functions than the share of the area says; chosen on cuts and holes, not one by one
 FUNCTION_RATIO = 1.75
@@ -26,7 +24,7 @@ FUNCTION_RATIO = 1.75
 # distances from landmarks, in √area, up to which they are coordinates of the refinement; docs/robustness.md: parts
 LANDMARK_REACH = 0.3
 
-# distances along the part, in its √area, whose ratios to those of the images are compared;
+# distances along the part, in its √area, whose ratios to those of the images measure the unit;
 # chosen on cuts and holes, not one by one
 LEAST_NEAR, MOST_NEAR = 0.08, 0.3
 
@@ -54,16 +52,20 @@ class WholeCoordinates:
         Of the match; the whole may have been prepared with another.
     landmarks : (l,) array of int
         Vertices of the body of the whole whose counterparts on the part are known.
+    functions : (n_whole, q) array of float
+        Known functions.
     """
 
-    def __init__(self, whole: PreparedShape, config: Config, landmarks: IntArray) -> None:
+    def __init__(
+        self, whole: PreparedShape, config: Config, landmarks: IntArray, functions: FloatArray
+    ) -> None:
         self._whole, self._settings = whole, config.refining
-        self.signatures = WholeSignatures(whole)
+        self.signatures = WholeSignatures(whole, functions)
         self._distances = LandmarkDistances(whole, landmarks, LANDMARK_REACH)
 
     @cached_property
     def known(self) -> FloatArray:
-        """Signatures, and distances from the landmarks: (n, 23 + l)."""
+        """Signatures, and distances from the landmarks: (n, 23 + q + l)."""
         return np.hstack([self.signatures.values, self._distances.values / self._settings.position_unit])
 
     @cached_method
@@ -193,28 +195,12 @@ class PartRefinement:
             return self._pair.unit
         return self._pair.restricted(float(np.median(self._ratios(image)[known])))
 
-    def local_stress(self, image: IntArray) -> float:
-        """Mean |log| of the ratio of distances between images (r,) and along the part, over pairs of near vertices."""
-        most = MOST_RATIO
-        stretch = np.abs(np.log(self._ratios(image) / self._pair.unit))
-        return float(np.minimum(stretch, most).mean()) if len(stretch) else most
-
     def _ratios(self, image: IntArray) -> FloatArray:
         """Ratios of distances between images and along the part, over pairs of near vertices."""
         near, _, along = self._samples.near
         image = image[: len(near)]
         there: FloatArray = self._pair.whole.distances.between(image, image)[near]
         return np.maximum(there, 1e-3) / along
-
-    def curvature_mismatch(self, image: IntArray) -> float:
-        """Mean difference of the finer mean curvatures, where no boundary is near, over their mean size on the whole."""
-        whole = self._whole.signatures.values
-        fine = np.arange(min(N_ENERGIES + 1, whole.shape[1] - 1), whole.shape[1])
-        there, tiny = whole[:, fine], np.finfo(float).tiny
-        here, weights = (each[self.vertices][:, fine] for each in self._known)
-        apart = (weights * np.abs(here - there[image])).sum(axis=0)
-        size = weights.sum(axis=0) * np.abs(there).mean(axis=0)
-        return float(np.where(size > tiny, apart / np.maximum(size, tiny), 1.0).mean())
 
     def orientation(self, image: IntArray, k: int) -> float:
         """Mean cosine of the normals of the whole and of its copy drawn on the part."""

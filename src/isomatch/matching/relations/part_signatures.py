@@ -19,7 +19,7 @@ CURVATURE_REACH = 3.0
 
 
 class PartSignatures(NamedTuple):
-    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23)."""
+    """Signatures of a part, and weights between 0 (at the boundary) and 1 (far from it): both (n_part, 23 + q)."""
 
     values: FloatArray
     weights: FloatArray
@@ -36,9 +36,12 @@ class WholeSignatures:
     ----------
     whole : PreparedShape
         A mesh of area 1.
+    known : (n_whole, q) array of float
+        Known functions, which have no boundary to fear.
     """
 
     whole: PreparedShape
+    known: FloatArray
 
     @cached_property
     def _energies(self) -> FloatArray:
@@ -70,8 +73,9 @@ class WholeSignatures:
 
     @cached_property
     def values(self) -> FloatArray:
-        """(n_whole, 23) signatures."""
-        return np.hstack([weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)])
+        """(n_whole, 23 + q) signatures."""
+        weighted = [weight * _standardised(raw, raw) for weight, raw in zip(self._weights, self._raw)]
+        return np.hstack([*weighted, self.known])
 
     @cached_method
     def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
@@ -93,7 +97,8 @@ class WholeSignatures:
             there = _standardised(column, column)
             signatures.append(self._weights[1] * np.clip(here, there.min(), there.max())[:, None])
             weights.append(1 - np.exp(-((distance * np.sqrt(whole_values[k - 2]) / CURVATURE_REACH) ** 2)))
-        return PartSignatures(np.hstack(signatures), np.hstack(weights))
+        known = pair.functions.source
+        return PartSignatures(np.hstack([*signatures, known]), np.hstack([*weights, np.ones_like(known)]))
 
 
 def _standardised(values: FloatArray, reference: FloatArray) -> FloatArray:

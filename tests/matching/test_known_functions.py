@@ -1,0 +1,81 @@
+"""Functions that are known on both shapes take part in search and refinement."""
+
+import numpy as np
+import pytest
+
+from isomatch import match, match_both
+from isomatch.datasets import creature
+from isomatch.errors import DescriptorError
+from isomatch.lab.damage import cut
+from isomatch.matching import prepare_pair
+from isomatch.matching.known_functions import with_functions
+from shapes import box, disguised
+
+
+@pytest.fixture(scope="module")
+def brick():
+    return box(8, 16, 24)
+
+
+def mean_error(result, old_vertex, mesh):
+    """Of a map from a mesh to a disguise of it, in √area."""
+    apart = np.linalg.norm(mesh.vertices[old_vertex[result.map.vertices]] - mesh.vertices, axis=1)
+    return apart.mean() / np.sqrt(mesh.area)
+
+
+def test_a_marked_corner_tells_the_turns_of_a_brick_apart(brick):
+    """Four turns fit alike; a spot that is known on both brings the right one, wherever the numbering starts."""
+    corner = np.exp(-((np.linalg.norm(brick.vertices - brick.vertices.max(axis=0), axis=1) / 4) ** 2))
+    errors, clearness = [], []
+    for seed in range(4):
+        target = disguised(brick, seed)
+        old_vertex = np.argsort(target.new_vertex)
+        result = match(brick, target.mesh, functions=(corner, corner[old_vertex]))
+        errors.append(mean_error(result, old_vertex, brick))
+        clearness.append(result.quality.rival)
+    assert max(errors) < 0.02
+    assert min(clearness) > match(brick, target.mesh).quality.rival
+
+
+def test_a_part_is_found_by_what_is_known_of_it():
+    """The same spot on the left leg of a symmetric body, of which half is missing, in both directions."""
+    body = creature(2500, pose=1, symmetric=True)
+    other = creature(2500, pose=2, symmetric=True, triangulation=1)
+    known = body.rest[:, 0], other.rest[:, 0]
+    part = cut(body.mesh, 0.25, seed=3)
+    kept = part.original
+    functions = known[0][kept], known[1]
+    there, back = match_both(part.mesh, other.mesh, functions=functions)
+    side = np.sign(other.rest[there.map.vertices, 0]) == np.sign(functions[0])
+    assert side[np.abs(functions[0]) > 0.05].mean() > 0.98
+    assert np.isfinite(back.quality.misfit)
+
+
+def test_values_are_compared_as_they_are_on_both(brick):
+    """An offset of all values of one shape is a difference; unknown ones come from their neighbours."""
+    pair = prepare_pair(brick, brick)
+    values = np.arange(brick.n_vertices, dtype=float)
+    same = with_functions(pair, (values, values)).known
+    assert np.array_equal(same.source, same.target)
+    assert np.sqrt((same.source**2).mean()) == pytest.approx(pair.config.refining.function_weight)
+    apart = with_functions(pair, (values, values + 10)).known
+    assert (apart.target > apart.source).all()
+    holed = values.copy()
+    holed[7] = np.nan
+    assert np.isfinite(with_functions(pair, (holed, values)).known.source).all()
+    assert with_functions(pair, None) is pair
+
+
+@pytest.mark.parametrize(
+    "functions",
+    [
+        lambda n: (np.zeros(n - 1), np.zeros(n)),
+        lambda n: (np.zeros((n, 2)), np.zeros(n)),
+        lambda n: (np.full(n, np.nan), np.zeros(n)),
+        lambda n: (np.full(n, np.inf), np.zeros(n)),
+        lambda n: (np.array(["a"] * n), np.zeros(n)),
+    ],
+)
+def test_functions_that_do_not_fit_are_refused(brick, functions):
+    with pytest.raises(DescriptorError):
+        match(brick, brick, functions=functions(brick.n_vertices))
