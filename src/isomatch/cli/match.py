@@ -129,8 +129,10 @@ def match(
         first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
         known = None
         if function:
-            files = zip((source, target), shapes)
-            known = tuple(read_functions(path, function, shape.n_vertices) for path, shape in files)
+            known = (
+                read_functions(source, function, shapes[0].n_vertices),
+                read_functions(target, function, shapes[1].n_vertices),
+            )
         with folder.claimed(force), claimed_files(as_mesh, force=force):
             if as_mesh is not None:
                 require_writable(as_mesh)
