@@ -24,11 +24,11 @@ def match_part(part, whole, config):
     """Match a prepared part to a prepared whole, without hints and without closing holes."""
     pair = ShapePair(part, whole, config)
     relation = Part().on(pair, Hints.of(pair, None, None, None))
-    selection, score = relation.match()
+    selection = relation.match()
     best = selection.winner
     return SimpleNamespace(
         fits=[best, *selection.rivals],
-        score=score,
+        score=best.bent_cost,
         pair=best.pair,
         bent=relation.bent(best),
         share=best.share,
@@ -41,9 +41,6 @@ def part_of(pair, hints):
 
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
-
-
-NOTHING = np.zeros((1, 0))
 
 
 @pytest.fixture(scope="module")
@@ -242,14 +239,14 @@ def test_a_shape_is_a_part_of_itself():
 
 
 def test_settings_of_the_match_count_not_those_of_a_prepared_whole(bodies, prepared):
+    def coordinates(whole, config):
+        known = np.zeros((whole.body.n_vertices, 0))
+        return WholeCoordinates(whole, config, NO_LANDMARKS[:, 0], known).at(20, True)
+
     config = Config(refining=replace(Config().refining, position_unit=0.2))
-    at_once = WholeCoordinates(prepare(bodies[1], config), config, NO_LANDMARKS[:, 0], NOTHING).at(20, True)
-    np.testing.assert_array_equal(
-        WholeCoordinates(prepared, config, NO_LANDMARKS[:, 0], NOTHING).at(20, True), at_once
-    )
-    assert not np.array_equal(
-        WholeCoordinates(prepared, Config(), NO_LANDMARKS[:, 0], NOTHING).at(20, True), at_once
-    )
+    at_once = coordinates(prepare(bodies[1], config), config)
+    np.testing.assert_array_equal(coordinates(prepared, config), at_once)
+    assert not np.array_equal(coordinates(prepared, Config()), at_once)
 
 
 @pytest.mark.long
