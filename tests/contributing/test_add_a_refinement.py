@@ -80,7 +80,7 @@ def test_it_refines_an_elastic_map(animals):
     pair = prepare_pair(source, target)
     stages = Stages(Upsampling(), starts=[lambda pair: [everywhere[::5]]])
     relation = Elastic().on(pair, Hints.of(pair, None, None, None), stages)
-    selection = relation.match()
+    selection, _ = relation.match()
     assert selection.winner.image.shape == relation.vertices.shape
     assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04
 
