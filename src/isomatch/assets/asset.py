@@ -65,6 +65,7 @@ class Asset:
             raise MeshError(f"points have shape {points.shape}, expected (n, 3): one row x, y, z per point")
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
+        object.__setattr__(self, "polygons", self.polygons.at(points))
         object.__setattr__(self, "attributes", tuple(self.attributes))
         sums = sum(part.n_points for part in self.parts), sum(part.n_polygons for part in self.parts)
         if self.parts and sums != (len(points), len(self.polygons)):

@@ -9,7 +9,6 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.pictures import texture_of
-from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 from isomatch.loading.packages import package
 from isomatch.values.arrays import AnyArray
@@ -135,6 +134,6 @@ def _at_points(asset: Asset) -> Asset:
     split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
     return Asset(
         asset.points[split.source],
-        Polygons(split.corners, asset.polygons.sizes),
+        asset.polygons.between(split.corners),
         told_apart(split.attributes),
     )

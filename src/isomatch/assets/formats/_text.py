@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets.polygons import spans
+from isomatch.assets.fans import spans
 from isomatch.errors import FormatError
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property

@@ -9,7 +9,7 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
-from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -33,7 +33,7 @@ def read(data: bytes, name: str) -> Mesh:
     lines = read_lines(name, data, continued=True)
     vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
-    return Mesh(vertices, triangulate(*_polygons(face_lines, vertex_lines)))
+    return Mesh(vertices, Polygons(*_polygons(face_lines, vertex_lines), vertices).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:

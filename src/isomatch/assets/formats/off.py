@@ -17,7 +17,8 @@ from isomatch.assets.formats._text import (
     numbered,
     read_lines,
 )
-from isomatch.assets.polygons import Polygons, spans, triangulate
+from isomatch.assets.fans import spans
+from isomatch.assets.polygons import Polygons
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -28,7 +29,8 @@ _HEADER = re.compile(r"\s*(?:ST)?(?P<color>C?)(?P<normal>N?)OFF(?![A-Za-z])\s*(?
 def read(data: bytes, name: str) -> Mesh:
     """Read an OFF, COFF, NOFF or STOFF file. Counts may be on the header line; faces may have colours."""
     rows, (corners, sizes) = _tables(read_lines(name, data))
-    return Mesh(_positions(rows), triangulate(corners, sizes))
+    points = _positions(rows)
+    return Mesh(points, Polygons(corners, sizes, points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
