@@ -36,6 +36,8 @@ class Asset:
         The meshes of a file that has several or puts them somewhere; empty otherwise.
     document : object, optional
         What else the format holds, for writing the same format again.
+    notes : tuple of str
+        What a reader left out, supposed or replaced, a sentence for each.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Asset:
     attributes: tuple[Attribute, ...] = ()
     parts: tuple[Part, ...] = ()
     document: object = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         points = numbers_of(self.points, "points", MeshError)

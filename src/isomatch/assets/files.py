@@ -251,7 +251,7 @@ def write_asset(
         if (
             place is None
             or not mesh_format.keeps(place)
-            or (place.kind in mesh_format.single and any(place.kind == other.kind for other in kept))
+            or (place.kind in mesh_format.single and any(_rival(place, other) for other in kept))
         ):
             left.append(attribute)
         else:
@@ -263,6 +263,11 @@ def write_asset(
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def _rival(one: Attribute, other: Attribute) -> bool:
+    """Whether attributes are of a kind, and both of faces or neither."""
+    return one.kind == other.kind and (one.domain == "face") == (other.domain == "face")
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

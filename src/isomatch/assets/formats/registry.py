@@ -87,8 +87,7 @@ FORMATS: dict[str, MeshFormat] = {
         off.write,
         read_asset=off.read_asset,
         keeps=off.keeps,
-        single=frozenset({"colour", "normal"}),
-        has_opacity=False,
+        single=frozenset({"colour", "normal", "uv"}),
     ),
     ".obj": MeshFormat(
         obj.read,
