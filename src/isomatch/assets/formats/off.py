@@ -129,10 +129,10 @@ def write(asset: Asset) -> bytes:
 
 def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
     """Return colours as whole numbers up to 255 or as fractions, and how these are written."""
-    octets = np.rint(255 * attribute.fractions)
-    if attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1:  # if not, read as fractions
-        return octets, "%d"
-    return attribute.fractions, "%r"
+    fractions = attribute.fractions[:, :3]
+    octets = np.rint(255 * fractions)
+    whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
+    return (octets, "%d") if whole else (fractions, "%r")
 
 
 def _may_be_colours(values: FloatArray) -> bool:
