@@ -148,6 +148,15 @@ class Asset:
         """(c,) the vertex of `mesh` at each corner of the polygons."""
         return self.vertex_of_point[self.polygons.corners]
 
+    @property
+    def with_note_of_uncut(self) -> Asset:
+        """The same with a note, if some polygons that are not convex could not be cut along their outline."""
+        uncut = self.polygons.uncut
+        if not len(uncut):
+            return self
+        note = f"the outlines of polygons {some(uncut)} cross themselves or have no area; they are cut as if convex"
+        return replace(self, notes=(*self.notes, note))
+
     def require_points(self) -> None:
         """Raise `MeshError` if a polygon refers to no point."""
         corners = self.polygons.corners

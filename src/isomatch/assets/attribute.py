@@ -119,7 +119,9 @@ class Attribute:
     @property
     def note_of_missing(self) -> str:
         """A sentence about rows that are nan, empty if there are none."""
-        missing = np.isnan(self.values).reshape(len(self), -1).any(axis=1) if self.values.dtype.kind == "f" else ()
+        missing = (
+            np.isnan(self.values).reshape(len(self), -1).any(axis=1) if self.values.dtype.kind == "f" else ()
+        )
         n = np.count_nonzero(missing)
         return f"{n} of {len(self)} {self.domain}s have no {self.kind}; it is nan there" if n else ""
 

@@ -169,6 +169,8 @@ def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
             for i, triangle in enumerate(triangles):
                 if ends <= set(triangle):
                     triangles[i] = [between % n if each == b % n else each for each in triangle]
-                    triangles.append([between % n if each == (between - 1) % n else each for each in triangle])
+                    triangles.append(
+                        [between % n if each == (between - 1) % n else each for each in triangle]
+                    )
                     break
     return triangles

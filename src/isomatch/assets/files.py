@@ -136,7 +136,7 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
             return Asset.of_mesh(mesh_format.read(data, name))
         asset = mesh_format.read_asset(data, name)
         asset.require_points()
-        return asset
+        return asset.with_note_of_uncut
 
     with opened(path) as file:
         return checked(read, file.read(), str(path))

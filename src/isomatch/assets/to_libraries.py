@@ -38,6 +38,8 @@ def to_trimesh(asset: Asset) -> Any:
                 material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
             mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
         elif attribute.kind == "colour" and not has_uv:
+            if values.dtype.kind == "f":
+                values = np.nan_to_num(values, nan=attribute.full)  # white is none
             values = trimesh.visual.to_rgba(values)
             if of_points:
                 mesh.visual.vertex_colors = values

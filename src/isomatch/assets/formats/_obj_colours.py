@@ -23,7 +23,9 @@ def read_colours(vertices: NumberRows, data: bytes) -> tuple[list[Attribute], tu
     coloured = counts >= 6
     notes = []
     if (counts == 4).any():
-        notes.append(f"{int((counts == 4).sum())} vertices have a weight after the position, which is left out")
+        notes.append(
+            f"{int((counts == 4).sum())} vertices have a weight after the position, which is left out"
+        )
     if coloured.any():
         values = vertices.columns(3, 4 if (counts > 6).any() else 3)
         values[~coloured] = np.nan

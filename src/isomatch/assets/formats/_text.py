@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
@@ -301,22 +301,6 @@ def texts(lines: TextLines) -> list[bytes]:
     return [text.strip() for text in lines.data.tobytes().split(b"\n")[: len(lines)]]
 
 
-def encoding_of(names: Iterable[bytes]) -> str:
-    """Return an encoding in which all names can be read, and written again as they were.
-
-    Examples
-    --------
-    >>> encoding_of(["Füße".encode(), b"arm"]), encoding_of(["Füße".encode("latin-1"), b"arm"])
-    ('utf-8', 'cp1252')
-    """
-    joined = b"\n".join(names)
-    for encoding in ("utf-8", "cp1252"):  # the second, of Windows, has no letter for five of the bytes
-        with suppress(UnicodeDecodeError):
-            joined.decode(encoding)
-            return encoding
-    return "latin-1"
-
-
 def format_rows(template: str, table: AnyArray) -> bytes:
     """Write each row of a table with a ``%`` template; a float written with ``%r`` is read back unchanged."""
     return (template * len(table) % tuple(table.ravel().tolist())).encode("ascii")
@@ -327,9 +311,7 @@ def numbered(values: AnyArray, template: str = "%d") -> AnyArray:
     return np.array((f"{template} " * len(values) % tuple(values.tolist())).split(), dtype=object)
 
 
-def interleaved_lines(
-    parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8"
-) -> bytes:
+def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8") -> bytes:
     """Write lines of words: of each part as many for each line as its counts say."""
     once = np.ones(n_rows, dtype=np.int64)
     words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)

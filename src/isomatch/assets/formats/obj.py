@@ -12,7 +12,6 @@ from isomatch.assets.formats._obj_colours import read_colours
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
-    encoding_of,
     format_rows,
     interleaved_lines,
     read_lines,
@@ -20,6 +19,7 @@ from isomatch.assets.formats._text import (
 )
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError, some
+from isomatch.storage.files import encoding_of
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
@@ -65,7 +65,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         if not np.isnan(values).all():
             attributes.append(Attribute(attribute, "corner", kind, values))
     statements = {keyword: lines.starting_with(keyword) for keyword in ("mtllib", *_STATEMENTS.values())}
-    encoding = encoding_of(each for statement in statements.values() for each in texts(statement))
+    encoding = encoding_of(b"".join(statement.data.tobytes() for statement in statements.values()))
     for attribute, keyword in _STATEMENTS.items():
         if len(statements[keyword]):
             attributes.append(_labels(attribute, statements[keyword], face_lines, encoding))
@@ -136,7 +136,9 @@ def _vertices(asset: Asset) -> bytes:
     if not missing.any():
         return format_rows(f"{template}\n", rows)
     return b"".join(
-        format_rows("v %r %r %r\n", asset.points[i : i + 1]) if missing[i] else format_rows(f"{template}\n", rows[i : i + 1])
+        format_rows("v %r %r %r\n", asset.points[i : i + 1])
+        if missing[i]
+        else format_rows(f"{template}\n", rows[i : i + 1])
         for i in range(len(rows))
     )
 

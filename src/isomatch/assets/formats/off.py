@@ -86,7 +86,9 @@ def read_asset(data: bytes, name: str) -> Asset:
         values = tables.faces.columns(1 + tables.sizes, n_left)
         attributes.append(Attribute("color", "face", "colour", bytes_or_floats(values)))
     elif n_left > 0:
-        notes.append(f"{_MAP if n_left == 1 else f'{n_left} numbers after the corners'} of faces are left out")
+        notes.append(
+            f"{_MAP if n_left == 1 else f'{n_left} numbers after the corners'} of faces are left out"
+        )
     kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
     notes += [note for attribute in kept if (note := attribute.note_of_missing)]
     polygons = Polygons(tables.corners, tables.sizes)

@@ -26,7 +26,9 @@ def read(data: bytes, name: str) -> Mesh:
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an STL file with the colours of its triangles, if it is binary and has some."""
     is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
-    if is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]:  # many binary files start with it, too
+    if (
+        is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]
+    ):  # many binary files start with it, too
         corners, notes = _read_text(read_lines(name, data, lower=True))
         attributes: list[Attribute] = []
     else:
@@ -73,7 +75,9 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     n, notes = declared, []
     if declared in _UNCOUNTED and present and not rest:
         n = present
-        notes = [f"the number of triangles in the header is {'−1' if declared else 0}; the {present} that follow are read"]
+        notes = [
+            f"the number of triangles in the header is {'−1' if declared else 0}; the {present} that follow are read"
+        ]
     elif 0 < declared and size < len(data):
         notes = [f"{len(data) - size} bytes after the triangles are left out"]
     elif len(data) != size:
