@@ -45,10 +45,10 @@ def ear_clipped(
     finite position remains a fan.
     """
     starts = np.cumsum(sizes) - sizes
-    sound = (corners >= 0) & (corners < len(points))
+    sound: BoolArray = (corners >= 0) & (corners < len(points))
     sound[sound] = np.isfinite(points).all(axis=1)[corners[sound]]
     triangles, left = np.array(fans), []
-    for polygon in np.flatnonzero(~_remain_fans(points, corners, sound, starts, sizes)).tolist():
+    for polygon in np.flatnonzero(_are_concave(points, corners, sound, starts, sizes)).tolist():
         start, size = int(starts[polygon]), int(sizes[polygon])
         found = _ears(points, corners[start : start + size])
         if found is None:
@@ -60,17 +60,17 @@ def ear_clipped(
 
 
 @compiled()
-def _remain_fans(
+def _are_concave(
     points: FloatArray, corners: IntArray, sound: BoolArray, starts: IntArray, sizes: IntArray
 ) -> BoolArray:
-    """(p,) which polygons are convex, or have corners without a place."""
-    remain = np.ones(len(sizes), dtype=np.bool_)
+    """(p,) which polygons are not convex; one with a corner that has no place is not examined."""
+    concave = np.zeros(len(sizes), dtype=np.bool_)
     for polygon in range(len(sizes)):
         start, size = starts[polygon], sizes[polygon]
         if size > 3 and sound[start : start + size].all():
             flat, rounding = _flattened(points, corners[start : start + size])
-            remain[polygon] = _is_convex(flat, rounding)
-    return remain
+            concave[polygon] = not _is_convex(flat, rounding)
+    return concave
 
 
 @compiled()
@@ -135,10 +135,9 @@ def _ears(points: FloatArray, corners: IntArray) -> IntArray | None:
     flat, rounding = _flattened(points, corners)
     n = len(corners)
     order = np.roll(np.arange(n), -np.lexsort(points[corners].T)[0])  # whichever corner is the first
-    found = triangulate_float64(flat[order], np.array([n], np.uint32)).reshape(-1, 3)
-    if len(found) < n - 2:
-        found = np.array(_with_every_corner(found.tolist(), n), dtype=np.int64).reshape(-1, 3)
-    triangles = order[found]
+    clipped = triangulate_float64(flat[order].astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3)
+    found = clipped.tolist() if len(clipped) == n - 2 else _with_every_corner(clipped.tolist(), n)
+    triangles = order[np.array(found, dtype=np.int64).reshape(-1, 3)]
     side = _side(flat, triangles, rounding) if len(found) == n - 2 else 0
     return triangles[:, ::side] if side else None
 

@@ -47,6 +47,9 @@ class Polygons:
     points: FloatArray | None
 
     def __init__(self, corners: ArrayLike, sizes: ArrayLike, points: FloatArray | None = None) -> None:
+        if points is not None:
+            points = np.ascontiguousarray(points, dtype=np.float64).view()
+            points.flags.writeable = False
         object.__setattr__(self, "points", points)
         for name, values in (("corners", corners), ("sizes", sizes)):
             array = array_of(values, name, MeshError)

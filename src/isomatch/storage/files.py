@@ -71,8 +71,8 @@ def opened(path: Path) -> BinaryIO:
 def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
     """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
 
-    The text is in UTF-8, or else in the letters of Windows, see `encoding_of`. A comment starts where the pattern is found,
-    by default at a ``#`` that begins a word.
+    The text is in UTF-8, or else in the letters of Windows, see `encoding_of`. A comment starts where its pattern is
+    found, by default at a ``#`` that begins a word.
     """
     with opened(path) as file:
         data = file.read().removeprefix(b"\xef\xbb\xbf")

@@ -132,15 +132,11 @@ def _vertices(asset: Asset) -> bytes:
     colors = colours[0].fractions[:, :3]
     template = "v %r %r %r" + (" %r %r %r" if colours[0].values.dtype.kind == "f" else " %.6g %.6g %.6g")
     rows = np.hstack([asset.points, colors])
-    missing = np.isnan(colors).any(axis=1)
-    if not missing.any():
-        return format_rows(f"{template}\n", rows)
-    return b"".join(
-        format_rows("v %r %r %r\n", asset.points[i : i + 1])
-        if missing[i]
-        else format_rows(f"{template}\n", rows[i : i + 1])
-        for i in range(len(rows))
-    )
+    given = ~np.isnan(colors.sum(axis=1))
+    lines = np.full(len(rows), b"", dtype=object)
+    lines[~given] = format_rows("v %r %r %r\n", asset.points[~given]).splitlines(keepends=True)
+    lines[given] = format_rows(f"{template}\n", rows[given]).splitlines(keepends=True)
+    return b"".join(lines)
 
 
 def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:

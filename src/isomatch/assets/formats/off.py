@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch.assets.asset import Asset
-from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.fans import spans
 from isomatch.assets.formats._text import (
     NumberRows,
@@ -22,7 +22,7 @@ from isomatch.assets.formats._text import (
 )
 from isomatch.assets.polygons import Polygons
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 _HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
 _MAP = "indices into a colour map"
@@ -104,7 +104,8 @@ def keeps(attribute: Attribute) -> bool:
 def write(asset: Asset) -> bytes:
     """Write an OFF file."""
     letters, template, columns = "", "%r %r %r", [asset.points]
-    for kind, letter in (("normal", "N"), ("colour", "C"), ("uv", "ST")):
+    letter_of: dict[Kind, str] = {"normal": "N", "colour": "C", "uv": "ST"}
+    for kind, letter in letter_of.items():
         for attribute in asset.of_kind(kind):
             if attribute.domain == "point":
                 letters = letter + letters

@@ -75,10 +75,8 @@ def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
     n, notes = declared, []
     if declared in _UNCOUNTED and present and not rest:
         n = present
-        notes = [
-            f"the number of triangles in the header is {'−1' if declared else 0}; the {present} that follow are read"
-        ]
-    elif 0 < declared and size < len(data):
+        notes = [f"the header says {'−1' if declared else 0} triangles; the {present} that follow are read"]
+    elif declared > 0 and size < len(data):
         notes = [f"{len(data) - size} bytes after the triangles are left out"]
     elif len(data) != size:
         raise FormatError(

@@ -73,10 +73,11 @@ def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
             reader = pyvista.get_reader(path).reader
             reader.Update()  # pyvista.read only warns of errors
             mesh = pyvista.wrap(reader.GetOutput())
-        if suffix == ".vtp" and mesh.GetNumberOfPolys() != _declared_polygons(data):
+        found = mesh.GetNumberOfPolys()
+        if suffix == ".vtp" and found != (declared := _declared_polygons(data)):
             raise FormatError(
-                f"{name}: expected {_declared_polygons(data)} polygons as declared, found {mesh.GetNumberOfPolys()}; the file "
-                "is damaged, copy or export it again"
+                f"{name}: expected {declared} polygons as declared, found {found}; the file is damaged, copy or "
+                "export it again"
             )
         notes = (f"{mesh.n_lines} lines are left out",) if mesh.n_lines else ()
         return replace(held_by(mesh), notes=notes)
