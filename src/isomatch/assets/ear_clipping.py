@@ -46,7 +46,8 @@ def ear_clipped(
     """
     starts = np.cumsum(sizes) - sizes
     sound: BoolArray = (corners >= 0) & (corners < len(points))
-    sound[sound] = np.isfinite(points).all(axis=1)[corners[sound]]
+    finite: BoolArray = np.isfinite(np.abs(points).max(axis=1, initial=0))
+    sound[sound] = finite[corners[sound]]
     triangles, left = np.array(fans), []
     for polygon in np.flatnonzero(_are_concave(points, corners, sound, starts, sizes)).tolist():
         start, size = int(starts[polygon]), int(sizes[polygon])
