@@ -11,6 +11,9 @@ from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
+COCIRCULAR = (
+    1e-12  # an area below which corners are on one line, and its square on one circle; the polygon is about 1
+)
 OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corners may cover twice
 
 
@@ -140,7 +143,7 @@ def _ears(points: FloatArray, corners: IntArray) -> IntArray | None:
     found = clipped.tolist() if len(clipped) == n - 2 else _with_every_corner(clipped.tolist(), n)
     triangles = order[np.array(found, dtype=np.int64).reshape(-1, 3)]
     side = _side(flat, triangles, rounding) if len(found) == n - 2 else 0
-    return triangles[:, ::side] if side else None
+    return _delaunay(flat, np.ascontiguousarray(triangles[:, ::side])) if side else None
 
 
 @compiled()
@@ -158,6 +161,67 @@ def _side(flat: FloatArray, triangles: IntArray, rounding: float) -> int:
     if area <= rounding or turned > (1 + OVERLAP) * area:
         return 0
     return 1 if total > 0 else -1
+
+
+@compiled()
+def _delaunay(flat: FloatArray, triangles: IntArray) -> IntArray:
+    """Flip inner edges of triangles in place until no circumcircle holds the corner across an edge (Lawson 1977)."""
+    beside = _neighbours(triangles, len(flat))
+    for _ in range(len(triangles)):  # far more than it takes; rounding could flip an edge to and fro
+        flipped = False
+        for t in range(len(triangles)):
+            for k in range(3):
+                u = beside[t, k]
+                if u < 0:
+                    continue
+                a, b, c = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+                j = 0
+                while triangles[u, j] in (b, c):
+                    j += 1
+                d = triangles[u, j]
+                if not _should_flip(flat[a], flat[b], flat[c], flat[d]):
+                    continue
+                at_b, at_c = beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]
+                far_c, far_b = beside[u, (j + 2) % 3], beside[u, (j + 1) % 3]  # of (d, c, b)
+                triangles[t, 0], triangles[t, 1], triangles[t, 2] = a, b, d
+                triangles[u, 0], triangles[u, 1], triangles[u, 2] = a, d, c
+                beside[t, 0], beside[t, 1], beside[t, 2] = far_b, u, at_c
+                beside[u, 0], beside[u, 1], beside[u, 2] = far_c, at_b, t
+                for outer, old, new in ((far_b, u, t), (at_b, t, u)):
+                    for i in range(3):
+                        if outer >= 0 and beside[outer, i] == old:
+                            beside[outer, i] = new
+                flipped = True
+                break
+        if not flipped:
+            break
+    return triangles
+
+
+@compiled()
+def _neighbours(triangles: IntArray, n: int) -> IntArray:
+    """(m, 3) the triangle across the edge opposite each corner, -1 for none."""
+    beside = np.full((len(triangles), 3), -1)
+    edges = np.zeros(3 * len(triangles), dtype=np.int64)
+    for side in range(len(edges)):
+        b, c = triangles[side // 3, (side + 1) % 3], triangles[side // 3, (side + 2) % 3]
+        edges[side] = min(b, c) * n + max(b, c)
+    order = np.argsort(edges)
+    for i in range(len(order) - 1):
+        one, other = order[i], order[i + 1]
+        if edges[one] == edges[other]:
+            beside[one // 3, one % 3], beside[other // 3, other % 3] = other // 3, one // 3
+    return beside
+
+
+@compiled()
+def _should_flip(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> bool:
+    """Whether d is in the circumcircle of (a, b, c), and b and c are on different sides of the line from a to d."""
+    bx, by, cx, cy, dx, dy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1], d[0] - a[0], d[1] - a[1]
+    beyond_b, before_c = bx * dy - by * dx, dx * cy - dy * cx
+    b2, c2, d2 = bx * bx + by * by, cx * cx + cy * cy, dx * dx + dy * dy
+    inside = b2 * (cx * dy - cy * dx) - c2 * (bx * dy - by * dx) + d2 * (bx * cy - by * cx)
+    return min(beyond_b, before_c) > COCIRCULAR and inside < -COCIRCULAR
 
 
 def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
