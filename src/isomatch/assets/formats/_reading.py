@@ -21,7 +21,7 @@ def reading(name: str, what: str) -> Iterator[None]:
     except (IsomatchError, MemoryError):
         raise
     except Exception as error:
-        lines = [line for line in str(error).splitlines() if line and not line.startswith("ERROR: In")]
+        lines = str(error).splitlines()
         reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
         raise FormatError(
             f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again"

@@ -36,7 +36,9 @@ def require_complete(data: bytes, name: str) -> None:
         _walk(file, int(header["version"]))
     except FormatError:
         raise
-    except (KeyError, ValueError) as error:
+    except KeyError:  # a type that is not known here
+        return
+    except (ValueError, IndexError) as error:
         raise FormatError(
             f"{name}: byte {file.at}: expected a section of a legacy file, found {error}; {_REST}"
         ) from None

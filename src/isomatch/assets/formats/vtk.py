@@ -67,17 +67,25 @@ def _saved(asset: Asset, suffix: str, binary: bool) -> bytes:
 
 
 def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
-    pyvista = package("pyvista", "vtk", f"a {suffix} file of polygons")
-    with reading(name, f"a {suffix} file of polygons"), on_disk(data, suffix) as path:
-        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+    what = f"a {suffix} file of polygons"
+    pyvista = package("pyvista", "vtk", what)
+    with reading(name, what), on_disk(data, suffix) as path:
+        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(send_to_logging=False) as caught:
             reader = pyvista.get_reader(path).reader
             reader.Update()  # pyvista.read only warns of errors
             mesh = pyvista.wrap(reader.GetOutput())
+        # ranges of values that are nan cannot be read, and are of no use
+        problems = [
+            event.alert
+            for event in caught.events
+            if event.kind.upper() != "WARNING" and "InformationKey" not in event.alert
+        ]
         found = mesh.GetNumberOfPolys()
         if suffix == ".vtp" and found != (declared := _declared_polygons(data)):
+            problems.append(f"{found} polygons, {declared} declared")
+        if problems:
             raise FormatError(
-                f"{name}: expected {declared} polygons as declared, found {found}; the file is damaged, copy or "
-                "export it again"
+                f"{name}: expected {what}, found damaged contents ({problems[0]}); copy or export it again"
             )
         notes = (f"{mesh.n_lines} lines are left out",) if mesh.n_lines else ()
         return replace(held_by(mesh), notes=notes)
