@@ -93,7 +93,11 @@ def test_no_inner_edge_can_be_flipped_to_a_better_one():
             if len(shared) == 2:
                 n_inner += 1
                 [a], [d] = set(one) - set(other), set(other) - set(one)
-                b, c, across = outline[shared[0]] - outline[a], outline[shared[1]] - outline[a], outline[d] - outline[a]
+                b, c, across = (
+                    outline[shared[0]] - outline[a],
+                    outline[shared[1]] - outline[a],
+                    outline[d] - outline[a],
+                )
                 sides = np.cross(np.pad([b, c], ((0, 0), (0, 1))), [*across, 0])[:, 2]
                 centre = np.linalg.solve(2 * np.array([b, c]), [b @ b, c @ c])
                 if sides.prod() < 0:
@@ -168,7 +172,9 @@ def test_a_star_with_ten_points():
     angle = np.pi / 5 * np.arange(10)
     radius = np.where(np.arange(10) % 2, 1.0, 0.3)
     points = np.column_stack([radius * np.sin(angle), radius * np.cos(angle), np.zeros(10)])
-    assert Asset(points, Polygons(range(10), [10])).mesh.area == pytest.approx(1.5 * np.sin(np.pi / 5), abs=1e-12)
+    assert Asset(points, Polygons(range(10), [10])).mesh.area == pytest.approx(
+        1.5 * np.sin(np.pi / 5), abs=1e-12
+    )
 
 
 def test_meshes_of_libraries():
@@ -189,7 +195,9 @@ def test_values_of_corners_and_polygons_follow_their_triangles(tmp_path):
     triangles, corner = asset.polygons.triangles, asset.polygons.corner_of_triangle
     np.testing.assert_array_equal(corners[corner], triangles)
     np.testing.assert_array_equal(uv.values[corner], asset.points[triangles][..., :2])
-    np.testing.assert_array_equal(asset.polygons.of_corner[corner], asset.polygons.of_triangle[:, None].repeat(3, 1))
+    np.testing.assert_array_equal(
+        asset.polygons.of_corner[corner], asset.polygons.of_triangle[:, None].repeat(3, 1)
+    )
     write_asset(tmp_path / "a.glb", asset)
     found = read_asset(tmp_path / "a.glb")
     np.testing.assert_allclose(found.attribute("uv").values, found.points[:, :2], atol=1e-6)

@@ -48,7 +48,9 @@ ARRAYS = [
 def test_an_array_that_is_too_short(vtp, name, within, capfd):
     vtp.write_bytes(shortened(vtp.read_bytes(), name, within))
     for read in (read_asset, read_mesh):
-        with pytest.raises(FormatError, match=r"a\.vtp: expected a \.vtp file of polygons, found damaged contents"):
+        with pytest.raises(
+            FormatError, match=r"a\.vtp: expected a \.vtp file of polygons, found damaged contents"
+        ):
             read(vtp)
     assert main(["check", str(vtp)]) == 1
     assert "ERROR" not in capfd.readouterr().err
@@ -61,7 +63,10 @@ def test_an_array_that_is_too_short(vtp, name, within, capfd):
         (rb'NumberOfPolys="4"', b'NumberOfPolys="6"'),
         (rb"(?s)<Polys>.*</Polys>", b""),
         (rb"(?s)<Points>.*</Points>", b""),
-        (rb'(?s)<DataArray[^>]*Name="connectivity"(?:(?!<DataArray).)*</DataArray>\s*(?=<DataArray[^>]*"offsets")', b""),
+        (
+            rb'(?s)<DataArray[^>]*Name="connectivity"(?:(?!<DataArray).)*</DataArray>\s*(?=<DataArray[^>]*"offsets")',
+            b"",
+        ),
         (rb"</Piece>", b""),
     ],
 )
@@ -98,7 +103,11 @@ def text(rows):
 
 
 def numbers(values, kind, binary):
-    return np.asarray(values).astype(kind).tobytes() + b"\n" if binary else (text([np.ravel(values).tolist()])).encode()
+    return (
+        np.asarray(values).astype(kind).tobytes() + b"\n"
+        if binary
+        else (text([np.ravel(values).tolist()])).encode()
+    )
 
 
 def legacy(version, binary, lower=False):
@@ -113,12 +122,19 @@ def legacy(version, binary, lower=False):
         joined, starts = np.concatenate(lists), np.cumsum([0, *map(len, lists)])
         if version[0] == "5":
             parts.append(f"{keyword} {len(starts)} {len(joined)}\nOFFSETS vtktypeint64\n".encode())
-            parts += [numbers(starts, ">i8", binary), b"CONNECTIVITY vtktypeint64\n", numbers(joined, ">i8", binary)]
+            parts += [
+                numbers(starts, ">i8", binary),
+                b"CONNECTIVITY vtktypeint64\n",
+                numbers(joined, ">i8", binary),
+            ]
         else:
             counted = np.concatenate([[len(each), *each] for each in lists])
             parts += [f"{keyword} {len(lists)} {len(counted)}\n".encode(), numbers(counted, ">i4", binary)]
     parts.append(b"CELL_DATA 7\nSCALARS height double\nLOOKUP_TABLE default\n")
-    parts += [numbers([-1, -1, -1, *HEIGHT], ">f8", binary), b"POINT_DATA 7\nFIELD FieldData 1\nregion 1 7 int\n"]
+    parts += [
+        numbers([-1, -1, -1, *HEIGHT], ">f8", binary),
+        b"POINT_DATA 7\nFIELD FieldData 1\nregion 1 7 int\n",
+    ]
     return b"".join([*parts, numbers(REGION, ">i4", binary)])
 
 

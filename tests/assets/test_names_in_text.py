@@ -34,7 +34,9 @@ NAMES = {
 
 
 @pytest.mark.parametrize("names", NAMES.values(), ids=NAMES)
-@pytest.mark.parametrize(("keyword", "attribute"), [(b"usemtl", "material"), (b"g", "group"), (b"o", "object")])
+@pytest.mark.parametrize(
+    ("keyword", "attribute"), [(b"usemtl", "material"), (b"g", "group"), (b"o", "object")]
+)
 def test_names_stay_apart_and_come_back(tmp_path, names, keyword, attribute):
     library = b"skin " + names[0] + b".mtl"
     (tmp_path / "a.obj").write_bytes(obj_file(names, keyword, library))
@@ -44,12 +46,15 @@ def test_names_stay_apart_and_come_back(tmp_path, names, keyword, attribute):
     assert len(set(label.names.values())) == len(names) + 1  # with none
     assert write_asset(tmp_path / "b.obj", asset) == ()
     lines = (tmp_path / "b.obj").read_bytes().split(b"\n")
-    assert [line for line in lines if line.startswith(keyword + b" ")] == [keyword + b" " + name for name in names]
+    assert [line for line in lines if line.startswith(keyword + b" ")] == [
+        keyword + b" " + name for name in names
+    ]
     assert lines[0] == b"mtllib " + library
 
 
 @pytest.mark.parametrize(
-    ("encoding", "name"), [("utf-8", "体"), ("latin-1", "Körper"), ("cp1252", "a – b"), ("ascii", "Material #1")]
+    ("encoding", "name"),
+    [("utf-8", "体"), ("latin-1", "Körper"), ("cp1252", "a – b"), ("ascii", "Material #1")],
 )
 def test_names_are_readable(encoding, name):
     asset = obj.read_asset(obj_file([name.encode(encoding)], library=f"{name}.mtl".encode(encoding)), "a.obj")
@@ -63,7 +68,10 @@ def test_any_bytes_come_back(names):
     names = list(dict.fromkeys(b"x" + name.translate(None, b"\n\r\\") + b"y" for name in names))
     asset = obj.read_asset(obj_file(names), "a.obj")
     assert asset.attribute("material").values.tolist() == list(range(1, len(names) + 1))
-    assert obj.read_asset(obj.write(asset), "b.obj").attribute("material").names == asset.attribute("material").names
+    assert (
+        obj.read_asset(obj.write(asset), "b.obj").attribute("material").names
+        == asset.attribute("material").names
+    )
     for name in names:
         assert b"usemtl " + name + b"\n" in obj.write(asset)
 

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from isomatch import Asset, Correspondence, FormatError, carry_attributes, check, read_asset, read_mesh, write_asset
+from isomatch import (
+    Asset,
+    Correspondence,
+    FormatError,
+    carry_attributes,
+    check,
+    read_asset,
+    read_mesh,
+    write_asset,
+)
 from isomatch.assets import Attribute
 from isomatch.assets.formats import obj, off, ply, stl
 from isomatch.assets.polygons import Polygons
@@ -33,7 +42,9 @@ def ply_file(properties="", points=POINTS):
 
 def stl_file():
     facets = "".join(
-        "facet normal 0 0 1\nouter loop\n" + lines(np.array(POINTS)[face].tolist(), "vertex ") + "endloop\nendfacet\n"
+        "facet normal 0 0 1\nouter loop\n"
+        + lines(np.array(POINTS)[face].tolist(), "vertex ")
+        + "endloop\nendfacet\n"
         for face in FACES
     )
     return f"solid a\n{facets}endsolid a\n".encode()
@@ -55,7 +66,8 @@ NOT_FINITE = {
 
 @pytest.mark.parametrize("word", NOT_FINITE)
 @pytest.mark.parametrize(
-    ("read", "data"), [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())]
+    ("read", "data"),
+    [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())],
 )
 def test_what_is_no_finite_number(read, data, word):
     mesh = read(data.replace(b"0.5", word.encode()), "a")
@@ -70,7 +82,8 @@ def test_words_with_a_hash_that_are_no_numbers(word):
 
 
 @pytest.mark.parametrize(
-    ("read", "data"), [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())]
+    ("read", "data"),
+    [(obj.read, obj_file()), (off.read, off_file()), (ply.read, ply_file()), (stl.read, stl_file())],
 )
 def test_decimal_commas(read, data):
     assert read(data.replace(b"0.5", b"0,5").replace(b".0", b""), "a").vertices.tolist() == POINTS
@@ -130,7 +143,8 @@ def test_what_a_stl_file_has_beside_is_a_note(tmp_path, capsys, data, note):
 
 
 @pytest.mark.parametrize(
-    "data", [binary_stl()[:-1], binary_stl(count=3), binary_stl(count=0)[:-1], stl_file().partition(b"endloop")[0]]
+    "data",
+    [binary_stl()[:-1], binary_stl(count=3), binary_stl(count=0)[:-1], stl_file().partition(b"endloop")[0]],
 )
 def test_stl_files_that_are_cut_short(data):
     with pytest.raises(FormatError, match="expected"):
@@ -167,7 +181,15 @@ def with_columns(columns):
         (POINTS, "#MRGB ffff0000ff00ff00\n#MRGB ff0000ffff336699\n", np.uint8),
         (POINTS, "# colours\r\n#MRGB ffff0000ff00ff00ff0000ffff336699\r\n", np.uint8),
     ],
-    ids=["bytes", "fractions", "opacity", "fractions with opacity", "opacity as fraction", "blocks", "one block"],
+    ids=[
+        "bytes",
+        "fractions",
+        "opacity",
+        "fractions with opacity",
+        "opacity as fraction",
+        "blocks",
+        "one block",
+    ],
 )
 def test_colours_of_obj_files(vertices, after, type_):
     asset = obj.read_asset(obj_file(vertices) + after.encode(), "a.obj")
@@ -215,7 +237,9 @@ def test_colours_of_some_vertices_in_comments():
 )
 def test_columns_of_vertices_of_off_files(tmp_path, header, normals, colours, texture):
     uv = [[0.25, 0.5]] * 4
-    columns = np.hstack([[[0, 0, 1]] * 4 if normals else np.zeros((4, 0)), colours, uv if texture else np.zeros((4, 0))])
+    columns = np.hstack(
+        [[[0, 0, 1]] * 4 if normals else np.zeros((4, 0)), colours, uv if texture else np.zeros((4, 0))]
+    )
     rows = [[f"{value:g}" for value in row] for row in columns.tolist()]
     (tmp_path / "a.off").write_bytes(off_file(with_columns(rows), header=f"{header}\n4 2 0\n"))
     for name in "ab":
@@ -232,7 +256,9 @@ def test_columns_of_vertices_of_off_files(tmp_path, header, normals, colours, te
             np.testing.assert_array_equal(asset.attribute("uv").values, uv)
         assert asset.notes == ()
         left = write_asset(tmp_path / "b.off", asset)
-        assert [each.name for each in left] == (["opacity of color"] if name == "a" and "128" in str(colours) else [])
+        assert [each.name for each in left] == (
+            ["opacity of color"] if name == "a" and "128" in str(colours) else []
+        )
 
 
 def test_colours_of_faces_of_off_files(tmp_path):
@@ -249,7 +275,10 @@ def test_colours_of_faces_of_off_files(tmp_path):
     assert found.attribute("color", "point").values.tolist() == COLOURS.tolist()
     assert found.attribute("color", "face").values.tolist() == [[255, 0, 0], [51, 102, 153]]
     assert write_asset(tmp_path / "c.ply", found) == ()
-    assert read_asset(tmp_path / "c.ply").attribute("color", "face").values.tolist() == [[255, 0, 0], [51, 102, 153]]
+    assert read_asset(tmp_path / "c.ply").attribute("color", "face").values.tolist() == [
+        [255, 0, 0],
+        [51, 102, 153],
+    ]
 
 
 def test_colours_of_some_faces_of_off_files(tmp_path):
@@ -264,9 +293,15 @@ def test_colours_of_some_faces_of_off_files(tmp_path):
 @pytest.mark.parametrize(
     ("data", "note"),
     [
-        (off_file(faces=[(3, 0, 1, 2, 7), (3, 0, 2, 3, 8)]), "indices into a colour map of faces are left out"),
+        (
+            off_file(faces=[(3, 0, 1, 2, 7), (3, 0, 2, 3, 8)]),
+            "indices into a colour map of faces are left out",
+        ),
         (off_file(with_columns([[-1, 0, 2]] * 4)), "3 numbers after the positions of vertices are left out"),
-        (off_file(with_columns([[5]] * 4), header="COFF\n4 2 0\n"), "indices into a colour map of vertices are left out"),
+        (
+            off_file(with_columns([[5]] * 4), header="COFF\n4 2 0\n"),
+            "indices into a colour map of vertices are left out",
+        ),
         (off_file(header="4 2 0\n"), "the word OFF is missing in the first line"),
     ],
 )
@@ -304,7 +339,12 @@ def test_missing_colours_are_grey_where_they_are_carried():
 
 
 def test_meshes_and_assets_have_the_same_triangles(tmp_path):
-    for name, data in (("a.obj", obj_file()), ("a.off", off_file()), ("a.ply", ply_file()), ("a.stl", stl_file())):
+    for name, data in (
+        ("a.obj", obj_file()),
+        ("a.off", off_file()),
+        ("a.ply", ply_file()),
+        ("a.stl", stl_file()),
+    ):
         (tmp_path / name).write_bytes(data)
         asset, mesh = read_asset(tmp_path / name), read_mesh(tmp_path / name)
         np.testing.assert_array_equal(asset.points, mesh.vertices)

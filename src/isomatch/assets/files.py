@@ -23,8 +23,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from a file.
 
     The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
-    split into fans of triangles, in order. A file without faces gives a mesh of 0 faces. The surface is not examined
-    for defects; see `check`.
+    split into triangles, in order: convex ones into fans, others by ear clipping. A file without faces gives a mesh of
+    0 faces. The surface is not examined for defects; see `check`. What the reader left out or supposed is told by the
+    ``notes`` of `read_asset`.
 
     Parameters
     ----------

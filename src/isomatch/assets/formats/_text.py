@@ -27,7 +27,9 @@ _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
-_NOT_A_NUMBER = re.compile(r"([-+]?)(?:\d[.,]#(IND|INF|[QS]NAN|[QSI]O|J|R)\d*|nan\((?:ind|snan)\))(?:e[-+]?\d+)?", re.IGNORECASE)
+_NOT_A_NUMBER = re.compile(
+    r"([-+]?)(?:\d[.,]#(IND|INF|[QS]NAN|[QSI]O|J|R)\d*|nan\((?:ind|snan)\))(?:e[-+]?\d+)?", re.IGNORECASE
+)
 """How other C libraries write what is no finite number: ``1.#QNAN``, ``-1.#IND``, ``1.#INF``, ``-nan(ind)``."""
 _TEXTURE = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?![^ \n])")
 
