@@ -1,4 +1,4 @@
-"""VTK files that are damaged are errors, never surfaces without points or with fewer; sound ones are read in any version."""
+"""VTK files: damaged ones are errors, never surfaces without points or with fewer; sound ones of any version are read."""
 
 import re
 

@@ -95,8 +95,8 @@ def test_comments_end_lines_of_numbers_but_not_names():
 def test_comments_of_ply_headers_come_back(tmp_path):
     comment = "comment Größe # 1".encode("latin-1")
     text = (
-        b"ply\nformat ascii 1.0\n" + comment + b"\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
-        b"property uchar H\xe4nde\nend_header\n0 0 0 1\n"
+        b"ply\nformat ascii 1.0\n" + comment + b"\nelement vertex 1\nproperty float x\nproperty float y\n"
+        b"property float z\nproperty uchar H\xe4nde\nend_header\n0 0 0 1\n"
     )  # fmt: skip
     (tmp_path / "a.ply").write_bytes(text)
     write_asset(tmp_path / "b.ply", read_asset(tmp_path / "a.ply"))

@@ -77,7 +77,7 @@ def test_what_is_no_finite_number(read, data, word):
 
 @pytest.mark.parametrize("word", ["1.#", "1.#X5", "nan(1)", "1.#QNAN#", "0.5#"])
 def test_words_with_a_hash_that_are_no_numbers(word):
-    with pytest.raises(FormatError, match="a.off:3: expected"):
+    with pytest.raises(FormatError, match=r"a\.off:3: expected"):
         off.read(off_file().replace(b"0.5 ", word.encode() + b" "), "a.off")
 
 

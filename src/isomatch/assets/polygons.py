@@ -97,6 +97,8 @@ class Polygons:
     @property
     def triangles(self) -> IntArray:
         """(m, 3) points of each triangle."""
+        if (self.sizes == 3).all():
+            return self.corners.reshape(-1, 3)
         return self.corners[self.corner_of_triangle]
 
     def at(self, points: FloatArray) -> Polygons:

@@ -18,9 +18,9 @@ SurfaceLike: TypeAlias = Any
 def surface_from(given: SurfaceLike) -> Surface:
     """Make a surface of what a user has.
 
-    Vertices keep their order and number, so results refer to those of the user. Polygons are split into
-    triangles, as by `read_mesh`. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone is
-    refused, as nothing says what it samples: give ``PointCloud(points)``.
+    Vertices keep their order and number, so results refer to those of the user. Polygons are split into triangles, as
+    by `read_mesh`. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone
+    is refused, as nothing says what it samples: give ``PointCloud(points)``.
 
     Parameters
     ----------

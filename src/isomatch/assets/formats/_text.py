@@ -27,7 +27,7 @@ _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
-_NOT_A_NUMBER = re.compile(
+_NOT_FINITE = re.compile(
     r"([-+]?)(?:\d[.,]#(IND|INF|[QS]NAN|[QSI]O|J|R)\d*|nan\((?:ind|snan)\))(?:e[-+]?\d+)?", re.IGNORECASE
 )
 """How other C libraries write what is no finite number: ``1.#QNAN``, ``-1.#IND``, ``1.#INF``, ``-nan(ind)``."""
@@ -140,7 +140,7 @@ class TextLines:
 
     def _number(self, word: bytes, row: int) -> float:
         text = word.decode("latin-1")
-        if found := _NOT_A_NUMBER.fullmatch(text):
+        if found := _NOT_FINITE.fullmatch(text):
             letters = (found[2] or "NAN").upper()
             return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
         try:
