@@ -12,7 +12,7 @@ from contextlib import suppress
 import pytest
 
 from isomatch import UnwritableFileError
-from isomatch.storage.files import claimed, replaced, write_csv, write_text
+from isomatch.storage.files import claimed, replaced, text_lines, write_csv, write_text
 
 CLAIM = """
 import sys
@@ -142,3 +142,13 @@ def test_a_system_without_locks_is_noted(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr("isomatch.storage.files._lock", unable)
     with claimed(tmp_path / "result"):
         assert "cannot be locked (No locks available)" in caplog.text
+
+
+def test_lines_of_texts(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_bytes("\ufeff1 2 # near\r\n\r\n  # all\r3\t4 #last\np#3\n# end".encode())
+    assert list(text_lines(path)) == [(1, "1 2"), (4, "3\t4"), (5, "p#3")]
+    path.write_bytes(b"M\xfcller \x96 1\nM\xf6ller\x81\n")
+    assert [line for _, line in text_lines(path)] == ["Müller \x96 1", "Möller\x81"]
+    path.write_bytes(b"M\xfcller \x96 1\n")
+    assert [line for _, line in text_lines(path)] == ["Müller – 1"]

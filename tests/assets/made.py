@@ -6,7 +6,7 @@ from isomatch import Asset
 from isomatch.assets import Attribute, Polygons, png_of, with_texture
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 2, 0], [2, 2, 0], [3, 1, 1]])
-POLYGONS = Polygons([0, 1, 2, 3, 3, 2, 4, 2, 5, 4, 1, 6, 5, 4, 2], [4, 3, 3, 5])
+POLYGONS = Polygons([0, 1, 2, 3, 3, 2, 4, 2, 5, 4, 1, 6, 5, 4, 2], [4, 3, 3, 5], POINTS)
 _random = np.random.default_rng(0)
 WEIGHTS = np.zeros((7, 6))
 WEIGHTS[:, :3] = _random.dirichlet([1, 1, 1], 7)

@@ -76,7 +76,8 @@ def plain_lines(data, continued):
         if continued and line.endswith("\\"):
             joined += line[:-1] + "  "
             continue
-        line = "".join(" " if c.isspace() else c for c in (joined + line).split("#")[0])
+        line = "".join(" " if c.isspace() else c for c in joined + line)
+        line = re.sub("(?:^|(?<= ))#.*", "", line)
         if line.strip():
             lines.append((first, line.lstrip()))
         joined, first = "", number + 1

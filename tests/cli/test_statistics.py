@@ -127,3 +127,18 @@ def test_bad_input(folder, tmp_path, capsys):
         assert message in complaint(capsys)
     assert not (tmp_path / "out" / "statistics.json").exists()
     assert main(["statistics", str(folder), *out, "--scale", "double"]) == 2
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_names_in_a_table_of_groups(folder, tmp_path, encoding):
+    names = ["p#3", "p #3", "Müller", "#4", "Füße # 1", "a#", "b", "c"]
+    for old, new in zip(sorted(folder.iterdir()), names):
+        old.rename(folder / f"{new}.ply")
+    groups = tmp_path / "groups.csv"
+    text = '# from the ward\nname,group\np#3,left # operated\np #3,left\nMüller,right\n"#4",right\na#,left\nb,right\n'
+    groups.write_text(text, encoding=encoding)
+    out = tmp_path / "out"
+    assert main(["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--modes", "0"]) == 0
+    record = json.loads((out / "statistics.json").read_text())
+    assert (record["groups"]["names"], record["groups"]["counts"]) == (["left", "right"], [3, 3])
+    assert "without a group: Füße # 1, c" in record["notes"]

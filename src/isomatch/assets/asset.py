@@ -36,6 +36,8 @@ class Asset:
         The meshes of a file that has several or puts them somewhere; empty otherwise.
     document : object, optional
         What else the format holds, for writing the same format again.
+    notes : tuple of str
+        What a reader left out, supposed or replaced, a sentence for each.
 
     Raises
     ------
@@ -58,6 +60,7 @@ class Asset:
     attributes: tuple[Attribute, ...] = ()
     parts: tuple[Part, ...] = ()
     document: object = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         points = numbers_of(self.points, "points", MeshError)
@@ -65,6 +68,7 @@ class Asset:
             raise MeshError(f"points have shape {points.shape}, expected (n, 3): one row x, y, z per point")
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
+        object.__setattr__(self, "polygons", self.polygons.at(points))
         object.__setattr__(self, "attributes", tuple(self.attributes))
         sums = sum(part.n_points for part in self.parts), sum(part.n_polygons for part in self.parts)
         if self.parts and sums != (len(points), len(self.polygons)):
@@ -143,6 +147,15 @@ class Asset:
     def vertex_of_corner(self) -> IntArray:
         """(c,) the vertex of `mesh` at each corner of the polygons."""
         return self.vertex_of_point[self.polygons.corners]
+
+    @property
+    def with_note_of_uncut(self) -> Asset:
+        """The same with a note, if some polygons that are not convex could not be cut along their outline."""
+        uncut = self.polygons.uncut
+        if not len(uncut):
+            return self
+        note = f"the outlines of polygons {some(uncut)} cross themselves or have no area; they are cut as if convex"
+        return replace(self, notes=(*self.notes, note))
 
     def require_points(self) -> None:
         """Raise `MeshError` if a polygon refers to no point."""

@@ -32,7 +32,8 @@ class Attribute:
         What the values mean, which determines how they are carried and written.
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
-        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type. Labels are (k,)
+        to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type; nan where there is
+        none. Labels are (k,)
         integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
         lower left of the picture, with nan at corners that have none.
     joints : (k, d) array_like of int, optional
@@ -116,6 +117,15 @@ class Attribute:
         return replace(self, domain=domain or self.domain, values=self.values[index], joints=joints)
 
     @property
+    def note_of_missing(self) -> str:
+        """A sentence about rows that are nan, empty if there are none."""
+        missing = (
+            np.isnan(self.values).reshape(len(self), -1).any(axis=1) if self.values.dtype.kind == "f" else ()
+        )
+        n = np.count_nonzero(missing)
+        return f"{n} of {len(self)} {self.domain}s have no {self.kind}; it is nan there" if n else ""
+
+    @property
     def coded(self) -> Attribute:
         """The same labels as integers, with the strings as their names."""
         if self.values.dtype.kind != "U":
@@ -141,7 +151,7 @@ class Attribute:
         """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
         kind = self.values.dtype
         if kind.kind == "f":
-            return 255.0 if self.values.max(initial=0) > 1 else 1.0
+            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 else 1.0
         return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
 
     @property

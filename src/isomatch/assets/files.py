@@ -23,8 +23,9 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a triangle mesh from a file.
 
     The vertices have the same order and number as in the file, so indices into the file remain valid. Polygons are
-    split into fans of triangles, in order. A file without faces gives a mesh of 0 faces. The surface is not examined
-    for defects; see `check`.
+    split into triangles, in order: convex ones into fans, others by ear clipping. A file without faces gives a mesh of
+    0 faces. The surface is not examined for defects; see `check`. What the reader left out or supposed is told by the
+    ``notes`` of `read_asset`.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
             return Asset.of_mesh(mesh_format.read(data, name))
         asset = mesh_format.read_asset(data, name)
         asset.require_points()
-        return asset
+        return asset.with_note_of_uncut
 
     with opened(path) as file:
         return checked(read, file.read(), str(path))
@@ -251,7 +252,7 @@ def write_asset(
         if (
             place is None
             or not mesh_format.keeps(place)
-            or (place.kind in mesh_format.single and any(place.kind == other.kind for other in kept))
+            or (place.kind in mesh_format.single and any(_rival(place, other) for other in kept))
         ):
             left.append(attribute)
         else:
@@ -263,6 +264,11 @@ def write_asset(
     with replaced(path) as file:
         file.write(data)
     return tuple(left)
+
+
+def _rival(one: Attribute, other: Attribute) -> bool:
+    """Whether attributes are of a kind, and both of faces or neither."""
+    return one.kind == other.kind and (one.domain == "face") == (other.domain == "face")
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

@@ -56,6 +56,7 @@ def asset_from(given: object) -> Asset:
     """
     asset, texture = held_by(given), texture_on(given)
     asset.require_points()
+    asset = asset.with_note_of_uncut
     if texture is None or not asset.of_kind("uv"):
         return asset
     picture, tint = texture

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch.assets.ear_clipping import ear_clipped
+from isomatch.assets.fans import triangulate
 from isomatch.errors import MeshError
-from isomatch.values.arrays import IntArray, array_of
+from isomatch.values.arrays import FloatArray, IntArray, array_of
 from isomatch.values.cached import cached_property
 
 
@@ -22,6 +24,9 @@ class Polygons:
         Point of each corner, from 0, of all polygons one after another.
     sizes : (p,) array_like of int
         Number of corners of each polygon, at least 3.
+    points : (n, 3) array of float, optional
+        Positions for cutting the polygons that are not convex; an `Asset` gives its own. Without them all polygons are
+        cut as if they were convex.
 
     Raises
     ------
@@ -32,12 +37,20 @@ class Polygons:
     --------
     >>> Polygons([0, 1, 2, 3, 3, 2, 4], [4, 3]).triangles.tolist()
     [[0, 1, 2], [0, 2, 3], [3, 2, 4]]
+    >>> arrow = np.array([[0, 0, 0], [2, 1, 0], [0, 2, 0], [1, 1, 0]])
+    >>> Polygons([0, 1, 2, 3], [4], arrow).triangles.tolist()
+    [[1, 2, 3], [3, 0, 1]]
     """
 
     corners: IntArray
     sizes: IntArray
+    points: FloatArray | None
 
-    def __init__(self, corners: ArrayLike, sizes: ArrayLike) -> None:
+    def __init__(self, corners: ArrayLike, sizes: ArrayLike, points: FloatArray | None = None) -> None:
+        if points is not None:
+            points = np.ascontiguousarray(points, dtype=np.float64).view()
+            points.flags.writeable = False
+        object.__setattr__(self, "points", points)
         for name, values in (("corners", corners), ("sizes", sizes)):
             array = array_of(values, name, MeshError)
             if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
@@ -62,14 +75,43 @@ class Polygons:
         return len(self.sizes)
 
     @cached_property
+    def _cut(self) -> tuple[IntArray, IntArray]:
+        fans = triangulate(np.arange(len(self.corners)), self.sizes)
+        if self.points is None:
+            return fans, np.zeros(0, dtype=np.int64)
+        return ear_clipped(self.points, self.corners, self.sizes, fans)
+
+    @property
     def corner_of_triangle(self) -> IntArray:
-        """(m, 3) the corners of the polygons that are those of each triangle; a polygon is a fan of triangles."""
-        return triangulate(np.arange(len(self.corners)), self.sizes)
+        """(m, 3) the corners of the polygons that are those of each triangle.
+
+        A convex polygon is a fan around its first corner; of others, ears are clipped, see `uncut`.
+        """
+        return self._cut[0]
+
+    @property
+    def uncut(self) -> IntArray:
+        """Polygons that are fans though they are not convex, because their outline crosses itself or has no area."""
+        return self._cut[1]
 
     @property
     def triangles(self) -> IntArray:
         """(m, 3) points of each triangle."""
-        return triangulate(self.corners, self.sizes)
+        if (self.sizes == 3).all():
+            return self.corners.reshape(-1, 3)
+        return self.corners[self.corner_of_triangle]
+
+    def at(self, points: FloatArray) -> Polygons:
+        """Return the same, cut as they lie at these points, unless they have points already."""
+        if self.points is not None or (self.sizes == 3).all():
+            return self
+        return Polygons(self.corners, self.sizes, points)
+
+    def between(self, corners: IntArray) -> Polygons:
+        """Return the same with other numbers for the same corners, cut in the same way."""
+        polygons = Polygons(corners, self.sizes)
+        polygons.__dict__["_cut"] = self._cut
+        return polygons
 
     @property
     def starts(self) -> IntArray:
@@ -86,48 +128,3 @@ class Polygons:
     def of_corner(self) -> IntArray:
         """(c,) the polygon of each corner."""
         return np.repeat(np.arange(len(self)), self.sizes)
-
-
-def triangulate(corners: IntArray, counts: IntArray) -> IntArray:
-    """Split each polygon into a fan around its first corner.
-
-    Parameters
-    ----------
-    corners : (sum of counts,) array of int
-        Vertex indices of all polygons, concatenated.
-    counts : (p,) array of int
-        Number of corners of each polygon, at least 3.
-
-    Returns
-    -------
-    (sum of counts - 2, 3) array of int
-        Triangles, in the order of the polygons.
-
-    Examples
-    --------
-    >>> triangulate(np.array([0, 1, 2, 3, 7, 8, 9]), np.array([4, 3])).tolist()
-    [[0, 1, 2], [0, 2, 3], [7, 8, 9]]
-    """
-    if (counts == 3).all():
-        return corners.reshape(-1, 3)
-    starts = np.cumsum(counts) - counts
-    second = spans(starts + 1, counts - 2)
-    triangles = np.zeros((len(second), 3), dtype=corners.dtype)
-    triangles[:, 0] = np.repeat(corners[starts], counts - 2)
-    triangles[:, 1] = corners[second]
-    second += 1
-    triangles[:, 2] = corners[second]
-    return triangles
-
-
-def spans(starts: IntArray, counts: IntArray) -> IntArray:
-    """Concatenate the ranges ``start, start + 1, …`` of the given lengths.
-
-    Examples
-    --------
-    >>> spans(np.array([10, 20]), np.array([2, 3])).tolist()
-    [10, 11, 20, 21, 22]
-    """
-    before = np.cumsum(counts) - counts
-    ranges: IntArray = np.repeat(starts - before, counts) + np.arange(counts.sum(), dtype=np.int64)
-    return ranges

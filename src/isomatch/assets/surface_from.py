@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from isomatch.assets.files import read_mesh
 from isomatch.assets.from_libraries import geometry_of
-from isomatch.assets.polygons import triangulate
+from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 
@@ -18,9 +18,9 @@ SurfaceLike: TypeAlias = Any
 def surface_from(given: SurfaceLike) -> Surface:
     """Make a surface of what a user has.
 
-    Vertices keep their order and number, so results refer to those of the user. Polygons are split into fans of
-    triangles. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone is
-    refused, as nothing says what it samples: give ``PointCloud(points)``.
+    Vertices keep their order and number, so results refer to those of the user. Polygons are split into triangles, as
+    by `read_mesh`. Without faces, the vertices of a file or an object become a `PointCloud`. An array of points alone
+    is refused, as nothing says what it samples: give ``PointCloud(points)``.
 
     Parameters
     ----------
@@ -69,4 +69,5 @@ def mesh_from(given: SurfaceLike) -> Mesh:
     if isinstance(given, PointCloud):
         raise MeshError("a PointCloud is no mesh; give a surface with faces")
     found = geometry_of(given)
-    return Mesh(found.points, triangulate(found.corners, found.sizes) if len(found.corners) else [])
+    points = Mesh(found.points, []).vertices
+    return Mesh(points, Polygons(found.corners, found.sizes, points).triangles)

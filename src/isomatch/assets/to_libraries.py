@@ -9,7 +9,6 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.pictures import texture_of
-from isomatch.assets.polygons import Polygons
 from isomatch.assets.seams import split_at_seams
 from isomatch.loading.packages import package
 from isomatch.values.arrays import AnyArray
@@ -39,6 +38,8 @@ def to_trimesh(asset: Asset) -> Any:
                 material = trimesh.visual.material.SimpleMaterial(image=image, diffuse=(255, 255, 255))
             mesh.visual = trimesh.visual.TextureVisuals(uv=np.nan_to_num(values[:, :2]), material=material)
         elif attribute.kind == "colour" and not has_uv:
+            if values.dtype.kind == "f":
+                values = np.nan_to_num(values, nan=attribute.full)  # white is none
             values = trimesh.visual.to_rgba(values)
             if of_points:
                 mesh.visual.vertex_colors = values
@@ -135,6 +136,6 @@ def _at_points(asset: Asset) -> Asset:
     split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
     return Asset(
         asset.points[split.source],
-        Polygons(split.corners, asset.polygons.sizes),
+        asset.polygons.between(split.corners),
         told_apart(split.attributes),
     )

@@ -59,6 +59,8 @@ def check(
     else:
         [record] = records
         say(record["report"])
+        for note in record["notes"]:
+            say(f"note: {note}")
         for purpose, reason in record["refused_by"].items():
             say(f"not fit for {purpose}: {reason}" if reason else f"fit for {purpose}")
     bad = {record["file"]: reason for record in records if (reason := _reason(record, verb))}
@@ -81,14 +83,29 @@ def _meshes(given: Path) -> list[Path]:
 def _examined(path: Path, in_table: bool) -> dict[str, Any]:
     """Plain values about a file; in a table, one that cannot be read is a row."""
     try:
-        mesh = isomatch.read_mesh(path)
+        mesh, notes = _read(path)
     except isomatch.IsomatchError as error:
         if not in_table:
             raise
         return {"file": str(path), "ok": False, "unreadable": str(error)}
     report = isomatch.check(mesh)
     refusals = {verb: _refusal(verb, mesh) for verb in get_args(Verb)}
-    return {"file": str(path), **report.to_dict(), "report": str(report), "refused_by": refusals}
+    return {
+        "file": str(path),
+        **report.to_dict(),
+        "notes": notes,
+        "report": str(report),
+        "refused_by": refusals,
+    }
+
+
+def _read(path: Path) -> tuple[isomatch.Mesh, list[str]]:
+    """Read a mesh, with notes of what its reader left out or supposed, or why attributes cannot be read."""
+    try:
+        asset = isomatch.read_asset(path)
+    except isomatch.IsomatchError as error:
+        return isomatch.read_mesh(path), [str(error)]
+    return isomatch.Mesh(asset.placed_points, asset.polygons.triangles), list(asset.notes)
 
 
 def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
@@ -105,7 +122,7 @@ def _rows(records: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
             yield record["file"], "", "", *("no" for _ in get_args(Verb)), record["unreadable"]
             continue
         fit = ("no" if reason else "yes" for reason in record["refused_by"].values())
-        defects = "; ".join([*record["fatal"], *record["warnings"]])
+        defects = "; ".join([*record["fatal"], *record["warnings"], *record["notes"]])
         yield record["file"], str(record["n_vertices"]), str(record["n_faces"]), *fit, defects
 
 

@@ -13,7 +13,7 @@ from isomatch.cli.terminal import say_json, say_table
 from isomatch.runtime.memory import GIB, memory_budget
 from isomatch.runtime.threads import n_threads
 
-NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "matplotlib", "rich", "cyclopts")
+NEEDED = ("numpy", "scipy", "numba", "robust_laplacian", "mapbox_earcut", "matplotlib", "rich", "cyclopts")
 OPTIONAL = ("scikit-image", "pygeodesic", "potpourri3d", "pyfmaps", "POT", "h5py")
 
 SETTINGS = {

@@ -164,9 +164,12 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
 
 
 def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
-    """Read the group of each shape; a first line ``name,group`` is a heading."""
+    """Read the group of each shape; a first line ``name,group`` is a heading.
+
+    A comment takes a whole line, or starts with a ``#`` between blanks: names such as ``p #3`` are no comments.
+    """
     labels: dict[str, str] = {}
-    for number, line in text_lines(path):
+    for number, line in text_lines(path, comment=r"^\s*#|(?<=\s)#\s"):
         row = [cell.strip() for cell in next(csv.reader([line]))]
         if not labels and row == ["name", "group"]:
             continue

@@ -90,6 +90,8 @@ def transfer(
         "left_out": left,
         **counts,
     }
+    if notes := [f"{path}: {note}" for path, given in zip((source, target), assets) for note in given.notes]:
+        record["notes"] = notes
     talk.result(record, lambda: _summary(record, output.suffix))
 
 
@@ -104,4 +106,6 @@ def _summary(record: dict[str, Any], suffix: str) -> None:
     ):
         if record.get(count):
             say(f"{record[count]} {meaning}")
+    for note in record.get("notes", ()):
+        say(f"note: {note}")
     say(f"wrote {', '.join(record['files'])}")

@@ -12,7 +12,7 @@ import time
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from io import BytesIO, StringIO, TextIOWrapper
+from io import StringIO
 from pathlib import Path
 from secrets import token_hex
 from shutil import rmtree
@@ -68,14 +68,34 @@ def opened(path: Path) -> BinaryIO:
         raise FormatError(f"{path}: cannot be opened ({error.strerror}); give a readable file") from None
 
 
-def text_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Read the lines of a UTF-8 text with their numbers from 1, without ``#`` comments, blank lines and outer blanks."""
+def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
+    """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
+
+    The text is in UTF-8, or else in the letters of Windows, see `encoding_of`. A comment starts where its pattern is
+    found, by default at a ``#`` that begins a word.
+    """
     with opened(path) as file:
-        data = BytesIO(file.read())
-    for number, line in enumerate(TextIOWrapper(data, "utf-8-sig", errors="replace"), start=1):
-        text = line.partition("#")[0].strip()
+        data = file.read().removeprefix(b"\xef\xbb\xbf")
+    lines = StringIO(data.decode(encoding_of(data)), newline=None)
+    for number, line in enumerate(lines, start=1):
+        text = re.split(comment, line, maxsplit=1)[0].strip()
         if text:
             yield number, text
+
+
+def encoding_of(text: bytes) -> str:
+    """Return an encoding in which a text can be read, and written again as it was: UTF-8 if it is that.
+
+    Examples
+    --------
+    >>> encoding_of("Füße".encode()), encoding_of("Füße".encode("latin-1"))
+    ('utf-8', 'cp1252')
+    """
+    for encoding in ("utf-8", "cp1252"):  # the second, of Windows, has no letter for five of the bytes
+        with suppress(UnicodeDecodeError):
+            text.decode(encoding)
+            return encoding
+    return "latin-1"
 
 
 def read_integers(path: Path, width: int, refuse: Callable[[int, str], NoReturn]) -> IntArray:

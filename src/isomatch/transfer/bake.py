@@ -145,7 +145,7 @@ def _colours(places: Places) -> FloatArray:
         raise DescriptorError(
             "there is neither a texture in a glTF file nor a colour to bake; give a file that has one"
         )
-    seen = places.interpolated(colour[0].fractions, places.rows(colour[0]))
+    seen = np.nan_to_num(places.interpolated(colour[0].fractions, places.rows(colour[0])), nan=GREY)
     return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
 
 

@@ -167,7 +167,7 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
     extras: dict[str, object] = {}
     if attribute.kind == "colour":
         if values.dtype.kind not in "u" or values.dtype.itemsize > 2:
-            values = attribute.fractions.astype(np.float32)
+            values = np.nan_to_num(attribute.fractions.astype(np.float32), nan=1.0)  # white is none
         else:
             properties["normalized"] = True
             if values.shape[1] == 3:

@@ -21,6 +21,7 @@ _GROUPS: tuple[tuple[str, Kind, tuple[str, ...]], ...] = (
     ("color", "colour", ("red", "green", "blue", "alpha")),
     ("color", "colour", ("red", "green", "blue")),
     ("color", "colour", ("r", "g", "b")),
+    ("color", "colour", ("diffuse_red", "diffuse_green", "diffuse_blue")),
     ("uv", "uv", ("s", "t")),
     ("uv", "uv", ("u", "v")),
     ("uv", "uv", ("texture_u", "texture_v")),

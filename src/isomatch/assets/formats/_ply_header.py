@@ -12,7 +12,7 @@ from isomatch.errors import FormatError
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
-    "float32": "f4", "float64": "f8",
+    "float32": "f4", "float64": "f8", "int64": "i8", "uint64": "u8",
 }  # fmt: skip
 _BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 LONGEST_HEADER = 2**18  # bytes
@@ -91,7 +91,8 @@ def read_header(data: bytes, name: str) -> Header:
 
 def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
     """Return the lines up to ``end_header``, and their length in bytes."""
-    if data[:4] not in (b"ply\n", b"ply\r"):
+    mark = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+    if data[mark : mark + 3].lower() != b"ply" or data[mark + 3 : mark + 4] not in (b"\n", b"\r", b" "):
         raise FormatError(
             f"{name}:1: expected 'ply', found {data[:10]!r}; give a PLY file, or rename this one"
         )
@@ -106,4 +107,4 @@ def _header_lines(data: bytes, name: str) -> tuple[TextLines, int]:
 
 
 def _is_list(count: str, kind: str) -> bool:
-    return kind in _TYPES and _TYPES.get(count, "f")[0] in "iu"
+    return kind in _TYPES and _TYPES.get(count, "f") in ("i1", "u1", "i2", "u2", "i4", "u4")

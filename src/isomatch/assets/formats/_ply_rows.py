@@ -12,7 +12,7 @@ from isomatch.values.arrays import AnyArray, IntArray
 
 _LETTERS = {
     "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float",
-    "f8": "double",
+    "f8": "double", "i8": "int64", "u8": "uint64",
 }  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def cells(name: str, values: AnyArray, counts: IntArray | None = None) -> Cells:
 
 def holds(values: AnyArray) -> bool:
     """Whether PLY, which has no integers of 64 bits, holds values."""
-    return values.dtype.kind in "biuf" and _type_of(values).str[1:] in _LETTERS
+    return values.dtype.kind in "biuf" and _type_of(values).str[1:] in set(_LETTERS) - {"i8", "u8"}
 
 
 def _type_of(values: AnyArray) -> np.dtype[np.generic]:

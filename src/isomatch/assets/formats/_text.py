@@ -11,21 +11,26 @@ from typing import NoReturn
 
 import numpy as np
 
-from isomatch.assets.polygons import spans
+from isomatch.assets.fans import spans
 from isomatch.errors import FormatError
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 EXPORT_AGAIN = "correct the line or export the file again"
 
-SPACE, NEWLINE, BACKSLASH, SLASH, ZERO = b" \n\\/0"
+SPACE, NEWLINE, BACKSLASH, SLASH, ZERO, COMMA, POINT = b" \n\\/0,."
 _COPIED = bytes(32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256))
 """What is copied of each byte: a space of every kind of blank but a line end."""
+_ENCODINGS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+"""Encodings other than UTF-8, by the bytes that a text begins with."""
 _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
 _PIECE_OF_LINES = re.compile(rb"(?s).{1,16384}[^\n]*\n?")
-_LEADING_OR_COMMENT = re.compile(rb"(?m)^ +|#[^\n]*")
+_NOT_FINITE = re.compile(
+    r"([-+]?)(?:\d[.,]#(IND|INF|[QS]NAN|[QSI]O|J|R)\d*|nan\((?:ind|snan)\))(?:e[-+]?\d+)?", re.IGNORECASE
+)
+"""How other C libraries write what is no finite number: ``1.#QNAN``, ``-1.#IND``, ``1.#INF``, ``-nan(ind)``."""
 _TEXTURE = re.compile(rb"(?<=\d)/-?\d*(?:/-?\d*)?(?![^ \n])")
 
 
@@ -111,7 +116,10 @@ class TextLines:
         return TextLines(self.name, octets_of(data), self.numbers)
 
     def parse(self) -> NumberRows:
-        """Parse every row as blank-separated numbers."""
+        """Parse every row as blank-separated numbers.
+
+        Numbers may have a decimal comma if none has a point, and be the NaN or infinity of any C library.
+        """
         blank = _is_blank(self.data)
         word_ends = np.flatnonzero(blank[1:] > blank[:-1])
         counts = np.diff(np.searchsorted(word_ends, self.ends), prepend=0)
@@ -131,12 +139,20 @@ class TextLines:
         return NumberRows(self, values, counts)
 
     def _number(self, word: bytes, row: int) -> float:
+        text = word.decode("latin-1")
+        if found := _NOT_FINITE.fullmatch(text):
+            letters = (found[2] or "NAN").upper()
+            return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
         try:
-            if b"_" in word:  # which Python allows in a number, other readers do not
+            if "_" in text:  # which Python allows in a number, other readers do not
                 raise ValueError
-            return float(word)
+            return float(text.replace(",", ".", 1) if self._has_decimal_commas else text)
         except ValueError:
             self.fail(row, "numbers")
+
+    @cached_property
+    def _has_decimal_commas(self) -> bool:
+        return bool((self.data == COMMA).any() and not (self.data == POINT).any())
 
 
 @dataclass(frozen=True)
@@ -159,6 +175,14 @@ class NumberRows:
         if len(self.counts) and (self.counts == self.counts[0]).all():
             return self.values.reshape(len(self.counts), -1)[:, :width]
         table: FloatArray = self.values[self.starts[:, None] + np.arange(width)]
+        return table
+
+    def columns(self, first: int | IntArray, width: int) -> FloatArray:
+        """Return ``width`` numbers of each row from a column on, (rows, width), nan where the row has no more."""
+        table = np.full((len(self.counts), width), np.nan)
+        for i in range(width):
+            said = self.counts > first + i
+            table[said, i] = self.values[(self.starts + first + i)[said]]
         return table
 
     def require(self, good: AnyArray, expected: str) -> None:
@@ -185,15 +209,38 @@ def is_whole(values: AnyArray) -> BoolArray:
     return whole
 
 
+def bytes_or_floats(colours: FloatArray) -> AnyArray:
+    """Return numbers of a text as bytes if they are whole and some are above 1; nan stands for none.
+
+    The opacity may be a fraction beside colours up to 255, and is full where it is missing.
+    """
+    colours, largest = colours.copy(), np.fmax.reduce(colours[:, :3], axis=None, initial=0)
+    full = 255.0 if largest > 1 else 1.0
+    if colours.shape[1] == 4:
+        if np.fmax.reduce(colours[:, 3], initial=0) <= 1:
+            colours[:, 3] *= full
+        colours[np.isnan(colours[:, 3]) & ~np.isnan(colours[:, 0]), 3] = full
+    if full > 1 and is_whole(colours).all() and (colours >= 0).all() and (colours <= 255).all():
+        return colours.astype(np.uint8)
+    return colours
+
+
 def is_count(word: str) -> bool:
     """Whether a word is a number of lines or rows that fits 64 bits."""
     return word.isdecimal() and len(word) < 19
 
 
 def read_lines(
-    name: str, data: bytes, before: int = 0, continued: bool = False, lower: bool = False
+    name: str,
+    data: bytes,
+    before: int = 0,
+    continued: bool = False,
+    lower: bool = False,
+    named: tuple[str, ...] = (),
 ) -> TextLines:
     r"""Split the bytes of a file into lines, without ``#`` comments and blank lines.
+
+    A comment begins at the first byte of a line, or after a blank.
 
     Bytes that are not ASCII are accepted, because comments may have any encoding, and so is every kind of line end.
 
@@ -209,12 +256,23 @@ def read_lines(
         Whether a line that ends in ``\\`` goes on in the next.
     lower : bool
         Whether capital letters become small.
+    named : tuple of str
+        Keywords of lines whose rest is a name, which is left as it is and may contain any ``#``.
 
     Notes
     -----
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
-    text = data.removeprefix(b"\xef\xbb\xbf").translate(_COPIED)
+    if encoding := _ENCODINGS.get(data[:2]):
+        data = data[2:].decode(encoding, errors="replace").encode()
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    text = data.translate(_COPIED)
+    keywords = b"(?:%s) " % "|".join(named).encode()
+    if named and text != data:
+        copied = bytearray(text)
+        for found in re.finditer(rb"(?m)(?:^|(?<=\r)) *%s([^\r\n]*)" % keywords, text):
+            copied[slice(*found.span(1))] = data[slice(*found.span(1))]
+        text = bytes(copied)
     text = (text.lower() if lower else text).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not text.endswith(b"\n"):
         text += b"\n"
@@ -227,14 +285,22 @@ def read_lines(
         numbers = numbers[~np.append(False, goes_on[:-1])]
         text = text.replace(b"\\\n", b"  ")
     if b"#" in text or b"\n " in text or text[:1] == b" ":
-        pieces = _PIECE_OF_LINES.finditer(text)
-        text = b"".join(_LEADING_OR_COMMENT.sub(b"", piece[0]) for piece in pieces)
+        pattern, kept = rb"^ *#[^\n]*|^ +|(?<= )#[^\n]*", b""
+        if named:
+            pattern, kept = rb"^ *(%s[^\n]*)|%s" % (keywords, pattern), rb"\1"
+        left_out = re.compile(b"(?m)" + pattern)
+        text = b"".join(left_out.sub(kept, piece[0]) for piece in _PIECE_OF_LINES.finditer(text))
     octets = octets_of(text)
     if b"\n\n" in text or text[:1] == b"\n":
         ends = octets == NEWLINE
         blank = np.append(True, ends[:-1])
         octets, numbers = octets[~(ends & blank)], numbers[~blank[ends]]
     return TextLines(name, octets, numbers, before)
+
+
+def texts(lines: TextLines) -> list[bytes]:
+    """Return each line as bytes, without outer blanks."""
+    return [text.strip() for text in lines.data.tobytes().split(b"\n")[: len(lines)]]
 
 
 def format_rows(template: str, table: AnyArray) -> bytes:
@@ -247,11 +313,11 @@ def numbered(values: AnyArray, template: str = "%d") -> AnyArray:
     return np.array((f"{template} " * len(values) % tuple(values.tolist())).split(), dtype=object)
 
 
-def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int) -> bytes:
+def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encoding: str = "utf-8") -> bytes:
     """Write lines of words: of each part as many for each line as its counts say."""
     once = np.ones(n_rows, dtype=np.int64)
     words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
-    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode()
+    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding)
 
 
 def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:

@@ -8,9 +8,18 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
-from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
-from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.assets.formats._obj_colours import read_colours
+from isomatch.assets.formats._text import (
+    NumberRows,
+    TextLines,
+    format_rows,
+    interleaved_lines,
+    read_lines,
+    texts,
+)
+from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError, some
+from isomatch.storage.files import encoding_of
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
@@ -18,14 +27,17 @@ _STATEMENTS = {"object": "o", "group": "g", "material": "usemtl", "smoothing": "
 """The keyword of each attribute that is written before the faces that it holds for."""
 _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn", "normal", "normal", 3))
 """Keyword, name, kind and width of what a face refers to after the vertex, in this order."""
+_NAMED = ("mtllib", "o", "g", "usemtl")
+"""Keywords of lines whose rest is a name."""
 
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """The names of material libraries, and lines and points, which are no faces."""
+    """The names of material libraries, lines and points, which are no faces, and how the names are encoded."""
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
+    encoding: str = "utf-8"
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -33,20 +45,17 @@ def read(data: bytes, name: str) -> Mesh:
     lines = read_lines(name, data, continued=True)
     vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
     vertices = vertex_lines.parse().leading(3, "at least 3 numbers x y z of a vertex")
-    return Mesh(vertices, triangulate(*_polygons(face_lines, vertex_lines)))
+    return Mesh(vertices, Polygons(*_polygons(face_lines, vertex_lines), vertices).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read an OBJ file with colours of vertices, texture coordinates and normals of corners, groups and materials."""
-    lines = read_lines(name, data, continued=True)
+    lines = read_lines(name, data, continued=True, named=_NAMED)
     vertex_lines, face_lines = _vertex_lines(lines), lines.starting_with("f", textured=True)
     vertices = vertex_lines.parse()
     points = vertices.leading(3, "at least 3 numbers x y z of a vertex")
     corners, sizes = _polygons(face_lines, vertex_lines)
-    attributes = []
-    if (vertices.counts >= 6).all():
-        colors = vertices.leading(6, "x y z and a colour")[:, 3:]
-        attributes.append(Attribute("color", "point", "colour", colors))
+    attributes, notes = read_colours(vertices, data)
     words = lines.starting_with("f")
     for i, (keyword, attribute, kind, width) in enumerate(_INDEXED):
         table_lines = lines.starting_with(keyword)
@@ -55,20 +64,22 @@ def read_asset(data: bytes, name: str) -> Asset:
         values = _indexed(table_lines, keyword, width, words, i + 1)
         if not np.isnan(values).all():
             attributes.append(Attribute(attribute, "corner", kind, values))
+    statements = {keyword: lines.starting_with(keyword) for keyword in ("mtllib", *_STATEMENTS.values())}
+    encoding = encoding_of(b"".join(statement.data.tobytes() for statement in statements.values()))
     for attribute, keyword in _STATEMENTS.items():
-        statements = lines.starting_with(keyword)
-        if len(statements):
-            attributes.append(_labels(attribute, statements, face_lines))
+        if len(statements[keyword]):
+            attributes.append(_labels(attribute, statements[keyword], face_lines, encoding))
     document = ObjDocument(
-        tuple(_texts(lines.starting_with("mtllib"))),
+        tuple(text.decode(encoding) for text in texts(statements["mtllib"])),
         tuple(
-            f"{keyword} {text}"
+            f"{keyword} {text.decode()}"
             for keyword in "pl"
-            for text in _texts(lines.starting_with(keyword))
-            if text.replace(" ", "").isdecimal()
+            for text in texts(lines.starting_with(keyword))
+            if text.replace(b" ", b"").isdigit()
         ),
+        encoding,
     )
-    return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document)
+    return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document, notes=notes)
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -92,15 +103,26 @@ def write(asset: Asset) -> bytes:
             f"faces {some(asset.polygons.of_corner[outside])} refer to vertices outside "
             f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
         )
-    texts = [*(f"mtllib {library}\n".encode() for library in document.libraries), _vertices(asset)]
+    encoding = _encoding(asset, document)
+    lines = [*(f"mtllib {library}\n".encode(encoding) for library in document.libraries), _vertices(asset)]
     indices = [corners]
     for keyword, _, kind, width in _INDEXED:
         table, index = _table(asset, kind, width)
-        texts.append(format_rows(f"{keyword}{' %r' * width}\n", table))
+        lines.append(format_rows(f"{keyword}{' %r' * width}\n", table))
         indices.append(index)
-    texts.append(_faces(asset, indices, sizes))
-    texts += [f"{element}\n".encode() for element in document.elements]
-    return b"".join(texts)
+    lines.append(_faces(asset, indices, sizes, encoding))
+    lines += [f"{element}\n".encode() for element in document.elements]
+    return b"".join(lines)
+
+
+def _encoding(asset: Asset, document: ObjDocument) -> str:
+    """Return the encoding of the file, or UTF-8 where that has no letters for a name."""
+    names = [name for a in asset.attributes if a.name in _STATEMENTS for name in a.coded.names.values()]
+    try:
+        "".join([*document.libraries, *names]).encode(document.encoding)
+    except UnicodeEncodeError:
+        return "utf-8"
+    return document.encoding
 
 
 def _vertices(asset: Asset) -> bytes:
@@ -108,9 +130,13 @@ def _vertices(asset: Asset) -> bytes:
     if not colours:
         return format_rows("v %r %r %r\n", asset.points)
     colors = colours[0].fractions[:, :3]
-    if colours[0].values.dtype.kind == "f":
-        return format_rows("v %r %r %r %r %r %r\n", np.hstack([asset.points, colors]))
-    return format_rows("v %r %r %r %.6g %.6g %.6g\n", np.hstack([asset.points, colors]))
+    template = "v %r %r %r" + (" %r %r %r" if colours[0].values.dtype.kind == "f" else " %.6g %.6g %.6g")
+    rows = np.hstack([asset.points, colors])
+    given = ~np.isnan(colors.sum(axis=1))
+    lines = np.full(len(rows), b"", dtype=object)
+    lines[~given] = format_rows("v %r %r %r\n", asset.points[~given]).splitlines(keepends=True)
+    lines[given] = format_rows(f"{template}\n", rows[given]).splitlines(keepends=True)
+    return b"".join(lines)
 
 
 def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
@@ -128,7 +154,7 @@ def _table(asset: Asset, kind: Kind, width: int) -> tuple[AnyArray, IntArray]:
     return values[rows[kept]], index[corners] if of_points else index
 
 
-def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
+def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray, encoding: str) -> bytes:
     vertex, texture, normal = indices
     statements = [a for name in _STATEMENTS for a in asset.attributes if (a.name, a.domain) == (name, "face")]
     plain = (texture < 0).all() and (normal < 0).all()
@@ -145,7 +171,7 @@ def _faces(asset: Asset, indices: list[IntArray], sizes: IntArray) -> bytes:
         words[rows] = format_rows(f"{template} ", table).decode().split()
     parts: list[tuple[IntArray, AnyArray]] = [_changes(statement) for statement in statements]
     parts += [(np.ones(len(sizes), dtype=np.int64), np.full(len(sizes), "f", object)), (sizes, words)]
-    return interleaved_lines(parts, len(sizes))
+    return interleaved_lines(parts, len(sizes), encoding)
 
 
 def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines, which: int) -> FloatArray:
@@ -153,11 +179,9 @@ def _indexed(table_lines: TextLines, keyword: str, width: int, words: TextLines,
     numbers = table_lines.parse()
     least = 1 if keyword == "vt" else width  # of texture coordinates, the others are 0
     numbers.require(numbers.counts >= least, f"at least {least} numbers after {keyword}")
-    table = np.zeros((len(table_lines) + 1, width))
-    table[-1] = np.nan
-    for column in range(width):
-        (said,) = np.nonzero(numbers.counts > column)
-        table[said, column] = numbers.values[numbers.starts[said] + column]
+    table = np.full((len(table_lines) + 1, width), np.nan)
+    table[:-1] = numbers.columns(0, width)
+    table[:-1][np.arange(width) >= numbers.counts[:, None]] = 0.0
     rows = words.fields(which).parse()
     given = rows.whole(None, f"whole indices of {keyword}")
     index = _from_zero(given, rows, table_lines)
@@ -181,17 +205,13 @@ def _changes(attribute: Attribute) -> tuple[IntArray, AnyArray]:
     return new.astype(np.int64), np.array(texts, dtype=object)
 
 
-def _labels(name: str, statements: TextLines, face_lines: TextLines) -> Attribute:
+def _labels(name: str, statements: TextLines, face_lines: TextLines, encoding: str) -> Attribute:
     """Make a label of what the last statement before each face said."""
-    words = ["", *_texts(statements)]
+    words = ["", *(text.decode(encoding) for text in texts(statements))]
     codes = {word: code for code, word in enumerate(dict.fromkeys(words))}
     code_of = np.array([codes[word] for word in words])
     values = code_of[np.searchsorted(statements.numbers, face_lines.numbers)]
     return Attribute(name, "face", "label", values, names={code: word for word, code in codes.items()})
-
-
-def _texts(lines: TextLines) -> list[str]:
-    return [text.strip() for text in lines.data.tobytes().decode(errors="replace").split("\n")[: len(lines)]]
 
 
 def _vertex_lines(lines: TextLines) -> TextLines:

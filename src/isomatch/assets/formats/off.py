@@ -3,117 +3,177 @@
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
+from isomatch.assets.fans import spans
 from isomatch.assets.formats._text import (
     NumberRows,
     TextLines,
+    bytes_or_floats,
     format_rows,
     interleaved_lines,
     is_count,
     numbered,
     read_lines,
 )
-from isomatch.assets.polygons import Polygons, spans, triangulate
+from isomatch.assets.polygons import Polygons
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray
 
-# Normals, colours and texture coordinates follow the position on a vertex line, so all variants are read alike.
-_HEADER = re.compile(r"\s*(?:ST)?(?P<color>C?)(?P<normal>N?)OFF(?![A-Za-z])\s*(?P<rest>.*)")
+_HEADER = re.compile(r"(?P<letters>(?:ST|[CN4])*)OFF(?![A-Z])\s*(?P<rest>[^#]*)(?:#.*)?", re.IGNORECASE)
+_MAP = "indices into a colour map"
+
+
+class _Tables(NamedTuple):
+    """What a file consists of: the letters before OFF, the numbers of vertices and faces, and the size of each face."""
+
+    letters: str
+    vertices: NumberRows
+    faces: NumberRows
+    sizes: IntArray
+    notes: list[str]
+
+    @property
+    def points(self) -> FloatArray:
+        """(n, 3) positions; with the letter 4 the first three numbers are divided by the fourth."""
+        if "4" not in self.letters:
+            return self.vertices.leading(3, "at least 3 numbers x y z of a vertex")
+        rows = self.vertices.leading(4, "at least 4 numbers x y z w of a vertex")
+        with np.errstate(all="ignore"):
+            positions: FloatArray = rows[:, :3] / rows[:, 3:]
+        return positions
+
+    @property
+    def corners(self) -> IntArray:
+        """The corners of all faces, one after another."""
+        return self.faces.whole(spans(self.faces.starts + 1, self.sizes), "whole vertex indices")
 
 
 def read(data: bytes, name: str) -> Mesh:
-    """Read an OFF, COFF, NOFF or STOFF file. Counts may be on the header line; faces may have colours."""
-    rows, (corners, sizes) = _tables(read_lines(name, data))
-    return Mesh(_positions(rows), triangulate(corners, sizes))
+    """Read an OFF, COFF, NOFF, 4OFF or STOFF file. Counts may be on the header line; faces may have colours."""
+    tables = _tables(read_lines(name, data))
+    points = tables.points
+    return Mesh(points, Polygons(tables.corners, tables.sizes, points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:
-    """Read an OFF file with the colours and normals of its vertices."""
-    lines = read_lines(name, data)
-    rows, polygons = _tables(lines)
-    header = _HEADER.fullmatch(lines.row(0))
-    start, attributes = 3, []
-    for kind in ("normal", "color"):
-        if header is None or not header[kind]:
-            continue
-        if not (rows.counts >= start + 3).all():
-            break
-        values = rows.leading(start + 3, "")[:, start:]
+    """Read an OFF file with the colours, normals and texture coordinates of its vertices and the colours of its faces.
+
+    Three or four numbers after the positions are colours if they can be, whatever the header says.
+    """
+    tables = _tables(read_lines(name, data))
+    rows, letters, notes = tables.vertices, tables.letters, tables.notes
+    points, attributes = tables.points, []
+    start, n_last = 4 if "4" in letters else 3, 2 if "ST" in letters else 0
+    if "N" in letters:
+        attributes.append(Attribute("normal", "point", "normal", rows.columns(start, 3)))
         start += 3
-        if kind == "color" and values.max(initial=0) > 1 and (values == np.rint(values) % 256).all():
-            values = values.astype(np.uint8)
-        attributes.append(Attribute(kind, "point", "normal" if kind == "normal" else "colour", values))
-    return Asset(_positions(rows), Polygons(*polygons), tuple(attributes))
+    n_left = int(rows.counts.max(initial=0)) - start - n_last
+    values = rows.columns(start, min(n_left, 4))
+    if n_left in (3, 4) and ("C" in letters or _may_be_colours(values)):
+        attributes.append(Attribute("color", "point", "colour", bytes_or_floats(values)))
+    elif n_left > 0:
+        what = _MAP if "C" in letters and n_left == 1 else f"{n_left} numbers after the positions"
+        notes.append(f"{what} of vertices are left out")
+    if n_last:
+        attributes.append(Attribute("uv", "point", "uv", rows.columns(start + max(n_left, 0), 2)))
+    n_left = int((tables.faces.counts - tables.sizes).max(initial=1)) - 1
+    if n_left in (3, 4):
+        values = tables.faces.columns(1 + tables.sizes, n_left)
+        attributes.append(Attribute("color", "face", "colour", bytes_or_floats(values)))
+    elif n_left > 0:
+        notes.append(
+            f"{_MAP if n_left == 1 else f'{n_left} numbers after the corners'} of faces are left out"
+        )
+    kept = [attribute for attribute in attributes if not np.isnan(attribute.values).all()]
+    notes += [note for attribute in kept if (note := attribute.note_of_missing)]
+    polygons = Polygons(tables.corners, tables.sizes)
+    return Asset(points, polygons, tuple(kept), notes=tuple(notes))
 
 
 def keeps(attribute: Attribute) -> bool:
     """Whether OFF has a place for an attribute."""
-    return attribute.domain == "point" and attribute.kind in ("normal", "colour")
+    kinds = {"point": ("normal", "colour", "uv"), "face": ("colour",)}
+    return attribute.kind in kinds.get(attribute.domain, ())
 
 
 def write(asset: Asset) -> bytes:
     """Write an OFF file."""
     letters, template, columns = "", "%r %r %r", [asset.points]
-    letter_of: dict[Kind, str] = {"normal": "N", "colour": "C"}
+    letter_of: dict[Kind, str] = {"normal": "N", "colour": "C", "uv": "ST"}
     for kind, letter in letter_of.items():
         for attribute in asset.of_kind(kind):
-            letters = letter + letters
-            values = attribute.values[:, :3]
-            if kind == "colour":
-                octets = np.rint(255 * attribute.fractions[:, :3])
-                whole = values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
-                values = octets if whole else attribute.fractions[:, :3]
-            template += " %d %d %d" if kind == "colour" and whole else " %r %r %r"
-            columns.append(values)
-    sizes = asset.polygons.sizes
-    if (sizes == 3).all():
-        faces = format_rows("3 %d %d %d\n", asset.polygons.corners.reshape(-1, 3))
+            if attribute.domain == "point":
+                letters = letter + letters
+                values, notation = (
+                    _colours(attribute)
+                    if kind == "colour"
+                    else (attribute.values[:, : 2 if kind == "uv" else 3], "%r")
+                )
+                template += f" {notation}" * values.shape[1]
+                columns.append(values)
+    sizes, corners = asset.polygons.sizes, asset.polygons.corners
+    colours = [attribute for attribute in asset.of_kind("colour") if attribute.domain == "face"]
+    if (sizes == 3).all() and not colours:
+        faces = format_rows("3 %d %d %d\n", corners.reshape(-1, 3))
     else:
-        once = np.ones(len(sizes), dtype=np.int64)
-        words = [(once, numbered(sizes)), (sizes, numbered(asset.polygons.corners))]
+        words = [(np.ones(len(sizes), dtype=np.int64), numbered(sizes)), (sizes, numbered(corners))]
+        for values, notation in map(_colours, colours):
+            given = ~np.isnan(values).any(axis=1)
+            words.append((values.shape[1] * given, numbered(values[given].ravel(), notation)))
         faces = interleaved_lines(words, len(sizes))
     head = f"{letters}OFF\n{len(asset.points)} {len(sizes)} 0\n".encode()
     return head + format_rows(f"{template}\n", np.hstack(columns)) + faces
 
 
-def _tables(lines: TextLines) -> tuple[NumberRows, tuple[IntArray, IntArray]]:
-    """Read the numbers of the vertices, and the corners and sizes of the faces."""
-    n_vertices, n_faces, body = _counts(lines)
+def _colours(attribute: Attribute) -> tuple[FloatArray, str]:
+    """Return colours as whole numbers up to 255 or as fractions, and how these are written."""
+    fractions = attribute.fractions[:, :3]
+    octets = np.rint(255 * fractions)
+    whole = attribute.values.dtype.kind != "f" and octets.max(initial=0) > 1  # if not, read as fractions
+    return (octets, "%d") if whole else (fractions, "%r")
+
+
+def _may_be_colours(values: FloatArray) -> bool:
+    """Whether all numbers are fractions, or whole numbers up to 255."""
+    given = values[~np.isnan(values)]
+    is_byte = (given == np.rint(given)).all() and (given <= 255).all()
+    return bool((given >= 0).all() and (is_byte or (given <= 1).all()))
+
+
+def _tables(lines: TextLines) -> _Tables:
+    letters, n_vertices, n_faces, body, notes = _counts(lines)
     total = n_vertices + n_faces
     if len(body) != total:
         body.fail(
             total, f"{n_vertices} vertex lines and {n_faces} face lines as declared", "correct the counts"
         )
-    return body[:n_vertices].parse(), _polygons(body[n_vertices:])
+    vertices, faces = body[:n_vertices].parse(), body[n_vertices:].parse()
+    sizes = faces.whole(faces.starts, "the number of corners of a face")
+    faces.require(sizes >= 3, "a face of at least 3 corners")
+    faces.require(faces.counts > sizes, "the number of corners of a face, then as many vertex indices")
+    return _Tables(letters, vertices, faces, sizes, notes)
 
 
-def _positions(rows: NumberRows) -> FloatArray:
-    return rows.leading(3, "at least 3 numbers x y z of a vertex")
-
-
-def _polygons(lines: TextLines) -> tuple[IntArray, IntArray]:
-    """Read the corners of all faces, concatenated, and the number of corners of each."""
-    rows = lines.parse()
-    sizes = rows.whole(rows.starts, "the number of corners of a face")
-    rows.require(sizes >= 3, "a face of at least 3 corners")
-    rows.require(rows.counts > sizes, "the number of corners of a face, then as many vertex indices")
-    corners = rows.whole(spans(rows.starts + 1, sizes), "whole vertex indices")
-    return corners, sizes
-
-
-def _counts(lines: TextLines) -> tuple[int, int, TextLines]:
-    """Read the number of vertices, the number of faces, and the lines after the header."""
-    header = _HEADER.fullmatch(lines.row(0)) if len(lines) else None
-    if header is None:
+def _counts(lines: TextLines) -> tuple[str, int, int, TextLines, list[str]]:
+    """Read the letters before OFF, the number of vertices, the number of faces, and the lines after the header."""
+    first = lines.row(0).strip() if len(lines) else ""
+    words, row, notes = first.split(), 0, []
+    header = _HEADER.fullmatch(first)
+    if header and "nOFF" not in first:
+        row = 0 if header["rest"] else 1
+        words = header["rest"].split() if row == 0 else (lines.row(1).split() if len(lines) > 1 else [])
+    elif len(words) == 3 and all(map(is_count, words)) and sum(map(int, words[:2])) == len(lines) - 1:
+        notes.append("the word OFF is missing in the first line")
+    else:
         lines.fail(
-            0, "the header OFF (or COFF, NOFF, STOFF) of a text file", "add it or export the file again"
+            0, "the header OFF (or COFF, NOFF, STOFF, 4OFF) of a text file", "add it or export the file again"
         )
-    row = 0 if header["rest"] else 1
-    words = header["rest"].split() if row == 0 else (lines.row(1).split() if len(lines) > 1 else [])
+    letters = header["letters"].upper() if header else ""
     if len(words) not in (2, 3) or not all(map(is_count, words)):
         lines.fail(row, "the number of vertices, of faces and of edges")
-    return int(words[0]), int(words[1]), lines[row + 1 :]
+    return letters, int(words[0]), int(words[1]), lines[row + 1 :], notes

@@ -14,7 +14,7 @@ from isomatch.assets.formats._ply_body import Table, read_tables
 from isomatch.assets.formats._ply_header import Header, Property, read_header
 from isomatch.assets.formats._ply_rows import Cells, cells, holds, write_rows
 from isomatch.assets.formats._text import is_whole
-from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -38,7 +38,8 @@ class PlyDocument:
 def read(data: bytes, name: str) -> Mesh:
     """Read a PLY file; properties and elements other than positions and faces are ignored."""
     tables = _tables(data, name, read_header(data, name))
-    return Mesh(_positions(tables, name), triangulate(*_polygons(tables, name)))
+    points = _positions(tables, name)
+    return Mesh(points, Polygons(*_polygons(tables, name), points).triangles)
 
 
 def read_asset(data: bytes, name: str) -> Asset:

@@ -87,7 +87,7 @@ FORMATS: dict[str, MeshFormat] = {
         off.write,
         read_asset=off.read_asset,
         keeps=off.keeps,
-        single=frozenset({"colour", "normal"}),
+        single=frozenset({"colour", "normal", "uv"}),
         has_opacity=False,
     ),
     ".obj": MeshFormat(
@@ -100,7 +100,7 @@ FORMATS: dict[str, MeshFormat] = {
         has_opacity=False,
     ),
     ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
-    ".stl": MeshFormat(stl.read, stl.write, _BINARY),
+    ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
     ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
     ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),

@@ -5,40 +5,43 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._text import TextLines, format_rows, read_lines
+from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh, welded
-from isomatch.values.arrays import FloatArray
+from isomatch.values.arrays import AnyArray, FloatArray
 
 _HEADER_SIZE = 84
+_UNCOUNTED = (0, 2**32 - 1)  # as numbers of triangles of programs that write them before they know
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def read(data: bytes, name: str) -> Mesh:
     """Read an STL file; corners at exactly the same position become one vertex, in order of first appearance."""
-    # Many binary files start with "solid" too, so the size is compared first.
-    declared = int.from_bytes(data[80:84], "little")
-    size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
-    if len(data) >= _HEADER_SIZE and len(data) == size:
-        with np.errstate(invalid="ignore"):  # which a signalling nan sets
-            corners: FloatArray = np.frombuffer(data, _TRIANGLE, offset=_HEADER_SIZE)["corners"].astype(
-                np.float64
-            )
-    elif data.lstrip()[:5].lower() == b"solid":
-        corners = _read_text(read_lines(name, data, lower=True))
-    elif len(data) < _HEADER_SIZE:
-        raise FormatError(
-            f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
-            "the file; it is cut short or not STL, copy or export it again"
-        )
+    asset = read_asset(data, name)
+    return Mesh(asset.points, asset.polygons.triangles)
+
+
+def read_asset(data: bytes, name: str) -> Asset:
+    """Read an STL file with the colours of its triangles, if it is binary and has some."""
+    is_text = data.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() in (b"solid", b"facet")
+    if (
+        is_text and b"\0" not in data[: _HEADER_SIZE + _TRIANGLE.itemsize]
+    ):  # many binary files start with it, too
+        corners, notes = _read_text(read_lines(name, data, lower=True))
+        attributes: list[Attribute] = []
     else:
-        raise FormatError(
-            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {declared} "
-            f"triangles declared at byte 80, found {len(data)}; the file is damaged, copy or export it again"
-        )
+        triangles, notes = _triangles(data, name)
+        with np.errstate(invalid="ignore"):  # which a signalling nan sets
+            corners = triangles["corners"].astype(np.float64)
+        attributes, left = _colours(data[:80], triangles["attribute"])
+        notes += left
     points = corners.reshape(-1, 3)
     kept, vertex = welded(points)
-    return Mesh(points[kept], vertex.reshape(-1, 3))
+    return Asset(
+        points[kept], Polygons.of_triangles(vertex.reshape(-1, 3)), tuple(attributes), notes=tuple(notes)
+    )
 
 
 def write(asset: Asset, binary: bool = True) -> bytes:
@@ -59,10 +62,53 @@ def write(asset: Asset, binary: bool = True) -> bytes:
     return b"binary STL".ljust(80) + mesh.n_faces.to_bytes(4, "little") + triangles.tobytes()
 
 
-def _read_text(lines: TextLines) -> FloatArray:
+def _triangles(data: bytes, name: str) -> tuple[AnyArray, list[str]]:
+    """Read the triangles of a binary file; some programs write 0 or −1 for their number, or bytes after them."""
+    if len(data) < _HEADER_SIZE:
+        raise FormatError(
+            f"{name}: byte {len(data)}: expected 'solid' or {_HEADER_SIZE} bytes of header, found the end of "
+            "the file; it is cut short or not STL, copy or export it again"
+        )
+    declared = int.from_bytes(data[80:84], "little")
+    present, rest = divmod(len(data) - _HEADER_SIZE, _TRIANGLE.itemsize)
+    size = _HEADER_SIZE + _TRIANGLE.itemsize * declared
+    n, notes = declared, []
+    if declared in _UNCOUNTED and present and not rest:
+        n = present
+        notes = [f"the header says {'−1' if declared else 0} triangles; the {present} that follow are read"]
+    elif declared > 0 and size < len(data):
+        notes = [f"{len(data) - size} bytes after the triangles are left out"]
+    elif len(data) != size:
+        raise FormatError(
+            f"{name}: byte {min(len(data), size)}: expected {size} bytes for the {declared} "
+            f"triangles declared at byte 80, found {len(data)}; the file is damaged, copy or export it again"
+        )
+    return np.frombuffer(data, _TRIANGLE, n, _HEADER_SIZE), notes
+
+
+def _colours(header: bytes, words: AnyArray) -> tuple[list[Attribute], list[str]]:
+    """Read a colour of 15 bits for each triangle, as Materialise Magics or else as VisCAM and SolidView keep it."""
+    fifths = np.stack([words & 31, words >> 5 & 31, words >> 10 & 31], axis=1)
+    octets = np.rint(fifths * (255 / 31))
+    marked = words >= 2**15
+    mark = header.find(b"COLOR=")
+    if mark >= 0 and len(header) >= mark + 10:
+        octets[marked] = list(header[mark + 6 : mark + 9])  # the colour of the whole
+        return [Attribute("color", "face", "colour", octets.astype(np.uint8))], []
+    if not marked.any():
+        return [], ["the two bytes after each triangle are left out"] if words.any() else []
+    octets = octets[:, ::-1]
+    octets[~marked] = np.nan
+    color = Attribute("color", "face", "colour", octets.astype(np.uint8) if marked.all() else octets)
+    return [color], [color.note_of_missing] if not marked.all() else []
+
+
+def _read_text(lines: TextLines) -> tuple[FloatArray, list[str]]:
     """Read the corners of each triangle, (m, 3, 3)."""
-    if not len(lines) or not lines.row(len(lines) - 1).startswith("endsolid"):
-        lines.fail(len(lines), "endsolid")
+    ends = np.append(lines.starting_with("endsolid").numbers, lines.starting_with("end").numbers)
+    notes = [] if len(ends) else ["there is no endsolid; the file may be cut short"]
+    if after := int((lines.numbers > ends.max()).sum()) if len(ends) else 0:
+        notes.append(f"{after} lines after the last endsolid are left out")
     corners = lines.starting_with("vertex")
     loop_ends = lines.starting_with("endloop").numbers
     # At the end of triangle t, counted from 0, 3 (t + 1) corners must have been read.
@@ -74,4 +120,4 @@ def _read_text(lines: TextLines) -> FloatArray:
         )
     if len(corners) != 3 * len(loop_ends):
         lines.fail(len(lines) - 1, "an endloop after every 3 vertex lines")
-    return corners.parse().leading(3, "3 numbers x y z after vertex").reshape(-1, 3, 3)
+    return corners.parse().leading(3, "3 numbers x y z after vertex").reshape(-1, 3, 3), notes

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.formats._vtk_legacy import require_complete
 from isomatch.assets.from_libraries import held_by
 from isomatch.assets.to_libraries import to_meshio, to_pyvista
-from isomatch.errors import MeshError
+from isomatch.errors import FormatError, MeshError
 from isomatch.loading.packages import package
 
 _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
@@ -15,6 +19,7 @@ _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
 
 def read_vtk(data: bytes, name: str) -> Asset:
     """Read a legacy file: polygons by PyVista, unstructured grids by meshio."""
+    require_complete(data, name)
     is_polygons = b"POLYDATA" in data[:_LEGACY_HEADER].upper()
     return _by_pyvista(data, name, ".vtk") if is_polygons else _by_meshio(data, name, "vtk")
 
@@ -62,11 +67,34 @@ def _saved(asset: Asset, suffix: str, binary: bool) -> bytes:
 
 
 def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
-    pyvista = package("pyvista", "vtk", f"a {suffix} file of polygons")
-    with reading(name, f"a {suffix} file of polygons"), on_disk(data, suffix) as path:
-        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
-            mesh = pyvista.read(path)
-        return held_by(mesh)
+    what = f"a {suffix} file of polygons"
+    pyvista = package("pyvista", "vtk", what)
+    with reading(name, what), on_disk(data, suffix) as path:
+        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(send_to_logging=False) as caught:
+            reader = pyvista.get_reader(path).reader
+            reader.Update()  # pyvista.read only warns of errors
+            mesh = pyvista.wrap(reader.GetOutput())
+        # ranges of values that are nan cannot be read, and are of no use
+        problems = [
+            event.alert
+            for event in caught.events
+            if event.kind.upper() != "WARNING" and "InformationKey" not in event.alert
+        ]
+        found = mesh.GetNumberOfPolys()
+        if suffix == ".vtp" and found != (declared := _declared_polygons(data)):
+            problems.append(f"{found} polygons, {declared} declared")
+        if problems:
+            raise FormatError(
+                f"{name}: expected {what}, found damaged contents ({problems[0]}); copy or export it again"
+            )
+        notes = (f"{mesh.n_lines} lines are left out",) if mesh.n_lines else ()
+        return replace(held_by(mesh), notes=notes)
+
+
+def _declared_polygons(data: bytes) -> int:
+    """Return the number of polygons of all pieces of an XML file."""
+    counts = re.findall(rb"""\sNumberOfPolys\s*=\s*["'](\d+)""", data.partition(b"<AppendedData")[0])
+    return sum(map(int, counts))
 
 
 def _by_meshio(data: bytes, name: str, kind: str) -> Asset:

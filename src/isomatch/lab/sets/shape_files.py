@@ -171,7 +171,9 @@ def _read_table(path: Path, columns: int = 1) -> FloatArray:
     first = next(rows, "")
     try:
         table = (
-            np.loadtxt(chain([first], rows), dtype=np.float64, ndmin=2) if first else np.zeros((0, columns))
+            np.loadtxt(chain([first], rows), dtype=np.float64, comments=None, ndmin=2)
+            if first
+            else np.zeros((0, columns))
         )
     except ValueError as error:
         _refuse(path, str(error))

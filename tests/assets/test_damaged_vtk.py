@@ -1,0 +1,197 @@
+"""VTK files: damaged ones are errors, never surfaces without points or with fewer; sound ones of any version are read."""
+
+import re
+
+import numpy as np
+import pytest
+
+from isomatch import FormatError, check, read_asset, read_mesh, write_asset
+from isomatch.assets import Attribute
+from isomatch.cli import main
+
+pytest.importorskip("pyvista")
+
+from made import POINTS, POLYGONS
+
+from isomatch import Asset
+
+REGION = np.array([0, 1, 0, 1, 2, 2, 1])
+HEIGHT = np.array([0.0, 1.0, 2.0, 3.0])
+
+
+def surface():
+    of_points = Attribute("region", "point", "label", REGION)
+    return Asset(POINTS, POLYGONS, (of_points, Attribute("height", "face", "scalar", HEIGHT)))
+
+
+@pytest.fixture(params=[True, False], ids=["binary", "text"])
+def vtp(request, tmp_path):
+    """A sound file, whose arrays can be told by their names."""
+    write_asset(tmp_path / "a.vtp", surface(), binary=request.param)
+    return tmp_path / "a.vtp"
+
+
+def shortened(data, name, within):
+    """The same with fewer numbers in an array, or with a shorter code of them."""
+    start = data.index(f"<{within}".encode())
+    found = re.compile(rb'Name="%s"[^>]*>\s*([^<]*?)\s*<' % name.encode()).search(data, start)
+    kept = found[1].rsplit(maxsplit=2)[0] if b" " in found[1] else found[1][:24]
+    return data[: found.start(1)] + kept + data[found.end(1) :]
+
+
+ARRAYS = [
+    ("Points", "Points"), ("connectivity", "Polys"), ("offsets", "Polys"), ("region", "PointData"), ("height", "CellData")
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "within"), ARRAYS)
+def test_an_array_that_is_too_short(vtp, name, within, capfd):
+    vtp.write_bytes(shortened(vtp.read_bytes(), name, within))
+    for read in (read_asset, read_mesh):
+        with pytest.raises(
+            FormatError, match=r"a\.vtp: expected a \.vtp file of polygons, found damaged contents"
+        ):
+            read(vtp)
+    assert main(["check", str(vtp)]) == 1
+    assert "ERROR" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (rb'NumberOfPoints="7"', b'NumberOfPoints="9"'),
+        (rb'NumberOfPolys="4"', b'NumberOfPolys="6"'),
+        (rb"(?s)<Polys>.*</Polys>", b""),
+        (rb"(?s)<Points>.*</Points>", b""),
+        (
+            rb'(?s)<DataArray[^>]*Name="connectivity"(?:(?!<DataArray).)*</DataArray>\s*(?=<DataArray[^>]*"offsets")',
+            b"",
+        ),
+        (rb"</Piece>", b""),
+    ],
+)
+def test_what_does_not_fit_the_declared_numbers(vtp, old, new):
+    data, n = re.subn(old, new, vtp.read_bytes())
+    assert n
+    vtp.write_bytes(data)
+    with pytest.raises(FormatError, match=r"a\.vtp: "):
+        read_asset(vtp)
+
+
+def test_files_cut_anywhere(vtp):
+    data = vtp.read_bytes()
+    for end in range(0, data.rindex(b"</PolyData>"), 97):
+        vtp.write_bytes(data[:end])
+        with pytest.raises(FormatError):
+            read_asset(vtp)
+
+
+def test_numbers_that_are_not_finite_are_no_damage(tmp_path):
+    flow = Attribute("flow", "point", "vector", np.full((7, 3), np.nan))
+    points = np.where([[True], *[[False]] * 6], np.inf, POINTS)
+    for suffix in (".vtp", ".vtk"):
+        for binary in (True, False):
+            write_asset(tmp_path / f"a{suffix}", Asset(points, POLYGONS, (flow,)), binary=binary)
+            found = read_asset(tmp_path / f"a{suffix}")
+            np.testing.assert_array_equal(found.points, points)
+            assert np.isnan(found.attribute("flow").values).all()
+            assert check(found.mesh).non_finite_vertices.tolist() == [0]
+
+
+def text(rows):
+    return "".join(" ".join(map(str, row)) + "\n" for row in rows)
+
+
+def numbers(values, kind, binary):
+    return (
+        np.asarray(values).astype(kind).tobytes() + b"\n"
+        if binary
+        else (text([np.ravel(values).tolist()])).encode()
+    )
+
+
+def legacy(version, binary, lower=False):
+    """A file with a vertex, two lines, the polygons, and values on points and cells, written by hand."""
+    sizes, corners = POLYGONS.sizes, POLYGONS.corners
+    head = f"# vtk DataFile Version {version}\nby hand\n{'BINARY' if binary else 'ASCII'}\n"
+    parts = [head.encode(), b"dataset polydata\n" if lower else b"DATASET POLYDATA\n", b"POINTS 7 double\n"]
+    parts.append(numbers(POINTS, ">f8", binary))
+    cells = [("VERTICES", [[6]]), ("LINES", [[0, 1], [1, 2, 3]])]
+    cells.append(("POLYGONS", np.split(corners, np.cumsum(sizes)[:-1])))
+    for keyword, lists in cells:
+        joined, starts = np.concatenate(lists), np.cumsum([0, *map(len, lists)])
+        if version[0] == "5":
+            parts.append(f"{keyword} {len(starts)} {len(joined)}\nOFFSETS vtktypeint64\n".encode())
+            parts += [
+                numbers(starts, ">i8", binary),
+                b"CONNECTIVITY vtktypeint64\n",
+                numbers(joined, ">i8", binary),
+            ]
+        else:
+            counted = np.concatenate([[len(each), *each] for each in lists])
+            parts += [f"{keyword} {len(lists)} {len(counted)}\n".encode(), numbers(counted, ">i4", binary)]
+    parts.append(b"CELL_DATA 7\nSCALARS height double\nLOOKUP_TABLE default\n")
+    parts += [
+        numbers([-1, -1, -1, *HEIGHT], ">f8", binary),
+        b"POINT_DATA 7\nFIELD FieldData 1\nregion 1 7 int\n",
+    ]
+    return b"".join([*parts, numbers(REGION, ">i4", binary)])
+
+
+LEGACY = [("3.0", True), ("4.2", True), ("4.2", False), ("5.1", True), ("5.1", False)]
+
+
+@pytest.mark.parametrize(("version", "binary"), LEGACY)
+@pytest.mark.parametrize("lower", [False, True])
+def test_legacy_files(tmp_path, version, binary, lower):
+    (tmp_path / "a.vtk").write_bytes(legacy(version, binary, lower))
+    asset = read_asset(tmp_path / "a.vtk")
+    np.testing.assert_array_equal(asset.points, POINTS)
+    np.testing.assert_array_equal(asset.polygons.corners, POLYGONS.corners)
+    np.testing.assert_array_equal(asset.attribute("height").values, HEIGHT)
+    np.testing.assert_array_equal(asset.attribute("region").values, REGION)
+    assert asset.notes == ("2 lines are left out",)
+
+
+@pytest.mark.parametrize(("version", "binary"), LEGACY)
+def test_legacy_files_cut_anywhere(tmp_path, version, binary):
+    data = legacy(version, binary)
+    sound = 0
+    for end in [*range(0, len(data) - 8, 23), len(data) - 8]:
+        (tmp_path / "a.vtk").write_bytes(data[:end])
+        try:
+            asset = read_asset(tmp_path / "a.vtk")
+        except FormatError:
+            continue
+        sound += 1  # what ends with a whole section cannot be told from a file that has no more
+        np.testing.assert_array_equal(asset.points, POINTS)
+        assert len(asset.polygons) in (0, 4)
+        assert all(len(a) == {"point": 7, "face": 4}[a.domain] for a in asset.attributes)
+    assert sound <= 6
+
+
+@pytest.mark.parametrize(("version", "binary"), LEGACY)
+@pytest.mark.parametrize(
+    ("keyword", "wrong"),
+    [
+        (rb"POINTS 7", b"POINTS 9"),
+        (rb"POINTS 7", b"POINTS 5"),
+        (rb"POLYGONS (\d+)", b"POLYGONS 9"),
+        (rb"POLYGONS (\d+) \d+", rb"POLYGONS \1 12"),
+        (rb"POLYGONS (\d+) \d+", rb"POLYGONS \1 99999"),
+        (rb"POLYGONS (\d+)", b"POLYGONS -1"),
+        (rb"CELL_DATA 7", b"CELL_DATA 900"),
+        (rb"region 1 7", b"region 3 7"),
+    ],
+)
+def test_legacy_files_with_other_numbers_than_declared(tmp_path, version, binary, keyword, wrong):
+    (tmp_path / "a.vtk").write_bytes(re.sub(keyword, wrong, legacy(version, binary)))
+    with pytest.raises(FormatError, match=r"a\.vtk: "):
+        read_asset(tmp_path / "a.vtk")
+
+
+def test_what_is_no_surface_is_named(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    meshio.Mesh(POINTS[:4], [("tetra", [[0, 1, 2, 3]])]).write(tmp_path / "a.vtu")
+    with pytest.raises(FormatError, match="no triangles, quads or polygons but tetra"):
+        read_asset(tmp_path / "a.vtu")
