@@ -28,6 +28,7 @@ FORMAT = ArrayFormat(
         "method": Stored("text"),
         "engine": Stored("text"),
         "samples": Stored("integer", ("p",), index_of="n"),
+        "notes": Stored("text", group="notes"),
         "held_out_vertices": Stored("integer", ("q",), index_of="n", group="held out"),
         "held_out_columns": Stored("float", ("q", "n"), group="held out"),
     },
@@ -54,6 +55,8 @@ class DistanceBasis:
         Vertices whose distance columns were used; empty for the exact basis.
     held_out : Sampling, optional
         Columns that were not used, drawn with probability ∝ weight, on which `error_estimate` measures.
+    notes : tuple of str
+        What was welded.
 
     Notes
     -----
@@ -83,6 +86,7 @@ class DistanceBasis:
     engine: str
     samples: IntArray
     held_out: Sampling | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, k = self.vectors.shape
@@ -194,8 +198,10 @@ class DistanceBasis:
             If the file cannot be written.
         """
         held_out = {} if self.held_out is None else vars(self.held_out)
-        arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
+        arrays = {name: value for name, value in vars(self).items() if name not in ("held_out", "notes")}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
+        if self.notes:
+            arrays["notes"] = "; ".join(self.notes)
         save_arrays(path, FORMAT.version, arrays)
 
     @classmethod
@@ -210,7 +216,10 @@ class DistanceBasis:
         """
         arrays = FORMAT.read(path)
         held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
-        return cls(**arrays, held_out=None if held_out["vertices"] is None else Sampling(**held_out))
+        notes = tuple(filter(None, arrays.pop("notes", "").split("; ")))
+        return cls(
+            **arrays, notes=notes, held_out=None if held_out["vertices"] is None else Sampling(**held_out)
+        )
 
     def _indices(self, i: ArrayLike) -> IntArray:
         """Vertex indices as integers within bounds, which compiled loops do not check."""

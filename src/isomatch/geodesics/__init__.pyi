@@ -22,6 +22,7 @@ from isomatch.geodesics.sampling import (
     peripheral_vertex,
 )
 from isomatch.geodesics.units import ordinary_unit
+from isomatch.geodesics.welded import WeldedEngine
 
 __all__ = [
     "ENGINES",
@@ -35,6 +36,7 @@ __all__ = [
     "MissingRegion",
     "RestrictedEngine",
     "Sampling",
+    "WeldedEngine",
     "distance_along_edges_to_nearest",
     "distance_engine",
     "engine_names",

@@ -15,6 +15,8 @@ from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
 from isomatch.geodesics.heat import Heat
 from isomatch.geodesics.protocol import DistanceEngine
+from isomatch.geodesics.welded import WeldedEngine
+from isomatch.mending import welded_surface
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import AnyArray, FloatArray
 
@@ -58,7 +60,9 @@ def metric_space(given: MetricSpace | SurfaceLike) -> MetricSpace:
     return surface_from(given)
 
 
-def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None) -> DistanceEngine:
+def distance_engine(
+    surface: MetricSpace | SurfaceLike, name: str | None = None, *, weld: bool = True
+) -> DistanceEngine:
     """Set up the engine that computes the distances of a surface, or wrap distances that are given.
 
     Parameters
@@ -68,11 +72,16 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
         distances and is called with one source to learn n; an engine is returned as it is.
     name : str, optional
         One of ``engine_names(type(surface))``; by default the first of them.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface, as along the seams of a
+        texture. Otherwise a seam is a cut.
 
     Returns
     -------
     DistanceEngine
-        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given.
+        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given. If vertices
+        were welded it is a `WeldedEngine`, whose points are still the vertices of the user and whose ``notes`` say how
+        many were welded.
 
     Raises
     ------
@@ -95,6 +104,9 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
     array([[1., 0., 1., 2.]])
     """
     surface = metric_space(surface)
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        return WeldedEngine(distance_engine(seams.mesh, name, weld=False), seams.new_index, seams.changes)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
             for chosen in engines:
@@ -119,7 +131,11 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
 
 
 def geodesic_distances(
-    surface: MetricSpace | SurfaceLike, sources: ArrayLike, engine: str | None = None
+    surface: MetricSpace | SurfaceLike,
+    sources: ArrayLike,
+    engine: str | None = None,
+    *,
+    weld: bool = True,
 ) -> FloatArray:
     """Geodesic distances from some vertices to all others.
 
@@ -131,6 +147,8 @@ def geodesic_distances(
         Source vertices.
     engine : str, optional
         How the distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Returns
     -------
@@ -159,4 +177,4 @@ def geodesic_distances(
     >>> geodesic_distances(square, [1], engine="dijkstra")
     array([[1., 0., 1., 2.]])
     """
-    return distance_engine(surface, engine).distances_from(np.atleast_1d(np.asarray(sources)))
+    return distance_engine(surface, engine, weld=weld).distances_from(np.atleast_1d(np.asarray(sources)))
