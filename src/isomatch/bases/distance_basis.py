@@ -28,7 +28,7 @@ FORMAT = ArrayFormat(
         "method": Stored("text"),
         "engine": Stored("text"),
         "samples": Stored("integer", ("p",), index_of="n"),
-        "notes": Stored("text", group="notes"),
+        "welded": Stored("text", group="welded"),
         "held_out_vertices": Stored("integer", ("q",), index_of="n", group="held out"),
         "held_out_columns": Stored("float", ("q", "n"), group="held out"),
     },
@@ -201,7 +201,7 @@ class DistanceBasis:
         arrays = {name: value for name, value in vars(self).items() if name not in ("held_out", "notes")}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
         if self.notes:
-            arrays["notes"] = "; ".join(self.notes)
+            arrays["welded"] = "; ".join(self.notes)
         save_arrays(path, FORMAT.version, arrays)
 
     @classmethod
@@ -216,7 +216,7 @@ class DistanceBasis:
         """
         arrays = FORMAT.read(path)
         held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
-        notes = tuple(filter(None, arrays.pop("notes", "").split("; ")))
+        notes = tuple(filter(None, arrays.pop("welded", "").split("; ")))
         return cls(
             **arrays, notes=notes, held_out=None if held_out["vertices"] is None else Sampling(**held_out)
         )
