@@ -150,7 +150,7 @@ def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
     ("text", "words"),
     [
         ("0 1\n2\n", "pairs.txt:2: '2' is not a pair; write two 0-based vertex indices"),
-        ("0 -1\n", "pairs of vertices 0, -1 leave 0…161"),
+        ("0 -1\n", "vertices of pairs -1 are outside 0…161"),
     ],
 )
 def test_bad_pairs(text, words, sphere, tmp_path, capsys):

@@ -13,8 +13,9 @@ from scipy.linalg import qr
 from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics import Sampling
+from isomatch.geodesics import Sampling, points_of
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
+from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 
 FORMAT = ArrayFormat(
@@ -188,6 +189,18 @@ class DistanceBasis:
             errors[c] = (self.weights * missing**2).sum()
         relative: FloatArray = np.sqrt(errors / whole)
         return relative
+
+    def with_points(self, points: PrecisePoints) -> DistanceBasis:
+        """Add m points of faces as points n … n + m − 1: their distances are interpolated, and their weight is 0.
+
+        Raises
+        ------
+        MeshError
+            If they are no points between the n vertices.
+        """
+        more = points_of(points, len(self.vectors)).interpolated(self.vectors)
+        weights = np.append(self.weights, np.zeros(len(more)))
+        return replace(self, vectors=np.concatenate([self.vectors, more]), weights=weights, held_out=None)
 
     def save(self, path: str | Path) -> None:
         """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete.

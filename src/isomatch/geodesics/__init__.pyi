@@ -16,6 +16,7 @@ from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.path_files import PATH_SUFFIXES, write_paths
 from isomatch.geodesics.paths import GeodesicPath, geodesic_path, geodesic_paths
+from isomatch.geodesics.points import points_of
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
 from isomatch.geodesics.restricted import RestrictedEngine
 from isomatch.geodesics.sampling import (
@@ -57,5 +58,6 @@ __all__ = [
     "ordinary_unit",
     "pair_distances",
     "peripheral_vertex",
+    "points_of",
     "write_paths",
 ]

@@ -14,6 +14,7 @@ from isomatch.geodesics.exact import Exact
 from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
 from isomatch.geodesics.heat import Heat
+from isomatch.geodesics.in_faces import PointsInFaces
 from isomatch.geodesics.inserted import inserted
 from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.points import joined, points_of, vertices_of
@@ -29,6 +30,9 @@ ENGINES: dict[type, tuple[type[Any], ...]] = {
     Graph: (Dijkstra,),
 }
 """The registry: engine classes for each kind of surface, the default first. All lists of names derive from it."""
+
+DIVIDING = (Exact.name, Dijkstra.name)
+"""Engines for which a point in a face becomes a vertex; the others would err more, because triangles become thin."""
 
 MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
 """Everything that has distances: a surface, an n × n matrix, a function of sources, or an engine."""
@@ -142,12 +146,14 @@ def distance_engine(
 
 
 def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, weld: bool) -> DistanceEngine:
-    """Make vertices of points of a mesh; those of the engine are the vertices of the user, and then these points."""
+    """Set up an engine of the vertices of a mesh, and then of points in its faces."""
     if not isinstance(surface, Mesh):
         raise MeshError(
             f"points in faces are points of a Mesh, not of a {type(surface).__name__}; give vertices"
         )
     points = points_of(points, surface.n_vertices)
+    if name not in DIVIDING:
+        return PointsInFaces(distance_engine(surface, name, weld=weld), surface, points)
     seams = welded_surface(surface) if weld else None
     vertex = seams.new_index if seams else np.arange(surface.n_vertices)
     found = inserted(seams.mesh if seams else surface, points._replace(corners=vertex[points.corners]))

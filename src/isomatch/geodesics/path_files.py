@@ -70,14 +70,9 @@ def _vtp(paths: Sequence[GeodesicPath]) -> str:
         return np.concatenate([np.zeros((0, width)), *parts])
 
     corners = together((path.points.corners for path in paths), 3).astype(np.int64)
+    weights = together((path.points.barycentric for path in paths), 3)
     arrays = (
-        (
-            "PointData",
-            [
-                _array("corners", corners),
-                _array("barycentric", together((p.points.barycentric for p in paths), 3)),
-            ],
-        ),
+        ("PointData", [_array("corners", corners), _array("barycentric", weights)]),
         ("CellData", [_array("length", np.array([path.length for path in paths], dtype=np.float64))]),
         ("Points", [_array("points", together((path.positions for path in paths), 3))]),
         (

@@ -83,8 +83,8 @@ class UnfoldedFaces(NamedTuple):
 class Windows:
     """The windows of rays from one vertex, and how each vertex is reached.
 
-    A window is an interval of an edge that light reaches from a vertex, its *root*, through a row of faces that lie in one
-    plane once they are unfolded. It is about to enter a face at one of its sides.
+    A window is an interval of an edge that light reaches from a vertex, its *root*, through a row of faces that lie in
+    one plane once they are unfolded. It is about to enter a face at one of its sides.
 
     Parameters
     ----------
@@ -222,7 +222,8 @@ def _add(
     """Add the windows that leave a face by part low…high of its side ``own``, unless a shorter path makes them useless.
 
     The root is at (along, height) over that side, at the distance sigma from the source. ``third_is_near`` is the end of
-    the interval, 0 or 1, on whose side of all rays the third corner of the face is. ``count`` holds the numbers of windows and of items queued.
+    the interval, 0 or 1, on whose side of all rays the third corner of the face is. ``count`` holds the numbers of
+    windows and of queued items.
     """
     full = length[own]
     if high - low <= NARROW * full:
