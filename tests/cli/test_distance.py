@@ -135,7 +135,7 @@ def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
             "There is no engine 'telepathy'; known are fast_marching",
         ),
         (["--from", "1", "--basis", "nowhere.npz"], 1, "nowhere.npz: no such file; check the name"),
-        (["--from", "1;2"], 1, "--from '1;2' is not a list of vertices"),
+        (["--from", "1;2"], 1, "--from '1;2' is not a list of points"),
         (["--from", "162"], 1, "sources 162 are outside 0…161"),
         (["--from", "1", "-o", "out.xlsx"], 1, "suffix '.xlsx' cannot be written; use .csv or .npz"),
         (["--pairs", "nowhere.txt"], 1, "nowhere.txt: no such file"),
