@@ -19,6 +19,7 @@ from isomatch.geodesics import (
     geodesic_path,
     pair_distances,
 )
+from isomatch.lab.evaluation import coverage
 from isomatch.mending import welded_surface
 from shapes import flat_grid, icosphere
 from zoo.made import block, boxes, soup
@@ -239,3 +240,17 @@ def test_commands(tmp_path, capsys):
     assert main(["check", file, "--for", "basis"]) == 0
     assert main(["basis", file, "-o", basis, "--force", "--no-weld"]) == 1
     assert "2 vertices have no area" in capsys.readouterr().err, "those at the poles that no face uses"
+
+
+def test_a_map_is_inverted_across_a_seam():
+    """Of the images of one copy of a point, vertices on the other side of the seam are as near."""
+    split = globe()
+    seams = welded_surface(split)
+    there = np.arange(split.n_vertices)
+    there[seams.vertex_index[seams.new_index] != there] = -1  # only the first of the copies is an image
+    there = isomatch.Correspondence(there, split.n_vertices)
+    used = np.unique(split.faces)
+    back = there.reversed(split, split, within=1e-9)
+    assert back.matched[used].all()
+    assert np.array_equal(split.vertices[back.vertices[used]], split.vertices[used])
+    assert coverage(split, there, 0.0) == pytest.approx(1.0)
