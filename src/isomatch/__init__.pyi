@@ -30,14 +30,20 @@ from isomatch.errors import (
     SettingError,
     UnwritableFileError,
 )
-from isomatch.geodesics import distance_engine, farthest_point_sampling, geodesic_distances
+from isomatch.geodesics import (
+    GeodesicPath,
+    distance_engine,
+    farthest_point_sampling,
+    geodesic_distances,
+    geodesic_path,
+)
 from isomatch.landmarks import nearest_landmarks, read_landmarks
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality, match, match_both
 from isomatch.mending import MeshReport, check, repair
 from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
-from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.transfer import bake_texture, carry_attributes
 
 __version__: str
@@ -54,6 +60,7 @@ __all__ = [
     "DistanceBasis",
     "FormatError",
     "GeodesicDistanceDescriptor",
+    "GeodesicPath",
     "Graph",
     "InputError",
     "IsomatchError",
@@ -70,6 +77,7 @@ __all__ = [
     "NotConvergedError",
     "Outcome",
     "PointCloud",
+    "PrecisePoints",
     "PreparedShape",
     "Quality",
     "SettingError",
@@ -84,6 +92,7 @@ __all__ = [
     "farthest_point_sampling",
     "geodesic_distance_descriptor",
     "geodesic_distances",
+    "geodesic_path",
     "heat_kernel_signature",
     "laplace_basis",
     "match",

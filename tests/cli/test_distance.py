@@ -135,7 +135,7 @@ def test_distances_from_a_basis(sphere, pairs, tmp_path, capsys):
             "There is no engine 'telepathy'; known are fast_marching",
         ),
         (["--from", "1", "--basis", "nowhere.npz"], 1, "nowhere.npz: no such file; check the name"),
-        (["--from", "1;2"], 1, "--from '1;2' is not a list of vertices"),
+        (["--from", "1;2"], 1, "--from '1;2' is not a list of points"),
         (["--from", "162"], 1, "sources 162 are outside 0…161"),
         (["--from", "1", "-o", "out.xlsx"], 1, "suffix '.xlsx' cannot be written; use .csv or .npz"),
         (["--pairs", "nowhere.txt"], 1, "nowhere.txt: no such file"),
@@ -150,7 +150,7 @@ def test_bad_usage_is_reported_in_one_line(more, code, words, sphere, capsys):
     ("text", "words"),
     [
         ("0 1\n2\n", "pairs.txt:2: '2' is not a pair; write two 0-based vertex indices"),
-        ("0 -1\n", "pairs of vertices 0, -1 leave 0…161"),
+        ("0 -1\n", "vertices of pairs -1 are outside 0…161"),
     ],
 )
 def test_bad_pairs(text, words, sphere, tmp_path, capsys):

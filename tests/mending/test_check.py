@@ -111,7 +111,7 @@ def test_fatal_sentences(name, sentence):
         ("flat_face", "faces of zero area (0): distances across them are less accurate; remesh"),
         ("needle", "sliver faces (0): distances across them are less accurate; remesh"),
         ("unused_vertex", "finite vertices that no sound face uses (12): their distance to all"),
-        ("seam", "vertices at the position of an earlier vertex (12, 13, 14): the surface may be cut"),
+        ("seam", "vertices at the position of an earlier vertex (12, 13, 14): distances, bases and"),
         ("book", "edges of more than two faces (0–1): paths may cross from one sheet"),
         ("touching_tetrahedra", "vertices where several fans of faces meet (0): sheets touch at a single"),
         ("rewound_face", "edges whose two faces have opposite winding (0–1, 0–2, 1–2): normals"),

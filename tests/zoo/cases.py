@@ -323,7 +323,7 @@ def collinear_points():
     return Mesh(np.pad(np.arange(120.0)[:, None], ((0, 0), (0, 2))), [])
 
 
-@case(basis=NO_AREA, match=NO_SOUND_FACE)
+@case(basis=TOO_FEW, match=NO_SOUND_FACE)
 def all_at_one_point():
     return moved(BODY, scale=0)
 
@@ -352,7 +352,7 @@ def lone_edge():
     return with_faces(with_vertices(BODY, [[9, 9, 9], [9, 9, 8]]), [[N, N, N + 1]])
 
 
-@case(basis=NO_AREA)
+@case()
 def fin_of_zero_area():
     """A face on one edge, whose third corner is at an end of that edge."""
     a, b = BODY.faces[0, :2]
@@ -373,7 +373,7 @@ def flattened_half():
     return moved(BODY, scale=np.where(BODY.vertices[:, 2:] > 0, [0, 0, 1], 1))
 
 
-@case(basis=NO_AREA)
+@case()
 def collapsed_patch():
     near = np.linalg.norm(BODY.vertices - BODY.vertices[150], axis=1).argsort()[:20]
     return placed(BODY, dict.fromkeys(near, BODY.vertices[150]))
@@ -423,7 +423,7 @@ def more_isolated_vertices_than_others():
     return with_vertices(BODY, 5 * random_points(2 * N))
 
 
-@case(basis=COMPONENTS)
+@case(basis=TOO_FEW)
 def triangle_soup():
     return soup(blob(90))
 
@@ -434,12 +434,12 @@ def soup_that_cannot_be_welded():
     return Mesh(torn.vertices + 1e-9 * random_points(torn.n_vertices), torn.faces)
 
 
-@case(basis=COMPONENTS)
+@case()
 def seam():
     return cut_along(BODY, BODY.vertices[BODY.faces].mean(axis=1)[:, 0] > 0)
 
 
-@case(basis=COMPONENTS)
+@case()
 def body_within_its_copy():
     return together(BODY, flipped(BODY))
 
@@ -500,7 +500,7 @@ def inside_out_with_coincident_vertices_around_one():
     return coincident(flipped(BODY), a, b)
 
 
-@case(basis=COMPONENTS)
+@case()
 def inside_out_with_a_seam():
     return flipped(seam())
 

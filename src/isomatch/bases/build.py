@@ -16,6 +16,7 @@ from isomatch.bases.interpolation import fmds_basis, smds_basis
 from isomatch.bases.laplacian import require_mesh_or_points
 from isomatch.bases.nystrom import exact_basis, nystrom_basis
 from isomatch.bases.prediction import DensityWeighted, density_of, predicted_basis
+from isomatch.bases.seams import shared_weights
 from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import (
     DistanceEngine,
@@ -25,6 +26,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
+from isomatch.mending import Repair, welded_surface
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.threads import serial_blas
 from isomatch.surfaces import Mesh, PointCloud
@@ -45,6 +47,8 @@ def distance_basis(
     tolerance: float | None = None,
     dtype: DTypeLike = np.float64,
     held_out: int = 10,
+    *,
+    weld: bool = True,
 ) -> DistanceBasis:
     """Compute the geodesic distance basis of a surface.
 
@@ -75,6 +79,8 @@ def distance_basis(
         Precision of the stored vectors.
     held_out : int
         Number of further columns, computed only to estimate the error; see `DistanceBasis.error_estimate`.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface; they share its weight.
 
     Returns
     -------
@@ -117,6 +123,9 @@ def distance_basis(
     True
     """
     surface = metric_space(surface)
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        surface = seams.mesh
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
     if method not in get_args(BasisMethod):
@@ -136,7 +145,21 @@ def distance_basis(
             basis = _basis(surface, distances, start, method, measure, rank=k, n_columns=p)
             return _with_held_out(basis, distances, seed, held_out)
 
-    return in_background(computed).astype(dtype)
+    basis = in_background(computed)
+    return (_at_vertices(basis, seams) if seams else basis).astype(dtype)
+
+
+def _at_vertices(basis: DistanceBasis, seams: Repair) -> DistanceBasis:
+    """Carry the basis of a welded mesh to the vertices of the user."""
+    point, vertex, held_out = seams.new_index, seams.vertex_index, basis.held_out
+    return replace(
+        basis,
+        vectors=basis.vectors[point],
+        weights=shared_weights(basis.weights, point),
+        samples=vertex[basis.samples],
+        held_out=held_out and Sampling(vertex[held_out.vertices], held_out.columns[:, point]),
+        notes=seams.changes,
+    )
 
 
 def _basis(

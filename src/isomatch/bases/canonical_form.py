@@ -23,6 +23,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
+from isomatch.mending import welded_surface
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import FloatArray
@@ -44,6 +45,8 @@ class CanonicalForm:
     stress : float
         √(Σ w_i (‖x_i − x_j‖ − d_ij)² / Σ w_i d_ij²) over the measured columns j and all i: the part of the distances
         that a Euclidean space of this dimension cannot reproduce.
+    notes : tuple of str
+        What was welded.
 
     Examples
     --------
@@ -63,6 +66,7 @@ class CanonicalForm:
     points: FloatArray
     values: FloatArray
     stress: float
+    notes: tuple[str, ...] = ()
 
 
 def canonical_form(
@@ -73,6 +77,8 @@ def canonical_form(
     weights: Weighting = "area",
     seed: int = 0,
     engine: str | None = None,
+    *,
+    weld: bool = True,
 ) -> CanonicalForm:
     """Embed a surface by classical scaling of its geodesic distances, so that poses of one body look alike.
 
@@ -92,6 +98,8 @@ def canonical_form(
         Draws the start of the sampling.
     engine : str, optional
         How distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Returns
     -------
@@ -124,6 +132,9 @@ def canonical_form(
             f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
         )
     surface = metric_space(surface)
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        surface = seams.mesh
     distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points
     with serial_blas():
@@ -142,7 +153,10 @@ def canonical_form(
             f"only {int((values > 0).sum())} of {dim} eigenvalues are positive: the distances fit no space of that "
             "dimension; ask for a smaller dim"
         )
-    return CanonicalForm(points, values, _stress(points, sampling, measure))
+    stress = _stress(points, sampling, measure)
+    if seams:
+        return CanonicalForm(points[seams.new_index], values, stress, seams.changes)
+    return CanonicalForm(points, values, stress)
 
 
 def classical_scaling(squares: FloatArray, measure: FloatArray, dim: int) -> tuple[FloatArray, FloatArray]:

@@ -13,8 +13,9 @@ from scipy.linalg import qr
 from isomatch.bases.low_rank_distances import low_rank_distances
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, SettingError, some
-from isomatch.geodesics import Sampling
+from isomatch.geodesics import Sampling, points_of
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
+from isomatch.surfaces import PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 
 FORMAT = ArrayFormat(
@@ -28,6 +29,7 @@ FORMAT = ArrayFormat(
         "method": Stored("text"),
         "engine": Stored("text"),
         "samples": Stored("integer", ("p",), index_of="n"),
+        "welded": Stored("text", group="welded"),
         "held_out_vertices": Stored("integer", ("q",), index_of="n", group="held out"),
         "held_out_columns": Stored("float", ("q", "n"), group="held out"),
     },
@@ -54,6 +56,8 @@ class DistanceBasis:
         Vertices whose distance columns were used; empty for the exact basis.
     held_out : Sampling, optional
         Columns that were not used, drawn with probability ∝ weight, on which `error_estimate` measures.
+    notes : tuple of str
+        What was welded.
 
     Notes
     -----
@@ -83,6 +87,7 @@ class DistanceBasis:
     engine: str
     samples: IntArray
     held_out: Sampling | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n, k = self.vectors.shape
@@ -185,6 +190,18 @@ class DistanceBasis:
         relative: FloatArray = np.sqrt(errors / whole)
         return relative
 
+    def with_points(self, points: PrecisePoints) -> DistanceBasis:
+        """Add m points of faces as points n … n + m − 1: their distances are interpolated, and their weight is 0.
+
+        Raises
+        ------
+        MeshError
+            If they are no points between the n vertices.
+        """
+        more = points_of(points, len(self.vectors)).interpolated(self.vectors)
+        weights = np.append(self.weights, np.zeros(len(more)))
+        return replace(self, vectors=np.concatenate([self.vectors, more]), weights=weights, held_out=None)
+
     def save(self, path: str | Path) -> None:
         """Write the basis to an ``.npz`` file; an existing file is replaced only when the new one is complete.
 
@@ -194,8 +211,10 @@ class DistanceBasis:
             If the file cannot be written.
         """
         held_out = {} if self.held_out is None else vars(self.held_out)
-        arrays = {name: value for name, value in vars(self).items() if name != "held_out"}
+        arrays = {name: value for name, value in vars(self).items() if name not in ("held_out", "notes")}
         arrays |= {f"held_out_{name}": array for name, array in held_out.items()}
+        if self.notes:
+            arrays["welded"] = "; ".join(self.notes)
         save_arrays(path, FORMAT.version, arrays)
 
     @classmethod
@@ -210,7 +229,10 @@ class DistanceBasis:
         """
         arrays = FORMAT.read(path)
         held_out = {name: arrays.pop(f"held_out_{name}", None) for name in ("vertices", "columns")}
-        return cls(**arrays, held_out=None if held_out["vertices"] is None else Sampling(**held_out))
+        notes = tuple(filter(None, arrays.pop("welded", "").split("; ")))
+        return cls(
+            **arrays, notes=notes, held_out=None if held_out["vertices"] is None else Sampling(**held_out)
+        )
 
     def _indices(self, i: ArrayLike) -> IntArray:
         """Vertex indices as integers within bounds, which compiled loops do not check."""

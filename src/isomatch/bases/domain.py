@@ -45,7 +45,7 @@ def basis_domain(
     -----
     O(n); no distance is computed.
     """
-    distances = distance_engine(surface, engine)
+    distances = distance_engine(surface, engine, weld=False)
     n = distances.n_points
     if n < n_columns:
         raise MeshError(

@@ -81,7 +81,7 @@ def smds_basis(
     -----
     After Aflalo & Kimmel, *Spectral multidimensional scaling*, PNAS 2013, with the biharmonic energy in place of theirs.
     """
-    basis = laplace_basis(surface, len(sampling.vertices))
+    basis = laplace_basis(surface, len(sampling.vertices), weld=False)
     interpolant = basis.vectors @ spectral_interpolant(basis, sampling.vertices, fidelity)
     return _symmetrised(interpolant, sampling, weights, rank, "smds", engine)
 

@@ -12,8 +12,10 @@ from scipy.sparse import csc_array, csr_array
 from isomatch.assets import SurfaceLike, surface_from
 from isomatch.bases.domain import require_one_component
 from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiffness_and_masses
+from isomatch.bases.seams import shared_weights
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
+from isomatch.mending import welded_surface
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import row_product, serial_blas
 from isomatch.surfaces import Mesh, Surface
@@ -44,6 +46,8 @@ class LaplaceBasis:
         Eigenvalues, increasing from 0, in 1 / squared mesh units.
     weights : (n,) array of float
         The diagonal of A: vertex areas, in squared mesh units.
+    notes : tuple of str
+        What was welded.
 
     Examples
     --------
@@ -60,6 +64,7 @@ class LaplaceBasis:
     vectors: FloatArray
     values: FloatArray
     weights: FloatArray
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         n, k = self.vectors.shape
@@ -76,7 +81,12 @@ class LaplaceBasis:
 
 
 def laplace_basis(
-    surface: SurfaceLike, k: int = 200, seed: int = 0, precision: Precision = "double"
+    surface: SurfaceLike,
+    k: int = 200,
+    seed: int = 0,
+    precision: Precision = "double",
+    *,
+    weld: bool = True,
 ) -> LaplaceBasis:
     """Compute the first k eigenpairs of the Laplacian, L φ = λ A φ.
 
@@ -91,6 +101,8 @@ def laplace_basis(
     precision : {"double", "single"}
         Of the eigensolver. Single precision takes 0.6 of the time; the relative error of the last eigenvalues is up to
         0.001.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface; they share its weight.
 
     Returns
     -------
@@ -119,6 +131,9 @@ def laplace_basis(
     LaplaceBasis(4 points, 2 functions)
     """
     surface = surface_from(surface)
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        surface = seams.mesh
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
     if precision not in TOLERANCE:
@@ -126,7 +141,11 @@ def laplace_basis(
     operator, weights = _unit_operator(surface)
     with serial_blas():
         values, vectors = smallest_eigenpairs(operator, k, seed, TOLERANCE[precision], np.dtype(precision))
-    return _basis(values, vectors, weights)
+    basis = _basis(values, vectors, weights)
+    if seams:
+        weights = shared_weights(weights, seams.new_index)
+        return LaplaceBasis(basis.vectors[seams.new_index], basis.values, weights, seams.changes)
+    return basis
 
 
 def refined_laplace_basis(surface: Surface, coarse: LaplaceBasis, prolongation: csr_array) -> LaplaceBasis:

@@ -31,6 +31,7 @@ def basis(
     tolerance: float | None = None,
     single: bool = False,
     canonical: Path | None = None,
+    weld: Annotated[bool, Parameter(negative="--no-weld")] = True,
     seed: int = 0,
     force: bool = False,
     talk: Talk = TALK,
@@ -59,6 +60,8 @@ def basis(
         Store single precision, which halves the size.
     canonical : Path
         Also write the canonical form: the mesh with vertices whose Euclidean distances approximate the geodesic ones.
+    weld : bool
+        Take vertices at exactly the same position, as along the seams of a texture, for one point.
     seed : int
         Seed of the sampling and of the error estimate.
     force : bool
@@ -72,7 +75,9 @@ def basis(
         tell("distances", 0.05)
         started = time.perf_counter()
         dtype = np.float32 if single else np.float64
-        computed = isomatch.distance_basis(mesh, k, p, method, weights, seed, engine, tolerance, dtype)
+        computed = isomatch.distance_basis(
+            mesh, k, p, method, weights, seed, engine, tolerance, dtype, weld=weld
+        )
         seconds = time.perf_counter() - started
         tell("writing", 0.95 if canonical is None else 0.55)
         computed.save(output)
@@ -87,9 +92,11 @@ def basis(
             "seconds": seconds,
             "estimated_relative_error": computed.error_estimate(),
         }
+        if computed.notes:
+            record["notes"] = "; ".join(computed.notes)
         if canonical is not None:
             tell("canonical form", 0.6)
-            form = isomatch.canonical_form(mesh, weights=weights, seed=seed, engine=engine)
+            form = isomatch.canonical_form(mesh, weights=weights, seed=seed, engine=engine, weld=weld)
             isomatch.write_mesh(canonical, isomatch.Mesh(form.points, mesh.faces))
             record |= {"canonical_form": str(canonical), "stress": form.stress}
         tell("done", 1.0)

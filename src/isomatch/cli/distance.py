@@ -1,7 +1,10 @@
-"""``isomatch distance``: geodesic distances of pairs of vertices, or from some vertices to all."""
+"""``isomatch distance``: geodesic distances and shortest paths of pairs of points, or from some points to others."""
 
 from __future__ import annotations
 
+import csv
+from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,14 +13,15 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import LimitedChoice
 
 import isomatch
-from isomatch import geodesics
-from isomatch.cli.inputs import read_pairs, surface_of
+from isomatch import geodesics, mending
+from isomatch.cli.inputs import surface_of
 from isomatch.cli.outputs import claimed_files
+from isomatch.cli.points import AskedPoints, word_pairs, words_of
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
-from isomatch.errors import FormatError
-from isomatch.geodesics import engine_names
+from isomatch.errors import FormatError, SettingError
+from isomatch.geodesics import PATH_SUFFIXES, engine_names
 from isomatch.storage.array_file import write_arrays
-from isomatch.storage.files import is_whole_number, write_text
+from isomatch.storage.files import write_text
 from isomatch.values.arrays import FloatArray, IntArray
 
 AT_ONCE = 16  # columns between two announcements of progress
@@ -46,128 +50,266 @@ def distance(
     *,
     pairs: Annotated[Path | None, Parameter(group=WHICH)] = None,
     sources: Annotated[str | None, Parameter(name="--from", group=WHICH)] = None,
+    targets: Annotated[str | None, Parameter(name="--to")] = None,
     engine: Annotated[EngineOption, Parameter(group=HOW)] = None,
     basis: Annotated[Path | None, Parameter(group=HOW)] = None,
+    path: Annotated[Path | None, Parameter(group=HOW)] = None,
+    weld: Annotated[bool, Parameter(negative="--no-weld")] = True,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
     """Print or write geodesic distances, in the units of the file; inf where no path leads.
 
+    A point is a 0-based vertex, such as 12, or lies in a face: f12:0.2,0.3,0.5 has these weights of the corners of face
+    12.
+
     Parameters
     ----------
     file : Path
         Mesh: any surface file, such as .ply, .obj or .vtp. Points without faces are joined to their nearest neighbours.
     pairs : Path
-        File with two 0-based vertex indices per line, separated by a comma or blank, # comments: one distance for each.
+        File with two points per line, separated by a comma or blank, # comments: one distance for each.
     sources : str
-        0-based vertex indices separated by commas: distances from each to all vertices.
+        Points separated by commas: distances from each to all vertices.
+    targets : str
+        With --from, points separated by commas: distances to these only.
     engine : str
         How distances are computed.
     basis : Path
         Distance basis of this mesh, written by isomatch basis: its approximate distances are used.
         The distance of a vertex from itself is 0.
+    path : Path
+        File for the shortest paths of the pairs, or from --from to --to, as polylines: .obj or .vtp.
+        The distances are their lengths, which are exact.
+    weld : bool
+        Take vertices at exactly the same position, as along the seams of a texture, for one point.
     output : Path
-        File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs or sources.
+        File to write the distances to, instead of printing them: .csv, or .npz with distances and pairs, or sources and
+        targets; numbers after those of the vertices are those of points in faces, whose corners and weights it has.
     force : bool
-        Replace an existing file.
+        Replace existing files.
     talk : Talk
         What is told.
     """
     if output is not None and output.suffix not in (".csv", ".npz"):
         raise FormatError(f"{output}: suffix {output.suffix!r} cannot be written; use .csv or .npz")
-    asked = (
-        read_pairs(pairs, "a pair", "separated by a comma or blank")
+    if path is not None and path.suffix.lower() not in PATH_SUFFIXES:
+        raise FormatError(
+            f"{path}: suffix {path.suffix!r} cannot hold paths; use {' or '.join(PATH_SUFFIXES)}"
+        )
+    if targets is not None and sources is None:
+        raise SettingError("--to needs --from, the points to measure from")
+    if path is not None and pairs is None and targets is None:
+        raise SettingError("--path needs the ends of the paths: --pairs, or --from and --to")
+    words = (
+        word_pairs(pairs)
         if pairs is not None
-        else _vertices(sources or "")
+        else (words_of(sources or "", "--from"), None if targets is None else words_of(targets, "--to"))
     )
-    kind = "pairs" if pairs is not None else "sources"
-    with claimed_files(output, force=force), talk.progress() as tell:
+    with claimed_files(output, path, force=force), talk.progress() as tell:
         tell("reading", 0.0)
-        mesh = isomatch.read_mesh(file)
-        name, distances, error = _distances(surface_of(mesh), asked, engine, basis, part(tell, 0.1, 0.9))
+        asked = _Asked.of(isomatch.read_mesh(file), words)
+        found = _found(asked, engine, basis, path, weld, part(tell, 0.1, 0.9))
         if output is not None:
             tell("writing", 0.9)
-            _write(output, kind, asked, distances)
+            _write(output, asked, found.distances)
         tell("done", 1.0)
-    record = {"file": str(file), "engine": name, "basis": basis and str(basis), kind: asked.tolist()}
+    record = {"file": str(file), "engine": found.name, "basis": basis and str(basis), **asked.record}
     record["approximate"] = basis is not None
-    if error is not None:
-        record["estimated_relative_error"] = error
+    record["notes"] = list(found.notes)
+    if found.error is not None:
+        record["estimated_relative_error"] = found.error
+    if path is not None:
+        record["path"] = str(path)
     if output is None:
-        record["distances"] = distances.tolist()
+        record["distances"] = found.distances.tolist()
     else:
         record["output"] = str(output)
-    remark = "" if error is None else f", approximate: estimated relative error {error:.2%}"
+    remark = "" if found.error is None else f", approximate: estimated relative error {found.error:.2%}"
 
     def summary() -> None:
+        for note in found.notes:
+            complain(f"{file}: {note}")
+        if path is not None:
+            complain(f"wrote {path}")
         if output is not None:
-            say(f"wrote {output}: {distances.size} distances by {name}{remark}")
+            say(f"wrote {output}: {found.distances.size} distances by {found.name}{remark}")
             return
-        say("\n".join(_lines(kind, asked, distances)))
+        say("\n".join(asked.lines(found.distances)))
         if remark:
-            complain(f"distances by {name}{remark}")
+            complain(f"distances by {found.name}{remark}")
 
     talk.result(record, summary)
+    if (
+        talk.quiet and output is None and not (talk.json or talk.json_lines)
+    ):  # what was asked for is no summary
+        say("\n".join(asked.lines(found.distances)))
 
 
-def _vertices(words: str) -> IntArray:
-    listed = [word.strip() for word in words.split(",")]
-    if not all(map(is_whole_number, listed)):
-        raise isomatch.SettingError(
-            f"--from {words!r} is not a list of vertices; write 0-based indices separated by commas, such as 0,12"
-        )
-    return np.array([int(word) for word in listed], dtype=np.int64)
+@dataclass(frozen=True)
+class _Asked:
+    """Which distances are asked for: numbers of points, as `AskedPoints` gives them, and their words.
+
+    Parameters
+    ----------
+    points : AskedPoints
+    pairs : (m, 2) array of int, optional
+    sources : (m,) array of int
+        If there are no pairs.
+    targets : (t,) array of int, optional
+        By default all vertices.
+    words : dict of str to list
+        As they were written, by kind.
+    """
+
+    points: AskedPoints
+    pairs: IntArray | None
+    sources: IntArray
+    targets: IntArray | None
+    words: dict[str, list[Any]]
+
+    @classmethod
+    def of(
+        cls, mesh: isomatch.Mesh, words: list[tuple[str, str]] | tuple[list[str], list[str] | None]
+    ) -> _Asked:
+        """Give numbers to the points of pairs, or of sources and targets."""
+        points, none = AskedPoints(mesh), np.zeros(0, dtype=np.int64)
+        if isinstance(words, list):
+            numbers = points.numbers([word for pair in words for word in pair], "vertices of pairs")
+            return cls(points, numbers.reshape(-1, 2), none, None, {"pairs": list(map(list, words))})
+        sources, targets = points.numbers(words[0], "sources"), None
+        by_kind = {"sources": words[0]}
+        if words[1] is not None:
+            targets, by_kind["targets"] = points.numbers(words[1], "targets"), words[1]
+        return cls(points, None, sources, targets, by_kind)
+
+    @property
+    def all_pairs(self) -> IntArray:
+        """(m, 2) the pairs, or each source with each target in turn."""
+        if self.pairs is not None:
+            return self.pairs
+        grid = np.meshgrid(self.sources, np.zeros(0) if self.targets is None else self.targets, indexing="ij")
+        return np.stack(grid, axis=-1).reshape(-1, 2).astype(np.int64)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The points as plain values: numbers of vertices, and words of points in faces."""
+        return {kind: _plain(words) for kind, words in self.words.items()}
+
+    def lines(self, distances: FloatArray) -> list[str]:
+        """One distance a line for pairs; else a table with a row for each vertex or target, a column for each source."""
+        if self.pairs is not None:
+            return [repr(value) for value in distances.tolist()]
+        rows = self.words.get("targets", range(distances.shape[1]))
+        header = [
+            "vertex" if self.targets is None else "target",
+            *(f"from_{word}" for word in self.words["sources"]),
+        ]
+        return _csv([header, *([row, *map(repr, values)] for row, values in zip(rows, distances.T.tolist()))])
 
 
-def _distances(
-    surface: isomatch.Mesh | isomatch.PointCloud,
-    asked: IntArray,
-    engine: str | None,
-    basis: Path | None,
-    tell: Tell,
-) -> tuple[str, FloatArray, float | None]:
-    """Name of the engine or basis, its distances, (m,) for pairs (m, 2), (m, n) for sources (m,), and a basis's error."""
+@dataclass(frozen=True)
+class _Found:
+    """Distances, (m,) of pairs or a row for each source; what computed them, their error if known, and notes."""
+
+    name: str
+    distances: FloatArray
+    error: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _found(
+    asked: _Asked, engine: str | None, basis: Path | None, path: Path | None, weld: bool, tell: Tell
+) -> _Found:
     tell("distances", 0.0)
-    if basis is None:
-        chosen = isomatch.distance_engine(surface, engine)
-        if asked.ndim == 2:
-            return chosen.name, geodesics.pair_distances(chosen, asked), None
-        rows = []
-        for first in range(0, len(asked), AT_ONCE):
-            rows.append(chosen.distances_from(asked[first : first + AT_ONCE]))
-            tell(f"distances from {min(first + AT_ONCE, len(asked))} of {len(asked)}", first / len(asked))
-        return chosen.name, np.concatenate(rows), None
-    low_rank = isomatch.DistanceBasis.load(basis)
-    if len(low_rank.vectors) != surface.n_vertices:
+    mesh, precise = asked.points.mesh, asked.points.precise
+    if path is not None:
+        return _paths(asked, path, weld, tell)
+    if basis is not None:
+        return _from_basis(asked, basis)
+    chosen = isomatch.distance_engine(surface_of(mesh), engine, weld=weld, points=precise)
+    notes = getattr(chosen, "notes", ())
+    if asked.pairs is not None or asked.targets is not None:
+        found = geodesics.pair_distances(chosen, asked.all_pairs)
+        shape = (-1,) if asked.targets is None else (len(asked.sources), len(asked.targets))
+        return _Found(chosen.name, found.reshape(shape), None, notes)
+    rows, count = [], len(asked.sources)
+    for first in range(0, count, AT_ONCE):
+        columns = chosen.distances_from(asked.sources[first : first + AT_ONCE])
+        rows.append(columns[:, : mesh.n_vertices])
+        tell(f"distances from {min(first + AT_ONCE, count)} of {count}", first / count)
+    return _Found(chosen.name, np.concatenate(rows), None, notes)
+
+
+def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
+    """Write shortest paths, and return their lengths."""
+    pairs, mesh, paths = asked.all_pairs, asked.points.mesh, []
+    ends = (asked.points.at(column) for column in pairs.T)
+    ways = geodesics.geodesic_paths(mesh, *ends, weld=weld)
+    for number, path in enumerate(ways, start=1):
+        paths.append(path)
+        tell(f"path {number} of {len(pairs)}", number / len(pairs))
+    geodesics.write_paths(file, paths)
+    lengths = np.array([path.length for path in paths], dtype=np.float64)
+    shape = (-1,) if asked.targets is None else (len(asked.sources), len(asked.targets))
+    seams = mending.welded_surface(mesh) if weld else None
+    return _Found("exact path", lengths.reshape(shape), None, seams.changes if seams else ())
+
+
+def _from_basis(asked: _Asked, file: Path) -> _Found:
+    """Approximate distances, with those of a point from itself set to 0."""
+    low_rank, n, precise = (
+        isomatch.DistanceBasis.load(file),
+        asked.points.mesh.n_vertices,
+        asked.points.precise,
+    )
+    if len(low_rank.vectors) != n:
         raise isomatch.MeshError(
-            f"{basis}: a basis of {len(low_rank.vectors)} points, but the surface has {surface.n_vertices} vertices; "
+            f"{file}: a basis of {len(low_rank.vectors)} points, but the surface has {n} vertices; "
             "give the mesh that it was computed from"
         )
     name = f"{low_rank.method} basis of rank {low_rank.rank} by {low_rank.engine}"
-    error = low_rank.error_estimate()
-    if asked.ndim == 2:
-        apart = np.where(asked[:, 0] == asked[:, 1], 0.0, low_rank.distance(*asked.T))
+    error, notes = low_rank.error_estimate(), low_rank.notes
+    if precise is not None:
+        low_rank = low_rank.with_points(precise)
+    if asked.pairs is not None:
+        first, second = asked.pairs.T
+        apart = low_rank.distance(first, second)
     else:
-        apart = low_rank.row(asked)
-        apart[np.arange(len(asked)), asked] = 0.0
-    return name, np.maximum(apart, 0.0), error
+        first, second = asked.sources[:, None], np.arange(n) if asked.targets is None else asked.targets
+        apart = low_rank.between(asked.sources, second)
+    return _Found(name, np.maximum(np.where(first == second, 0.0, apart), 0.0), error, notes)
 
 
-def _lines(kind: str, asked: IntArray, distances: FloatArray) -> list[str]:
-    """One distance per line for pairs; for sources a table with a row for each vertex and a column for each source."""
-    if kind == "pairs":
-        return [repr(value) for value in distances.tolist()]
-    header = ",".join(["vertex", *(f"from_{source}" for source in asked)])
-    return [header, *(",".join([str(i), *map(repr, row)]) for i, row in enumerate(distances.T.tolist()))]
+def _plain(words: Any) -> Any:
+    if isinstance(words, list):
+        return [_plain(word) for word in words]
+    return words if words.startswith("f") else int(words)
 
 
-def _write(path: Path, kind: str, asked: IntArray, distances: FloatArray) -> None:
+def _csv(rows: list[list[Any]]) -> list[str]:
+    """Lines of a table; a point in a face, which has commas, is quoted."""
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().splitlines()
+
+
+def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:
     if path.suffix == ".npz":
-        arrays: dict[str, Any] = {kind: asked, "distances": distances}
+        arrays: dict[str, Any] = {"distances": distances}
+        if asked.pairs is not None:
+            arrays["pairs"] = asked.pairs
+        else:
+            arrays["sources"] = asked.sources
+        if asked.targets is not None:
+            arrays["targets"] = asked.targets
+        if asked.points.precise is not None:
+            arrays["corners"], arrays["weights"] = asked.points.precise
         write_arrays(path, arrays)
         return
-    lines = _lines(kind, asked, distances)
-    if kind == "pairs":
-        lines = ["source,target,distance", *(f"{i},{j},{line}" for (i, j), line in zip(asked, lines))]
+    lines = asked.lines(distances)
+    if asked.pairs is not None:
+        rows = ([*pair, line] for pair, line in zip(asked.words["pairs"], lines))
+        lines = _csv([["source", "target", "distance"], *rows])
     write_text(path, "\n".join([*lines, ""]))

@@ -226,7 +226,7 @@ class Correspondence:
                     f"{basis!r} is no basis of {k} functions at the {n} vertices of the {name}; compute "
                     f"laplace_basis({name}, {k})"
                 )
-            bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights))
+            bases.append(LaplaceBasis(basis.vectors[:, :k], basis.values[:k], basis.weights, basis.notes))
         held = self.matched
         weights = np.sqrt(bases[0].weights[held, None])
         pulled = self.pull_back(np.asarray(bases[1].vectors, dtype=np.float64))[held]

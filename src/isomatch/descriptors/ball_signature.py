@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch.errors import DescriptorError
 from isomatch.geodesics import Balls, distance_along_edges_to_nearest, distance_engine, geodesic_balls
 from isomatch.loading.compiled import compiled
+from isomatch.mending import welded_surface
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -131,6 +132,7 @@ def ball_signature(
     unit: float | None = None,
     samples: ArrayLike | None = None,
     normals: ArrayLike | None = None,
+    weld: bool = True,
 ) -> BallSignature:
     """Compute the ball signature of every vertex of a surface.
 
@@ -149,6 +151,8 @@ def ball_signature(
         Vertices whose balls are computed; the others get means of near ones. By default all.
     normals : (n, 3) array_like, optional
         Unit normals; of a cloud they must be given.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Returns
     -------
@@ -184,6 +188,13 @@ def ball_signature(
         raise DescriptorError(
             "a graph has no normals, so that it has no ball signature; give a mesh or a cloud"
         )
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        at = None if samples is None else seams.new_index[np.asarray(samples, dtype=np.int64)]
+        turned = None if normals is None else np.asarray(normals)[seams.vertex_index]
+        found = ball_signature(seams.mesh, radii, unit=unit, samples=at, normals=turned, weld=False)
+        points = seams.new_index
+        return replace(found, values=found.values[points], to_boundary=found.to_boundary[points])
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
         raise DescriptorError(f"radii = {radii!r}; expected positive numbers that increase")
@@ -193,7 +204,9 @@ def ball_signature(
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
     half_cells = np.maximum(np.sqrt(areas / np.pi), TINY * length)  # a vertex may have no area
-    balls = geodesic_balls(distance_engine(surface), centres, length * reach[-1] + float(half_cells.max()))
+    balls = geodesic_balls(
+        distance_engine(surface, weld=False), centres, length * reach[-1] + float(half_cells.max())
+    )
     shape = len(centres), len(reach)
     offsets, covariances = np.zeros(shape), np.zeros((*shape, 3, 3))
     _moments(

@@ -11,8 +11,12 @@ from isomatch.geodesics.engines import (
 )
 from isomatch.geodesics.front import Balls
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
+from isomatch.geodesics.inserted import Inserted, inserted
 from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.pairs import pair_distances
+from isomatch.geodesics.path_files import PATH_SUFFIXES, write_paths
+from isomatch.geodesics.paths import GeodesicPath, geodesic_path, geodesic_paths
+from isomatch.geodesics.points import points_of
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
 from isomatch.geodesics.restricted import RestrictedEngine
 from isomatch.geodesics.sampling import (
@@ -22,19 +26,24 @@ from isomatch.geodesics.sampling import (
     peripheral_vertex,
 )
 from isomatch.geodesics.units import ordinary_unit
+from isomatch.geodesics.welded import WeldedEngine
 
 __all__ = [
     "ENGINES",
+    "PATH_SUFFIXES",
     "Balls",
     "ColumnEngine",
     "ComponentEngine",
     "DistanceEngine",
+    "GeodesicPath",
     "GivenFunction",
     "GivenMatrix",
+    "Inserted",
     "MetricSpace",
     "MissingRegion",
     "RestrictedEngine",
     "Sampling",
+    "WeldedEngine",
     "distance_along_edges_to_nearest",
     "distance_engine",
     "engine_names",
@@ -42,8 +51,13 @@ __all__ = [
     "farthest_point_sampling",
     "geodesic_balls",
     "geodesic_distances",
+    "geodesic_path",
+    "geodesic_paths",
+    "inserted",
     "metric_space",
     "ordinary_unit",
     "pair_distances",
     "peripheral_vertex",
+    "points_of",
+    "write_paths",
 ]

@@ -8,14 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets import SurfaceLike, surface_from
-from isomatch.errors import SettingError
+from isomatch.errors import MeshError, SettingError
 from isomatch.geodesics.dijkstra import Dijkstra
 from isomatch.geodesics.exact import Exact
 from isomatch.geodesics.fast_marching import FastMarching
 from isomatch.geodesics.given import DistanceFunction, GivenFunction, GivenMatrix
 from isomatch.geodesics.heat import Heat
+from isomatch.geodesics.in_faces import PointsInFaces
+from isomatch.geodesics.inserted import inserted
+from isomatch.geodesics.pairs import pair_distances
+from isomatch.geodesics.points import joined, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine
-from isomatch.surfaces import Graph, Mesh, PointCloud
+from isomatch.geodesics.welded import WeldedEngine
+from isomatch.mending import welded_surface
+from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray
 
 ENGINES: dict[type, tuple[type[Any], ...]] = {
@@ -24,6 +30,9 @@ ENGINES: dict[type, tuple[type[Any], ...]] = {
     Graph: (Dijkstra,),
 }
 """The registry: engine classes for each kind of surface, the default first. All lists of names derive from it."""
+
+DIVIDING = (Exact.name, Dijkstra.name)
+"""Engines for which a point in a face becomes a vertex; the others would err more, because triangles become thin."""
 
 MetricSpace: TypeAlias = Mesh | PointCloud | Graph | AnyArray | DistanceFunction | DistanceEngine
 """Everything that has distances: a surface, an n × n matrix, a function of sources, or an engine."""
@@ -58,7 +67,13 @@ def metric_space(given: MetricSpace | SurfaceLike) -> MetricSpace:
     return surface_from(given)
 
 
-def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None) -> DistanceEngine:
+def distance_engine(
+    surface: MetricSpace | SurfaceLike,
+    name: str | None = None,
+    *,
+    weld: bool = True,
+    points: PrecisePoints | None = None,
+) -> DistanceEngine:
     """Set up the engine that computes the distances of a surface, or wrap distances that are given.
 
     Parameters
@@ -68,18 +83,25 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
         distances and is called with one source to learn n; an engine is returned as it is.
     name : str, optional
         One of ``engine_names(type(surface))``; by default the first of them.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface, as along the seams of a
+        texture. Otherwise a seam is a cut.
+    points : PrecisePoints, optional
+        m further points of a mesh, in its faces or on its edges: points n … n + m − 1 of the engine.
 
     Returns
     -------
     DistanceEngine
-        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given.
+        Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given. If vertices
+        were welded it is a `WeldedEngine`, whose points are still the vertices of the user and whose ``notes`` say how
+        many were welded.
 
     Raises
     ------
     SettingError
         If the surface has no engine of that name.
     MeshError
-        If the surface, or the given distances, do not fit the engine.
+        If the surface, or the given distances, do not fit the engine; or if further points are not of the surface.
     MissingDependencyError
         If the engine needs an extra that is not installed.
 
@@ -95,6 +117,11 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
     array([[1., 0., 1., 2.]])
     """
     surface = metric_space(surface)
+    if points is not None:
+        return _with_points(surface, points, name, weld)
+    seams = welded_surface(surface) if weld else None
+    if seams:
+        return WeldedEngine(distance_engine(seams.mesh, name, weld=False), seams.new_index, seams.changes)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
             for chosen in engines:
@@ -118,23 +145,48 @@ def distance_engine(surface: MetricSpace | SurfaceLike, name: str | None = None)
     return wrapped
 
 
+def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, weld: bool) -> DistanceEngine:
+    """Set up an engine of the vertices of a mesh, and then of points in its faces."""
+    if not isinstance(surface, Mesh):
+        raise MeshError(
+            f"points in faces are points of a Mesh, not of a {type(surface).__name__}; give vertices"
+        )
+    points = points_of(points, surface.n_vertices)
+    if name not in DIVIDING:
+        return PointsInFaces(distance_engine(surface, name, weld=weld), surface, points)
+    seams = welded_surface(surface) if weld else None
+    vertex = seams.new_index if seams else np.arange(surface.n_vertices)
+    found = inserted(seams.mesh if seams else surface, points._replace(corners=vertex[points.corners]))
+    engine = distance_engine(found.mesh, name, weld=False)
+    return WeldedEngine(engine, np.concatenate([vertex, found.vertex]), seams.changes if seams else ())
+
+
 def geodesic_distances(
-    surface: MetricSpace | SurfaceLike, sources: ArrayLike, engine: str | None = None
+    surface: MetricSpace | SurfaceLike,
+    sources: ArrayLike | PrecisePoints,
+    engine: str | None = None,
+    *,
+    targets: ArrayLike | PrecisePoints | None = None,
+    weld: bool = True,
 ) -> FloatArray:
-    """Geodesic distances from some vertices to all others.
+    """Geodesic distances from some vertices, or points in faces, to all vertices or to some points.
 
     Parameters
     ----------
     surface : Mesh, PointCloud, Graph, (n, n) array, callable, DistanceEngine, or what `surface_from` takes
         The surface, n vertices; see `distance_engine`.
-    sources : (m,) array_like of int
-        Source vertices.
+    sources : (m,) array_like of int, or PrecisePoints
+        Vertices, or points in the faces of a mesh.
     engine : str, optional
         How the distances are computed, one of ``engine_names(type(surface))``; by default the first of them.
+    targets : (t,) array_like of int, or PrecisePoints, optional
+        Vertices or points, to which distances are wanted; by default all vertices.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Returns
     -------
-    (m, n) array of float
+    (m, n) or (m, t) array of float
         Distances in mesh units; ``inf`` where no path leads, as between components.
 
     Raises
@@ -158,5 +210,28 @@ def geodesic_distances(
     array([[1.    , 0.    , 1.    , 1.4142]])
     >>> geodesic_distances(square, [1], engine="dijkstra")
     array([[1., 0., 1., 2.]])
+
+    From the middle of a side, and to it:
+
+    >>> middle = PrecisePoints(np.array([[2, 3, 3]]), np.array([[0.5, 0.5, 0.0]]))
+    >>> geodesic_distances(square, middle).round(4), geodesic_distances(square, [2, 3], targets=middle).round(4)
+    (array([[1.118, 1.118, 0.5  , 0.5  ]]), array([[0.5],
+           [0.5]]))
     """
-    return distance_engine(surface, engine).distances_from(np.atleast_1d(np.asarray(sources)))
+    surface = metric_space(surface)
+    inside = [given for given in (sources, targets) if isinstance(given, PrecisePoints)]
+    points = joined(*inside) if inside else None
+    chosen = distance_engine(surface, engine, weld=weld, points=points)
+    n = chosen.n_points - (len(points.corners) if points else 0)
+    more = iter(range(n, chosen.n_points))
+
+    def numbers(given: ArrayLike | PrecisePoints) -> AnyArray:
+        if isinstance(given, PrecisePoints):
+            return np.array([next(more) for _ in given.corners], dtype=np.int64)
+        return vertices_of(given, n)
+
+    origins = numbers(sources)
+    if targets is None:
+        return chosen.distances_from(origins)[:, :n]
+    pairs = np.stack(np.meshgrid(origins, numbers(targets), indexing="ij"), axis=-1)
+    return pair_distances(chosen, pairs.reshape(-1, 2)).reshape(pairs.shape[:2])

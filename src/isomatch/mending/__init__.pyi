@@ -2,6 +2,16 @@ from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
+from isomatch.mending.seams import welded_surface
 from isomatch.mending.sheets import Separation, separate_sheets
 
-__all__ = ["MeshReport", "Repair", "Separation", "capped", "check", "repair", "separate_sheets"]
+__all__ = [
+    "MeshReport",
+    "Repair",
+    "Separation",
+    "capped",
+    "check",
+    "repair",
+    "separate_sheets",
+    "welded_surface",
+]

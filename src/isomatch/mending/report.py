@@ -46,7 +46,7 @@ _SURVIVABLE = {
     ),
     "coincident_vertices": (
         "vertices at the position of an earlier vertex",
-        "the surface may be cut there, which makes distances longer; repair(mesh) welds them",
+        "distances, bases and matches take them for one point; repair(mesh) welds them",
     ),
     "non_manifold_edges": (
         "edges of more than two faces",

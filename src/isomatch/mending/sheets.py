@@ -55,7 +55,8 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     Returns
     -------
     Separation
-        The same mesh, without seams, if no sheets were separated.
+        The same mesh, without seams, if no sheets were separated. Copies are at one position: distances between them are
+        asked for with ``weld=False``.
 
     Notes
     -----

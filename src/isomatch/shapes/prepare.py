@@ -124,13 +124,15 @@ def prepared_body(
     timer.start("distances")
     with serial_blas():
         engine = (
-            distance_engine(body, config.engine) if distances is None else _given(distances, surface, found)
+            distance_engine(body, config.engine, weld=False)
+            if distances is None
+            else _given(distances, surface, found)
         )
         sampling = farthest_point_sampling(engine, config.n_columns, peripheral_vertex(body, engine, seed))
         measure = body.vertex_areas if config.weights == "area" else np.ones(body.n_vertices)
         basis = nystrom_basis(sampling, np.maximum(measure, 1e-12), config.rank, engine.name)
         timer.start("functions")
-        laplace = laplace_basis(body, config.n_functions, seed, "single")
+        laplace = laplace_basis(body, config.n_functions, seed, "single", weld=False)
         timer.start("samples")
         extremities, extremity_columns = extremal_points(
             body, engine, basis @ body.vertex_areas, fine.extremity_spacing, fine.n_extremities

@@ -246,7 +246,7 @@ class PreparedShape(SmoothShape):
         """The ball signature of every vertex of the body, as far from caps as it knows; None without triangles."""
         if self.triangles is None:
             return None
-        found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS])
+        found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
         if len(self.caps):
             to_caps, _ = distance_along_edges_to_nearest(self.triangles, self.caps)
             found = replace(found, to_boundary=np.minimum(found.to_boundary, to_caps))

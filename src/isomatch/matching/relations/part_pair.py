@@ -93,7 +93,7 @@ class PartPair:
     ) -> PartPair:
         """Assume that both shapes came in the same units; landmarks (l, 2) are vertices of part and whole."""
         mesh = part.mesh_body
-        engine = distance_engine(mesh, part.config.engine)
+        engine = distance_engine(mesh, part.config.engine, weld=False)
         missing = MissingRegion.of(mesh, engine, N_POSTS)
         n = N_ANCHORS
         anchors = np.concatenate([landmarks[:, 0], part.column_vertices[:n]])
@@ -111,7 +111,7 @@ class PartPair:
         first, last = RADII[0] / max(*units, LARGEST_UNIT), RADII[-1] / min(units)
         radii = np.geomspace(first, last, 2 + round(np.log(last / first) / np.log(RADIUS_STEP)))
         samples = part.sample_vertices[:N_BALLS]
-        return replace(found, balls=ball_signature(mesh, radii, unit=1.0, samples=samples))
+        return replace(found, balls=ball_signature(mesh, radii, unit=1.0, samples=samples, weld=False))
 
     def with_unit(self, unit: float) -> PartPair:
         """Return the pair with another unit of the part."""

@@ -1,0 +1,184 @@
+"""Points of faces and edges made vertices of a mesh, which does not change its surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from isomatch.errors import MeshError
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import FloatArray, IntArray
+
+AT_CORNER = 1e-12  # smallest weight of a corner; less is rounding, and would make faces without area
+
+
+@dataclass(frozen=True, eq=False)
+class Inserted:
+    """A mesh with further points of its surface as vertices.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The vertices of the original come first. Faces with new points inside or on an edge are divided.
+    vertex : (m,) array of int
+        The vertex of each point: of the original, if the point is there.
+    face_index : (n_faces,) array of int
+        Face of the original of which each face is all or a part.
+    places : PrecisePoints
+        Each vertex of the mesh as a point of the original.
+    """
+
+    mesh: Mesh
+    vertex: IntArray
+    face_index: IntArray
+    places: PrecisePoints
+
+
+def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
+    """Make vertices of points of a mesh.
+
+    Distances between all points stay as they are, but for what an engine makes of the other triangles.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    points : PrecisePoints
+        m points in faces, on edges or at vertices, told by their positive weights, as `points_of` checks them. Weights
+        below 1e-12 count as 0.
+
+    Returns
+    -------
+    Inserted
+        With the mesh itself if all points are at vertices.
+
+    Raises
+    ------
+    MeshError
+        If the corners of a point are those of no face.
+
+    Notes
+    -----
+    O(n log n + m²).
+
+    Examples
+    --------
+    The middle of a triangle, and the middle of one of its edges:
+
+    >>> triangle = Mesh([[0, 0, 0], [3, 0, 0], [0, 3, 0]], [[0, 1, 2]])
+    >>> found = inserted(triangle, PrecisePoints(np.array([[0, 1, 2]] * 2), np.array([[1, 1, 1], [1.5, 1.5, 0]]) / 3))
+    >>> found.mesh.n_faces, found.vertex.tolist(), found.mesh.vertices[4].tolist()
+    (4, [3, 4], [1.5, 0.0, 0.0])
+    """
+    corners, weights = points
+    weights = np.where(weights < AT_CORNER, 0.0, weights)
+    weights /= weights.sum(axis=1, keepdims=True)
+    inside = weights > 0
+    if (inside.sum(axis=1) == 1).all():
+        at = np.take_along_axis(corners, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+        vertices = PrecisePoints.at_vertices(np.arange(mesh.n_vertices))
+        return Inserted(mesh, at, np.arange(mesh.n_faces), vertices)
+    division = _Division(mesh)
+    vertex = [division.insert(row[use], part[use]) for row, part, use in zip(corners, weights, inside)]
+    return division.result(np.array(vertex, dtype=np.int64))
+
+
+class _Division:
+    """A mesh whose faces are divided at one point after another."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._n = mesh.n_vertices
+        used = mesh.sound_faces.ravel()
+        self._order = np.argsort(used, kind="stable")  # corners, those of a vertex together
+        self._first = np.append(0, np.cumsum(np.bincount(used, minlength=self._n)))
+        self._faces: dict[int, tuple[int, int, int]] = {}  # of parts of divided faces, by number
+        self._parts: dict[int, list[int]] = {}  # parts of a face of the mesh
+        self._face_index: list[int] = []  # of the parts
+        self._added: list[tuple[IntArray, FloatArray]] = []
+
+    def insert(self, corners: IntArray, weights: FloatArray) -> int:
+        """Return the vertex of a point, given the corners with positive weights."""
+        order = np.argsort(corners)
+        corners, weights = corners[order], weights[order]
+        if len(corners) == 1:
+            return int(corners[0])
+        for number, (others, parts) in enumerate(self._added):
+            if (
+                len(others) == len(corners)
+                and (others == corners).all()
+                and abs(parts - weights).max() <= AT_CORNER
+            ):
+                return self._n + number
+        around = self._order[self._first[corners[0]] : self._first[corners[0] + 1]] // 3
+        faces = around[np.isin(self._mesh.faces[around], corners).sum(axis=1) == len(corners)]
+        if not len(faces):
+            what = "edge" if len(corners) == 2 else "face"
+            raise MeshError(f"a point has corners {corners.tolist()}, between which there is no {what}")
+        new = self._n + len(self._added)
+        self._added.append((corners, weights))
+        for face in faces:
+            self._divide(int(face), new)
+        return new
+
+    def _divide(self, face: int, new: int) -> None:
+        """Divide the part of a face that contains a new vertex, and the one beside it if it is on their edge."""
+        if face not in self._parts:
+            self._parts[face] = [self._keep(face, tuple(int(v) for v in self._mesh.faces[face]))]
+        corners = self._mesh.faces[face]
+        point = self.place(new, corners)
+        held = [self._weights(part, corners, point) for part in self._parts[face]]
+        inside = max(range(len(held)), key=lambda k: held[k].min())
+        on = np.flatnonzero(held[inside] < AT_CORNER)  # corners of the part opposite to the edge of the point
+        on = on if len(on) == 1 else on[:0]
+        edge = {self._faces[self._parts[face][inside]][i] for i in range(3) if i not in on}
+        divided = [
+            part
+            for k, part in enumerate(self._parts[face])
+            if k == inside or (len(on) and edge <= set(self._faces[part]))
+        ]
+        for part in divided:
+            triangle = self._faces.pop(part)
+            self._parts[face].remove(part)
+            for i in range(3):
+                a, b = triangle[i], triangle[(i + 1) % 3]
+                if not (len(on) and {a, b} == edge):
+                    self._parts[face].append(self._keep(face, (a, b, new)))
+
+    def _keep(self, face: int, triangle: tuple[int, ...]) -> int:
+        number = len(self._face_index)
+        self._face_index.append(face)
+        self._faces[number] = (triangle[0], triangle[1], triangle[2])
+        return number
+
+    def _weights(self, part: int, corners: IntArray, point: FloatArray) -> FloatArray:
+        """Barycentric coordinates of a point in a part of a face; both are given in those of the face."""
+        basis = np.array([self.place(v, corners) for v in self._faces[part]])
+        found: FloatArray = np.linalg.solve(basis.T, point)
+        return found
+
+    def place(self, vertex: int, corners: IntArray) -> FloatArray:
+        """Weights of the corners of a face at a vertex in it or on its border."""
+        weights = np.zeros(3)
+        if vertex < self._n:
+            weights[corners == vertex] = 1.0
+        else:
+            for corner, weight in zip(*self._added[vertex - self._n]):
+                weights[corners == corner] = weight
+        return weights
+
+    def result(self, vertex: IntArray) -> Inserted:
+        mesh, n = self._mesh, self._n
+        whole = np.ones(mesh.n_faces, dtype=bool)
+        whole[list(self._parts)] = False
+        parts = sorted(self._faces)
+        triangles = np.array([self._faces[part] for part in parts], dtype=np.int64).reshape(-1, 3)
+        faces = np.concatenate([mesh.faces[whole], triangles])
+        index = np.concatenate([np.flatnonzero(whole), np.array(self._face_index, dtype=np.int64)[parts]])
+        corners = np.repeat(np.arange(n + len(self._added))[:, None], 3, axis=1)
+        weights = np.tile([1.0, 0.0, 0.0], (len(corners), 1))
+        for row, (used, parts_of) in enumerate(self._added, start=n):
+            corners[row], weights[row] = used[0], 0.0
+            corners[row, : len(used)], weights[row, : len(used)] = used, parts_of
+        places = PrecisePoints(corners, weights)
+        return Inserted(Mesh(places.interpolated(mesh.vertices), faces), vertex, index, places)

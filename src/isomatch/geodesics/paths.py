@@ -1,0 +1,254 @@
+"""Shortest paths on a mesh: exact, straight across its triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.errors import MeshError
+from isomatch.geodesics.dijkstra import Dijkstra
+from isomatch.geodesics.inserted import Inserted, inserted
+from isomatch.geodesics.points import joined, points_of
+from isomatch.geodesics.units import ordinary_unit, require_finite
+from isomatch.geodesics.windows import UnfoldedFaces, Windows, windows_from
+from isomatch.mending import Repair, repair
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GeodesicPath:
+    """A shortest path: a polyline of k points, straight in every face.
+
+    Parameters
+    ----------
+    points : PrecisePoints
+        The points, of the k − 1 segments each in a face that it shares with the next: the ends, and where the path
+        crosses edges or passes through vertices.
+    faces : (k − 1,) array of int
+        Face in which each segment lies.
+    positions : (k, 3) array of float
+        The points in space.
+    length : float
+        In mesh units: the exact distance of the ends on the polyhedron.
+
+    Examples
+    --------
+    From a corner of the unit square to the middle of its far side:
+
+    >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    >>> path = geodesic_path(square, 1, PrecisePoints(np.array([[2, 3, 0]]), np.array([[0.5, 0.5, 0.0]])))
+    >>> path
+    GeodesicPath(3 points, length 1.118)
+    >>> path.positions[1].round(4) + 0.0, path.faces.tolist()
+    (array([0.6667, 0.6667, 0.    ]), [0, 1])
+    """
+
+    points: PrecisePoints
+    faces: IntArray
+    positions: FloatArray
+    length: float
+
+    def __repr__(self) -> str:
+        return f"GeodesicPath({len(self.positions)} points, length {self.length:.4g})"
+
+
+def geodesic_path(
+    surface: SurfaceLike, source: int | PrecisePoints, target: int | PrecisePoints, *, weld: bool = True
+) -> GeodesicPath:
+    """Find the shortest path between two points of a mesh.
+
+    Parameters
+    ----------
+    surface : Mesh, path_like, tuple or object
+        Anything that `mesh_from` takes. It need not be manifold.
+    source, target : int or PrecisePoints
+        A vertex, or one point in a face or on an edge.
+    weld : bool
+        Whether vertices at exactly the same position are one point of the surface.
+
+    Returns
+    -------
+    GeodesicPath
+        One of them, if several are shortest.
+
+    Raises
+    ------
+    MeshError
+        If a coordinate is not finite, a point is not of the surface, or no path leads from one to the other.
+
+    Notes
+    -----
+    The path is that of the windows of `windows_from`, and no local minimum. 2 ms for neighbours, and 0.1 to 1 s across a
+    mesh of 30 000 vertices.
+
+    Examples
+    --------
+    >>> tetrahedron = Mesh(np.eye(4)[:, :3], [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    >>> geodesic_path(tetrahedron, 0, 3)
+    GeodesicPath(2 points, length 1)
+    """
+    [path] = geodesic_paths(surface, source, target, weld=weld)
+    return path
+
+
+def geodesic_paths(
+    surface: SurfaceLike,
+    sources: ArrayLike | PrecisePoints,
+    targets: ArrayLike | PrecisePoints,
+    *,
+    weld: bool = True,
+) -> Iterator[GeodesicPath]:
+    """Find the shortest path from each source to the target of the same number.
+
+    Parameters
+    ----------
+    surface, weld
+        As for `geodesic_path`.
+    sources, targets : (m,) array_like of int, or PrecisePoints
+
+    Yields
+    ------
+    GeodesicPath
+        The mesh is made ready once for all of them.
+
+    Raises
+    ------
+    MeshError
+        As for `geodesic_path`.
+    """
+    mesh = mesh_from(surface)
+    first, second = points_of(sources, mesh.n_vertices), points_of(targets, mesh.n_vertices)
+    if len(first.corners) != len(second.corners):
+        raise MeshError(
+            f"{len(first.corners)} sources and {len(second.corners)} targets; give a target for each source"
+        )
+    ways = _Ways.of(mesh, joined(first, second), weld)
+    return (ways.between(i, i + len(first.corners)) for i in range(len(first.corners)))
+
+
+class _Stop(NamedTuple):
+    """A point on an edge of the divided mesh, and the face in which the path goes on to the end."""
+
+    start: int
+    end: int
+    share: float
+    face: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """A mesh made ready for paths between some of its points."""
+
+    original: Mesh
+    points: PrecisePoints
+    mended: Repair
+    divided: Inserted
+    unit: float
+
+    @classmethod
+    def of(cls, mesh: Mesh, points: PrecisePoints, weld: bool) -> _Ways:
+        """Weld a mesh, leave out faces that are none, and make vertices of the points."""
+        require_finite(mesh)
+        mended = repair(Mesh(mesh.vertices, mesh.sound_faces), weld=weld, remove_unused=False, orient=False)
+        corners = mended.new_index[points.corners]
+        divided = inserted(mended.mesh, PrecisePoints(corners, points.barycentric))
+        return cls(mesh, points, mended, divided, ordinary_unit(mesh))
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The divided mesh, of ordinary size."""
+        return self.divided.mesh.moved(self.divided.mesh.vertices / self.unit)
+
+    @cached_property
+    def unfolded(self) -> UnfoldedFaces:
+        return UnfoldedFaces.of(self.mesh)
+
+    @cached_property
+    def along_edges(self) -> Dijkstra:
+        return Dijkstra(self.mesh)
+
+    def between(self, i: int, j: int) -> GeodesicPath:
+        """Find the path from one of the points to another."""
+        source, target = (int(self.divided.vertex[k]) for k in (i, j))
+        bound = self.along_edges.distances_from([source])[0]
+        if not np.isfinite(bound[target]):
+            raise MeshError(
+                "no path leads from the source to the target, which are in different components; look at check(mesh)"
+            )
+        windows = windows_from(self.unfolded, self.mesh.vertices, source, bound, target)
+        stops = self._stops(windows, source, target)[::-1]
+        places = np.array([self._place(stop) for stop in stops]).reshape(-1, 3)
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        length = float(steps.sum())
+        kept = [k for k, step in enumerate(steps) if step > SHORTEST * length]
+        faces = [int(self.divided.face_index[stops[k].face]) for k in kept]  # of the mended mesh
+        turns = [n for n in range(1, len(kept)) if faces[n] != faces[n - 1]]
+        rows = [self._in_face(stops[kept[n]], faces[n]) for n in turns]
+        within = [faces[n] for n in [0, *turns]] if kept else []
+        points = PrecisePoints(
+            np.array([self.points.corners[i], *(row[0] for row in rows), self.points.corners[j]]),
+            np.array([self.points.barycentric[i], *(row[1] for row in rows), self.points.barycentric[j]]),
+        )
+        positions = points.interpolated(self.original.vertices)
+        length = float(np.linalg.norm(np.diff(positions / self.unit, axis=0), axis=1).sum()) * self.unit
+        index = self.mended.face_index[np.array(within, dtype=np.int64)]
+        return GeodesicPath(points, index, positions, length)
+
+    def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
+        """List the points of the path, from the target back; each knows the face of the segment after it."""
+        faces, unfolded = self.mesh.faces, self.unfolded
+        stops = [_Stop(target, target, 0.0, -1)]
+        vertex = target
+        while vertex != source:
+            at = int(windows.reached[vertex])
+            if at < 0:
+                root = -1 - at
+                around = unfolded.corners[unfolded.corner_first[root] : unfolded.corner_first[root + 1]] // 3
+                face = around[(faces[around] == vertex).any(axis=1)][0]
+            else:
+                root = int(windows.root[at])
+                x, y = unfolded.apex[windows.side[at]]
+                while True:
+                    side, (px, py) = int(windows.side[at]), windows.source[at]
+                    full, (face, i) = unfolded.length[side], divmod(side, 3)
+                    crossing = px - (x - px) * py / (y - py)
+                    share = float(np.clip(crossing / full, 0.0, 1.0))
+                    start, end = faces[face, i], faces[face, (i + 1) % 3]
+                    stops.append(_Stop(int(start), int(end), share, face))
+                    face, at = int(windows.before[at]), int(windows.parent[at])
+                    if at < 0:
+                        break
+                    x, y = (1 - share) * self._corner(windows.side[at], start) + share * self._corner(
+                        windows.side[at], end
+                    )
+            stops.append(_Stop(root, root, 0.0, int(face)))
+            vertex = root
+        return stops
+
+    def _corner(self, side: int, vertex: int) -> FloatArray:
+        """Place of a corner of the face at a side, in the plane of that side."""
+        face, i = divmod(int(side), 3)
+        number = (self.mesh.faces[face].tolist().index(vertex) - i) % 3
+        return (np.zeros(2), np.array([self.unfolded.length[side], 0.0]), self.unfolded.apex[side])[number]
+
+    def _place(self, stop: _Stop) -> FloatArray:
+        points = self.mesh.vertices
+        place: FloatArray = (1 - stop.share) * points[stop.start] + stop.share * points[stop.end]
+        return place
+
+    def _in_face(self, stop: _Stop, face: int) -> tuple[IntArray, FloatArray]:
+        """Corners, of the user, and weights of a point in a face of the mended mesh."""
+        corners, weights = self.mended.mesh.faces[face], np.zeros(3)
+        for vertex, share in ((stop.start, 1 - stop.share), (stop.end, stop.share)):
+            for corner, weight in zip(*(part[vertex] for part in self.divided.places)):
+                weights[corners == corner] += share * weight
+        return self.original.faces[self.mended.face_index[face]], weights
