@@ -388,7 +388,13 @@ def test_the_command_takes_names_and_a_file_of_names(blobs, small, tmp_path, cap
     names.write_text("l1\n\nl0\n")
     command = ["collect", str(blobs.folder), "-o", str(tmp_path / "out"), "--template", "r0"]
     command += ["--config", str(small.settings), "--time-limit", "0", "--json", "--reflect"]
-    for given, expected in (("l0, l1", LEFT), ("none", []), (str(names), LEFT), ("auto", "auto")):
+    for given, expected in (
+        ("l0, l1", LEFT),
+        ("l0," * 200, ["l0"]),
+        ("none", []),
+        (str(names), LEFT),
+        ("auto", "auto"),
+    ):
         assert main([*command, given]) == 0
         assert json.loads((tmp_path / "out" / "collection.json").read_text())["reflect"] == expected
         capsys.readouterr()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -242,8 +243,7 @@ def _names_of(reflect: str | None) -> str | list[str] | None:
         return reflect
     if reflect == "none":
         return []
-    file = Path(reflect)
-    names = [line for _, line in text_lines(file)] if file.is_file() else reflect.split(",")
+    names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
     return [name for each in names if (name := each.strip())]
 
 

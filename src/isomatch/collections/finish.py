@@ -12,6 +12,7 @@ from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.page import write_page
+from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
@@ -59,7 +60,7 @@ def finish(
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
-        job = WrapJob(layout, collection.entry(template, rows))
+        job = WrapJob(layout, _entry(collection, rows, template))
         plans = _planned(collection, rows, template)
         todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
@@ -90,13 +91,18 @@ def surfaces_written(collection: Collection) -> list[str]:
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     own = rows.shapes.get(template, {}).get("key", "")
-    plans = [PlannedSurface(collection.entry(template, rows), None, own)]
+    plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
     for pair, record in rows.pairs.items():
         if template in pair and rows.is_current(pair):
             name = pair[0] if pair[1] == template else pair[1]
             key = " > ".join((record["key"], *record.get("replaced_by", ())))
-            plans.append(PlannedSurface(collection.entry(name, rows), pair, key))
+            plans.append(PlannedSurface(_entry(collection, rows, name), pair, key))
     return plans
+
+
+def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
+    """Return a shape as it was matched."""
+    return Entry(name, collection.paths[name], bool(rows.reflected([name])))
 
 
 def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Container, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
@@ -25,7 +25,10 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 
 
 class Event(NamedTuple):
-    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done."""
+    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
+
+    The row of a reflection is that of the pair by which the shape was judged.
+    """
 
     what: Literal["shape", "pair", "reflection", "agreement"]
     name: str | Pair
@@ -125,11 +128,10 @@ class Run:
 
     def _reflection(self, name: str, pair: Pair, rows: Rows) -> Reflection:
         turned = not rows.reflected([name])
-        row = rows.shapes[name]
-        key = self._key(identity_of(row["hash"], turned))
-        entry = replace(self.collection.entry(name, rows), reflected=turned)
-        as_if = Rows({**rows.shapes, name: {**row, "reflected": turned, "key": key}}, rows.pairs)
-        return Reflection(entry, self._planned(pair, as_if))
+        key = self._key(identity_of(rows.shapes[name]["hash"], turned))
+        as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
+        as_if.shapes[name] = {**rows.shapes[name], "reflected": turned, "key": key}
+        return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
 
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""
