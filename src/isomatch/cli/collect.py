@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,6 +18,7 @@ from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say
 from isomatch.errors import InputError, MemoryBudgetError
+from isomatch.storage.files import text_lines
 
 Reports = int | Literal["doubtful", "all", "none"]
 
@@ -34,6 +36,7 @@ def run(
     jobs: int | None = None,
     executor: str = "local",
     shard: str = "1/1",
+    reflect: str | None = None,
     time_limit: float | None = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     reports: Reports = "doubtful",
@@ -60,6 +63,10 @@ def run(
         local (default), or dask:ADDRESS, the scheduler of a Dask cluster whose workers see the same files.
     shard : str
         i/n: match the i-th of n parts of the pairs. Runs of other parts may go on at the same time, on other machines.
+    reflect : str
+        Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right ones;
+        none; or their names, separated by commas, or a file with a name on each line. By default as before, at first
+        none.
     time_limit : float
         Seconds after which nothing new is begun.
     agree : bool
@@ -84,6 +91,7 @@ def run(
         template=None if template == "auto" else template,
         config=read_config(config) or isomatch.Config(),
         seed=seed,
+        reflect=_names_of(reflect),
     )
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
@@ -227,6 +235,16 @@ def agree(
             "match with --pairs all"
         )
     tell_status(collection, talk)
+
+
+def _names_of(reflect: str | None) -> str | list[str] | None:
+    """Read what ``--reflect`` says."""
+    if reflect is None or reflect == "auto":
+        return reflect
+    if reflect == "none":
+        return []
+    names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
+    return [name for each in names if (name := each.strip())]
 
 
 def _until(end: float | None) -> float | None:

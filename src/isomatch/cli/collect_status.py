@@ -29,6 +29,7 @@ def status_of(collection: collections.Collection) -> dict[str, Any]:
     failures |= {
         " and ".join(pair): row["error"] for pair, row in rows.pairs.items() if row["state"] == "failed"
     }
+    mirrored = collections.mirror_images(collection, rows)
     prepared = sum(row["state"] == "done" for row in rows.shapes.values())
     return {
         "folder": str(collection.folder),
@@ -36,6 +37,10 @@ def status_of(collection: collections.Collection) -> dict[str, Any]:
         "template": collection.chosen_template(rows),
         "pairs": {"all": len(pairs), **states},
         "outcomes": dict(outcomes),
+        "reflected": rows.reflected(collection.names),
+        "mirror_images": {
+            name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
+        },
         "agreement": collections.agreement_of(rows)._asdict(),
         "failures": failures,
     }
@@ -61,21 +66,42 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             f"maps to {', '.join(agreement['turned'])} mostly reverse the orientation: perhaps mirrored together",
             "bold red",
         )
+    _say_sides(status)
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
     say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")
 
 
+def _say_sides(status: dict[str, Any]) -> None:
+    """Name the shapes that were reflected, and those that seem to be mirror images of the others."""
+    if status["reflected"]:
+        say(f"reflected before they were matched: {', '.join(status['reflected'])}")
+    untried = [name for name, reason in status["mirror_images"].items() if reason is None]
+    if untried:
+        say(
+            f"mirror images of the other shapes, by all appearance: {', '.join(untried)}; run again with --reflect auto, "
+            "or with the names of those to reflect",
+            "bold red",
+        )
+    for name, reason in status["mirror_images"].items():
+        if reason is not None:
+            say(f"perhaps a mirror image, but not reflected: {name}: {reason}", "bold red")
+
+
 def told(event: collections.Event) -> tuple[str, float]:
     """Describe a step of a run, with the share of its steps that are done."""
     name = event.name if isinstance(event.name, str) else " and ".join(event.name)
-    what = {"shape": "prepared", "pair": "matched", "agreement": "compared"}[event.what]
+    what = {"shape": "prepared", "pair": "matched", "reflection": "reflected", "agreement": "compared"}[
+        event.what
+    ]
     return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
 
 
 def _ending(record: dict[str, Any]) -> str:
     if record["state"] == "failed":
         return f"failed: {record['error']}"
+    if "not_reflected" in record:
+        return f"not kept: {', '.join(record['not_reflected'].values())}"
     if "refused" in record.get("agreement", {}):
         return f"contradicted, but not replaced: {record['agreement']['refused']}"
     if "replaced_by" in record:

@@ -72,9 +72,8 @@ def statistics(
         tell("reading", 0.0)
         shapes = shape_statistics.read_shapes(folder)
         labels = _read_groups(groups, shapes.names) if groups else {}
-        notes = [f"left out: {reason}" for reason in shapes.left_out] + _doubts(
-            folder / "pairs.csv", shapes.names
-        )
+        notes = [f"left out: {reason}" for reason in shapes.left_out]
+        notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
@@ -161,6 +160,13 @@ def _doubts(pairs: Path, names: tuple[str, ...]) -> list[str]:
     return [
         f"{name} may be matched wrongly: {', '.join(sorted(doubts))}" for name, doubts in doubtful.items()
     ]
+
+
+def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
+    """Say which shapes of a collection are mirror images of those in their files."""
+    lines = read_csv(table) if table.is_file() else []
+    turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
+    return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
 
 
 def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:

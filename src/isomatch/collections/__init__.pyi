@@ -5,6 +5,7 @@ from isomatch.collections.finish import finish, surfaces_written
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
+from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.reports import write_reports
 from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry
@@ -23,6 +24,7 @@ __all__ = [
     "agreement_of",
     "export",
     "finish",
+    "mirror_images",
     "state_of",
     "surfaces_written",
     "write_reports",

@@ -158,14 +158,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
     """Inconsistency (n, n) of all pairs of the prepared shapes."""
     rows, names = ledger.rows, list(job.prepared)
     number = {name: i for i, name in enumerate(names)}
-    done = [
-        pair
-        for pair, row in rows.pairs.items()
-        if row["state"] == "done"
-        and number.keys() >= set(pair)
-        and [row["source_hash"], row["target_hash"]]
-        == [rows.shapes.get(name, {}).get("hash") for name in pair]
-    ]
+    done = [pair for pair in rows.pairs if number.keys() >= set(pair) and rows.is_current(pair)]
     images = np.full((len(names), len(names), N_SAMPLES), UNMATCHED)
     tiles = tiles_of(done, names, TILE, max(1, len(done) // workers.count()))
     for pair, result in workers.completed([Task(tuple(tile), job.images) for tile in tiles], late):

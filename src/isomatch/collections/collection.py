@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +42,8 @@ class Collection(Plan):
         Settings of the matches.
     seed : int
         Their seed.
+    reflect : "auto" or tuple of str
+        Which shapes are matched as their mirror images, see `create`.
 
     Examples
     --------
@@ -68,8 +70,9 @@ class Collection(Plan):
         template: str | None = None,
         config: Config | None = None,
         seed: int = 0,
+        reflect: str | Iterable[str] | None = None,
     ) -> Collection:
-        """Make a collection, or continue one with the same settings; shapes may be added.
+        """Make a collection, or continue one with the same settings; shapes may be added, and ``reflect`` may change.
 
         Parameters
         ----------
@@ -87,13 +90,18 @@ class Collection(Plan):
             Settings of the matches.
         seed : int
             Their seed.
+        reflect : "auto", str or iterable of str, optional
+            Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
+            which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
+            template, and otherwise the smaller of two groups. By default as before, and none in a new collection.
 
         Raises
         ------
         InputError
-            If the shapes, pairs or template are not usable.
+            If the shapes, pairs, template or names are not usable.
         SettingError
-            If the folder holds a collection with other settings.
+            If the folder holds a collection with other settings, or either orientation is allowed, which does not tell
+            mirror images.
         """
         # workers may be in another folder
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
@@ -110,14 +118,21 @@ class Collection(Plan):
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
-        new = cls(layout.folder, entries, pairs, template, config or Config(), seed)
+        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, _checked(reflect, names))
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
+            if reflect is None:
+                new = replace(new, reflect=old.reflect)
             if pairs == "all":  # of two shapes, the same one stays the source
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
                 new = replace(new, shapes=entries)
+        if new.reflect == "auto" and new.config.orientation == "any":
+            raise SettingError(
+                "reflect = 'auto' finds mirror images by maps that must keep the orientation, and orientation = 'any' "
+                "allows both; leave the orientation at 'preserve', or name the shapes"
+            )
         layout.folder.mkdir(parents=True, exist_ok=True)
         plan = {
             "shapes": {entry.name: str(entry.path) for entry in entries},
@@ -125,6 +140,7 @@ class Collection(Plan):
             "template": template,
             "config": new.config.to_dict(),
             "seed": seed,
+            "reflect": new.reflect,
         }
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
@@ -149,7 +165,9 @@ class Collection(Plan):
             generator(plan["seed"])
             if bad := unusable_names(plan["shapes"]):
                 raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
-            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"])
+            turned = plan.get("reflect", ())
+            turned = turned if turned == "auto" else tuple(map(str, turned))
+            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -165,6 +183,8 @@ class Collection(Plan):
 
     def maps(self, source: str, target: str) -> PairMaps:
         """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
+
+        They are those of the surfaces in the files, also where these were reflected, which keeps the numbers of vertices.
 
         Raises
         ------
@@ -256,3 +276,15 @@ class Collection(Plan):
                 f"{self.folder}: holds a collection with other {', '.join(different)}; continue it with the same, or "
                 "give another folder"
             )
+
+
+def _checked(reflect: str | Iterable[str] | None, names: Sequence[str]) -> Literal["auto"] | tuple[str, ...]:
+    """Return the names of the shapes to reflect, in order; `InputError` for others."""
+    if reflect == "auto":
+        return "auto"
+    wanted = {reflect} if isinstance(reflect, str) else set(reflect or ())
+    if strangers := sorted(wanted - set(names)):
+        raise InputError(
+            f"{', '.join(strangers)} cannot be reflected: no shapes of this collection; give their names"
+        )
+    return tuple(name for name in names if name in wanted)

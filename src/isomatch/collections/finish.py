@@ -10,13 +10,16 @@ from typing import Any
 from isomatch.collections.collection import Collection
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
+from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.page import write_page
+from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
 from isomatch.storage.files import claimed, read_csv, write_csv
 
-COLUMNS = ("name", "key", "inverted_before", "inverted", "extended", "error")
+OWN = ("name", "key", "inverted_before", "inverted", "extended", "error")  # columns of the work itself
+COLUMNS = (*OWN, "reflected", "mirror_image")
 AT_ONCE = 4  # surfaces of a task
 SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
 
@@ -57,18 +60,20 @@ def finish(
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
-        job = WrapJob(layout, template, collection.paths[template])
+        job = WrapJob(layout, _entry(collection, rows, template))
         plans = _planned(collection, rows, template)
         todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         saved = time.monotonic()
         with claimed(layout.shapes_table), workers_of(executor, jobs) as workers:
             for plan, line in workers.completed(tasks, late):
-                lines[plan.name] = line if isinstance(line, dict) else {"name": plan.name, "error": str(line)}
+                name = plan.entry.name
+                lines[name] = line if isinstance(line, dict) else {"name": name, "error": str(line)}
                 if time.monotonic() > saved + SAVED:
                     write_csv(layout.shapes_table, lines.values(), COLUMNS)
                     saved = time.monotonic()
-                yield lines[plan.name]
+                yield lines[name]
+            _tell_sides(collection, rows, lines)
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
@@ -81,29 +86,41 @@ def surfaces_written(collection: Collection) -> list[str]:
     if template is None:
         return []
     plans, lines = _planned(collection, rows, template), _lines_of_table(collection)
-    return [plan.name for plan in plans if _is_written(collection.layout, plan, lines)]
+    return [plan.entry.name for plan in plans if _is_written(collection.layout, plan, lines)]
 
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     own = rows.shapes.get(template, {}).get("key", "")
-    plans = [PlannedSurface(template, collection.paths[template], None, own)]
+    plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
     for pair, record in rows.pairs.items():
-        name = pair[0] if pair[1] == template else pair[1]
-        if template in pair and record["state"] == "done":
+        if template in pair and rows.is_current(pair):
+            name = pair[0] if pair[1] == template else pair[1]
             key = " > ".join((record["key"], *record.get("replaced_by", ())))
-            plans.append(PlannedSurface(name, collection.paths[name], pair, key))
+            plans.append(PlannedSurface(_entry(collection, rows, name), pair, key))
     return plans
 
 
+def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
+    """Return a shape as it was matched."""
+    return Entry(name, collection.paths[name], bool(rows.reflected([name])))
+
+
 def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
-    line = lines.get(plan.name, {})
+    line = lines.get(plan.entry.name, {})
     up_to_date = line.get("key") == plan.key and not line.get("error")
-    return up_to_date and layout.corresponded(plan.name).exists()
+    return up_to_date and layout.corresponded(plan.entry.name).exists()
+
+
+def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, Any]) -> None:
+    """Add to the lines of shapes whether they were reflected, and whether they seem to be mirror images."""
+    sides = {"reflected": rows.reflected(collection.names), "mirror_image": mirror_images(collection, rows)}
+    for name in collection.names:
+        told = {column: "yes" for column, names in sides.items() if name in names}
+        if told or name in lines:
+            lines[name] = {"name": name, **lines.get(name, {}), **dict.fromkeys(sides, ""), **told}
 
 
 def _lines_of_table(collection: Collection) -> dict[str, Any]:
     path = collection.layout.shapes_table
     lines = read_csv(path) if path.exists() else []
-    return {
-        line["name"]: line for line in lines if set(COLUMNS) <= set(line)
-    }  # others were not written by us
+    return {line["name"]: line for line in lines if set(OWN) <= set(line)}  # others were not written by us

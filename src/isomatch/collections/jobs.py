@@ -6,15 +6,15 @@ import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import NamedTuple
 
 from isomatch.assets import surface_from
-from isomatch.collections.layout import Layout, key_of
-from isomatch.collections.map_file import PairMaps, Record
+from isomatch.collections.layout import Layout, identity_of, key_of
+from isomatch.collections.map_file import SIDES, PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
@@ -23,8 +23,10 @@ from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
+from isomatch.surfaces import reflected
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
+REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
 
 
 class PlannedPair(NamedTuple):
@@ -39,7 +41,9 @@ class PlannedPair(NamedTuple):
     shapes : (str, str)
         Keys of the prepared shapes.
     hashes : (str, str)
-        ``content_hash`` of the surfaces.
+        ``content_hash`` of the surfaces in the files.
+    reflected : tuple of str
+        Which of the shapes are matched as their mirror images.
     attempt : int
         Added to the seed.
     contradicted : bool
@@ -50,8 +54,16 @@ class PlannedPair(NamedTuple):
     key: str
     shapes: tuple[str, str]
     hashes: tuple[str, str]
+    reflected: tuple[str, ...]
     attempt: int
     contradicted: bool = False
+
+
+class Reflection(NamedTuple):
+    """A shape to turn the other way round, as ``entry`` says, and the pair that is matched with it to see if it fits."""
+
+    entry: Entry
+    plan: PlannedPair
 
 
 @dataclass(frozen=True)
@@ -87,6 +99,16 @@ class Job:
         """Match pairs that are not matched yet; return the rows of all that there was time for."""
         return [row_of(partial(self._matched, plan)) for plan in plans if not self.is_late()]
 
+    def reflect_shapes(self, reflections: Sequence[Reflection]) -> list[Record]:
+        """Turn shapes the other way round, where a match that is not in doubt bears it out.
+
+        Returns
+        -------
+        list of dict
+            The rows of the ``shape`` and of the ``pair``; or ``refused``: why the shape stays as it is.
+        """
+        return [row_of(partial(self._reflected, reflection)) for reflection in reflections]
+
     def _row_of_shape(self, entry: Entry) -> Record:
         stat: Record = {}
         if entry.path.exists():
@@ -96,15 +118,18 @@ class Job:
 
     def _prepared(self, entry: Entry) -> Record:
         surface = surface_from(entry.path)
-        key = key_of(self.config, self.seed, surface.content_hash)
+        key = key_of(self.config, self.seed, identity_of(surface.content_hash, entry.reflected))
         file = self.layout.prepared(key)
         shape = _loaded_if_whole(file, self.config)
         if shape is None:
-            shape = prepare(surface, self.config, self.seed)
+            shape = prepare(reflected(surface) if entry.reflected else surface, self.config, self.seed)
+            if entry.reflected:
+                shape = replace(shape, notes=(REFLECTED, *shape.notes))
             shape.save(file)
         return {
             "key": key,
             "hash": surface.content_hash,
+            "reflected": entry.reflected,
             "bytes": file.stat().st_size,
             "n_vertices": surface.n_vertices,
             "area": float(surface.vertex_areas.sum()),
@@ -117,6 +142,35 @@ class Job:
         earlier = _maps_if_whole(file)
         if earlier and earlier.record["key"] == plan.key:
             return earlier.record
+        maps = self._new_maps(plan)
+        if (
+            earlier
+            and plan.attempt
+            and not plan.contradicted
+            and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
+            and _unsureness(earlier.record) <= _unsureness(maps.record)
+        ):
+            maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
+        maps.save(file)
+        return maps.record
+
+    def _reflected(self, reflection: Reflection) -> Record:
+        entry, plan = reflection
+        shape = self._row_of_shape(entry)
+        if shape["state"] == "failed":
+            return {"refused": shape["error"]}
+        file = self.layout.maps(plan.pair)
+        maps = _maps_if_whole(file)
+        if maps is None or maps.record["key"] != plan.key:  # else a run saved it, and was killed
+            maps = self._new_maps(plan)
+            outcomes = [Outcome[maps.record[side]["outcome"]] for side in SIDES]
+            if any(outcome.is_doubtful for outcome in outcomes):
+                doubts = min(outcomes, key=lambda outcome: outcome.sureness)
+                return {"refused": f"the other way round, the match ends with {doubts.value}"}
+            maps.save(file)
+        return {"shape": shape, "pair": {"state": "done", "time": time.time(), **maps.record}}
+
+    def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
         source, target = (loaded_shape(self.layout.prepared(key), self.config) for key in plan.shapes)
         matches = match_both(source, target, config=self.config, seed=self.seed + plan.attempt)
@@ -124,27 +178,22 @@ class Job:
             "key": plan.key,
             "source_hash": plan.hashes[0],
             "target_hash": plan.hashes[1],
+            "reflected": list(plan.reflected),
             "there": _summary(matches.there),
             "back": _summary(matches.back),
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
-        maps = PairMaps(matches.there.map, matches.back.map, record)
-        if (
-            earlier
-            and plan.attempt
-            and not plan.contradicted
-            and (earlier.record["source_hash"], earlier.record["target_hash"]) == plan.hashes
-            and _unsureness(earlier.record) <= _unsureness(record)
-        ):
-            maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
-        maps.save(file)
-        return maps.record
+        return PairMaps(matches.there.map, matches.back.map, record)
 
 
 def _summary(result: MatchResult) -> Record:
     """Describe a result, without the settings, which are those of the collection."""
     return {name: value for name, value in result.to_dict().items() if name != "config"}
+
+
+def _surfaces_of(record: Record) -> tuple[str, str, list[str]]:
+    return record["source_hash"], record["target_hash"], record.get("reflected", [])
 
 
 def _unsureness(record: Record) -> tuple[int, float]:

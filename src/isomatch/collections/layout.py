@@ -86,10 +86,15 @@ class Layout:
         remove_unfinished(unfinished, 0.0 if alone else OLD)
 
 
-def key_of(config: Config, seed: int, *hashes: str) -> str:
-    """Return the key of a result: it depends on the hashes of the surfaces, the settings and this version."""
-    text = json.dumps([_settings(config), seed, *hashes])
+def key_of(config: Config, seed: int, *surfaces: str) -> str:
+    """Return the key of a result: it depends on the surfaces (see `identity_of`), the settings and this version."""
+    text = json.dumps([_settings(config), seed, *surfaces])
     return blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def identity_of(content_hash: str, reflected: bool) -> str:
+    """Identify a surface, by the hash of that in the user's file, as it is matched."""
+    return f"{content_hash} reflected" if reflected else content_hash
 
 
 @lru_cache

@@ -39,6 +39,18 @@ class Rows:
         _merge(self.shapes, other.shapes)
         _merge(self.pairs, other.pairs)
 
+    def reflected(self, names: Iterable[str]) -> list[str]:
+        """Return those of some shapes that are matched as their mirror images."""
+        return [name for name in names if self.shapes.get(name, {}).get("reflected")]
+
+    def is_current(self, pair: Pair) -> bool:
+        """Whether a pair is matched, and its shapes are still those that were, reflected as then."""
+        row = self.pairs.get(pair, {})
+        if row.get("state") != "done" or row.get("reflected", []) != self.reflected(pair):
+            return False
+        hashes = [self.shapes.get(name, {}).get("hash") for name in pair]
+        return [row["source_hash"], row["target_hash"]] == hashes
+
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""
         kept = set(names)

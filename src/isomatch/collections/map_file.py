@@ -12,6 +12,7 @@ import numpy as np
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MapError
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
+from isomatch.surfaces import Mesh, reflected
 
 Record = dict[str, Any]
 """What is known of a shape or a pair, as plain values."""
@@ -82,6 +83,31 @@ class PairMaps:
                 f"{path}: not the maps of a pair ({error}); remove it, and match again"
             ) from None
         return cls(there, back, record)
+
+
+def as_matched(
+    correspondence: Correspondence, source: Mesh, target: Mesh, turned: tuple[bool, bool]
+) -> tuple[Correspondence, Mesh, Mesh]:
+    """Return a map with its surfaces as they were matched: those that are turned are reflected.
+
+    Maps are kept as those of the surfaces in the user's files. Reflection leaves the numbers of vertices as they are.
+
+    Raises
+    ------
+    MapError
+        If it is a map of other surfaces.
+    """
+    if not any(turned):
+        return correspondence, source, target
+    correspondence.check_fits(source, target)
+    source, target = (reflected(mesh) if turn else mesh for mesh, turn in zip((source, target), turned))
+    hashes = source.content_hash, target.content_hash
+    points = correspondence.faces, correspondence.barycentric
+    return (
+        Correspondence(correspondence.vertices, correspondence.n_target, *points, *hashes),
+        source,
+        target,
+    )
 
 
 def _map(arrays: dict[str, Any], side: str, n_target: int, *hashes: str) -> Correspondence:

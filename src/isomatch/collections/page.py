@@ -56,6 +56,8 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     """Show one shape: its picture and its problems."""
     line, record = lines.get(name, {}), rows.shapes.get(name, {})
     problems = [str(each["error"]) for each in (record, line) if each.get("error")]
+    if line.get("mirror_image"):
+        problems.append("seems to be a mirror image")
     if int(line.get("inverted") or 0):
         problems.append(f"{line['inverted']} inverted faces")
     if int(line.get("extended") or 0):
@@ -63,7 +65,8 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     picture = collection.layout.thumbnail(name)
     image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""
-    return f"<figure>{image}<figcaption>{escape(name)}{problem}</figcaption></figure>"
+    side = "<small class=told>reflected</small>" if rows.reflected([name]) else ""
+    return f"<figure>{image}<figcaption>{escape(name)}{side}{problem}</figcaption></figure>"
 
 
 def _line(collection: Collection, pair: Mapping[str, Any], rows: Rows) -> str:

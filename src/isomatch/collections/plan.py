@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class Plan:
     template: str | None
     config: Config
     seed: int
+    reflect: Literal["auto"] | tuple[str, ...] = ()
 
     @property
     def layout(self) -> Layout:
@@ -42,6 +44,11 @@ class Plan:
     def paths(self) -> dict[str, Path]:
         """File of each shape, by name."""
         return {entry.name: entry.path for entry in self.shapes}
+
+    def entry(self, name: str, rows: Rows) -> Entry:
+        """Return a shape as it is to be matched: where mirror images are found automatically, as it was."""
+        turned = bool(rows.reflected([name])) if self.reflect == "auto" else name in self.reflect
+        return Entry(name, self.paths[name], turned)
 
     def chosen_template(self, rows: Rows) -> str | None:
         """Return the template asked for, or the medoid; None as long as not all shapes are prepared.

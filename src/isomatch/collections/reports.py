@@ -13,11 +13,12 @@ from isomatch.assets import mesh_from
 from isomatch.collections.collection import Collection
 from isomatch.collections.jobs import row_of
 from isomatch.collections.layout import Layout
-from isomatch.collections.map_file import Record
+from isomatch.collections.map_file import Record, as_matched
 from isomatch.collections.pairs import Pair
 from isomatch.collections.states import is_contradicted
 from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.collections.workers import Task, late_after, workers_of
+from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import writing
@@ -93,22 +94,29 @@ def _reported(collection: Collection, items: Sequence[tuple[Pair, Record]]) -> l
 
 def _written(collection: Collection, pair: Pair, record: Record) -> Record:
     """Write the report of a pair, source → target."""
-    source, target = (collection.paths[name] for name in pair)
+    files = [collection.paths[name] for name in pair]
+    source_turned, target_turned = (name in record.get("reflected", ()) for name in pair)
+    there = collection.maps(*pair).there
+    source, target = map(mesh_from, files)
+    there, source, target = as_matched(there, source, target, (source_turned, target_turned))
+    command = join(["isomatch", "match", *map(str, files)])
+    if source_turned != target_turned:
+        command += " --orientation any"
     path = collection.layout.report(pair)
     write_report(
         path,
-        mesh_from(source),
-        mesh_from(target),
-        _result(collection, pair, record),
+        source,
+        target,
+        _result(collection, record, there),
         names=pair,
-        command=f"{join(['isomatch', 'match', str(source), str(target)])} -o DIR --landmarks landmarks.txt",
+        command=f"{command} -o DIR --landmarks landmarks.txt",
     )
     return {"bytes": path.stat().st_size}
 
 
-def _result(collection: Collection, pair: Pair, record: Record) -> MatchResult:
+def _result(collection: Collection, record: Record, there: Correspondence) -> MatchResult:
     """Restore the result of a match from its saved parts, and say what is not in them."""
-    there, summary = collection.maps(*pair).there, record["there"]
+    summary = record["there"]
     notes = list(summary["notes"])
     if summary["alternatives"]:
         notes.append("a collection does not keep alternatives; isomatch match finds them again")

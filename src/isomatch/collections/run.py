@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from isomatch.collections.jobs import LOADED, Job, PlannedPair
-from isomatch.collections.layout import key_of
+from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
+from isomatch.collections.layout import identity_of, key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import Record
+from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.pairs import SIDE, Pair, pairs_of, tiles_of
 from isomatch.collections.plan import Plan
 from isomatch.collections.shapes import Entry
@@ -24,9 +25,12 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 
 
 class Event(NamedTuple):
-    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done."""
+    """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
 
-    what: Literal["shape", "pair", "agreement"]
+    The row of a reflection is that of the pair by which the shape was judged.
+    """
+
+    what: Literal["shape", "pair", "reflection", "agreement"]
     name: str | Pair
     record: Record
     done: int
@@ -56,8 +60,14 @@ class Run:
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             yield from self._prepared_shapes(job, workers, ledger)
-            if not job.is_late():
+            tried: set[str] = set()
+            while not job.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
+                reflections = [] if job.is_late() else self._reflections(ledger.rows, tried)
+                if not reflections:
+                    break
+                tried |= {reflection.entry.name for reflection in reflections}
+                yield from self._reflected_shapes(job, workers, ledger, reflections)
 
     def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Prepare the shapes that are not prepared yet."""
@@ -89,6 +99,40 @@ class Run:
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
+    def _reflected_shapes(
+        self, job: Job, workers: Workers, ledger: Ledger, reflections: Sequence[Reflection]
+    ) -> Iterator[Event]:
+        """Turn shapes the other way round, as far as the pair of each bears it out."""
+        tasks = [Task((reflection,), job.reflect_shapes) for reflection in reflections]
+        for count, ((entry, plan), result) in enumerate(workers.completed(tasks, job.is_late), 1):
+            if isinstance(result, Exception) or "pair" not in result:
+                made = _row_of(result)
+                refused = {entry.name: made.get("refused") or made["error"]}
+                row = {**ledger.rows.pairs[plan.pair], "not_reflected": refused, "time": time.time()}
+            else:  # the shape first: it says whether a pair is still to be matched
+                ledger.put_shape(entry.name, result["shape"])
+                row = {**result["pair"], "attempt": plan.attempt}
+            ledger.put_pair(plan.pair, row)
+            yield Event("reflection", entry.name, row, count, len(reflections))
+
+    def _reflections(self, rows: Rows, tried: Container[str]) -> list[Reflection]:
+        """Plan which shapes to turn the other way round; shards know enough for it only of a star."""
+        if self.collection.reflect != "auto" or (self.collection.pairs != "star" and self.shard[1] > 1):
+            return []
+        own = set(self.pairs_of_shard(rows))
+        return [
+            self._reflection(name, pair, rows)
+            for name, pair in mirror_images(self.collection, rows).items()
+            if pair in own and name not in tried and name not in rows.pairs[pair].get("not_reflected", ())
+        ]
+
+    def _reflection(self, name: str, pair: Pair, rows: Rows) -> Reflection:
+        turned = not rows.reflected([name])
+        key = self._key(identity_of(rows.shapes[name]["hash"], turned))
+        as_if = Rows({each: rows.shapes[each] for each in pair}, {pair: rows.pairs[pair]})
+        as_if.shapes[name] = {**rows.shapes[name], "reflected": turned, "key": key}
+        return Reflection(Entry(name, self.collection.paths[name], turned), self._planned(pair, as_if))
+
     def pairs_of_shard(self, rows: Rows) -> list[Pair]:
         """List the pairs of the shard: as many as of any other, and of few different shapes."""
         names, template = self.collection.names, self.collection.chosen_template(rows)
@@ -101,14 +145,14 @@ class Run:
 
     def _entries(self, rows: Rows) -> list[Entry]:
         """List the shapes of the shard's pairs; all if they decide on the template, each shard beginning elsewhere."""
-        shapes, (index, count) = self.collection.shapes, self.shard
+        names, (index, count) = self.collection.names, self.shard
         if self.collection.pairs == "star" and self.collection.template is None:
-            first = len(shapes) * index // count
-            return [*shapes[first:], *shapes[:first]]
-        if count == 1:
-            return list(shapes)
-        needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
-        return [entry for entry in shapes if entry.name in needed]
+            first = len(names) * index // count
+            names = [*names[first:], *names[:first]]
+        elif count > 1:
+            needed = {name for pair in self.pairs_of_shard(rows) for name in pair}
+            names = [name for name in names if name in needed]
+        return [self.collection.entry(name, rows) for name in names]
 
     def _is_prepared(self, entry: Entry, rows: Rows) -> bool:
         record = rows.shapes.get(entry.name)
@@ -119,7 +163,7 @@ class Run:
             return False
         if record["state"] == "failed":
             return True
-        key = key_of(self.collection.config, self.collection.seed, record["hash"])
+        key = self._key(identity_of(record["hash"], entry.reflected))
         return bool(record["key"] == key) and self.collection.layout.prepared(key).exists()
 
     def _planned(self, pair: Pair, rows: Rows) -> PlannedPair:
@@ -127,9 +171,16 @@ class Run:
         hashes = (shapes[0]["hash"], shapes[1]["hash"])
         row = rows.pairs.get(pair, {})
         attempt = row.get("attempt", 0)
-        key = key_of(self.collection.config, self.collection.seed + attempt, *hashes)
+        turned = tuple(rows.reflected(pair))
+        surfaces = (identity_of(content, name in turned) for name, content in zip(pair, hashes))
         keys = (shapes[0]["key"], shapes[1]["key"])
-        return PlannedPair(pair, key, keys, hashes, attempt, row.get("contradicted", False))
+        contradicted = row.get("contradicted", False)
+        return PlannedPair(
+            pair, self._key(*surfaces, attempt=attempt), keys, hashes, turned, attempt, contradicted
+        )
+
+    def _key(self, *surfaces: str, attempt: int = 0) -> str:
+        return key_of(self.collection.config, self.collection.seed + attempt, *surfaces)
 
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:

@@ -25,10 +25,13 @@ class Entry:
         Stands for the shape in tables and names of files.
     path : Path
         Its file.
+    reflected : bool
+        Whether it is matched as its mirror image.
     """
 
     name: str
     path: Path
+    reflected: bool = False
 
 
 def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from isomatch.collections.consistency import CONTRADICTED
-from isomatch.collections.map_file import Record
+from isomatch.collections.map_file import SIDES, Record
 from isomatch.matching import Outcome
 
 
@@ -12,6 +12,13 @@ def state_of(record: Record) -> str:
     if record["state"] == "done" and Outcome[record["there"]["outcome"]].is_doubtful:
         return "low"
     return str(record["state"])
+
+
+def is_mirrored(record: Record) -> bool:
+    """Whether the mirror image of one of its shapes fits clearly better than the map of a pair."""
+    return record["state"] == "done" and any(
+        record[side]["outcome"] == Outcome.MIRROR_IMAGE.name for side in SIDES
+    )
 
 
 def is_contradicted(record: Record) -> bool:

@@ -25,6 +25,7 @@ COLUMNS = (
     "inconsistency",
     "inconsistency_before",
     "replaced_by",
+    "reflected",
     "seconds",
     "memory",
     "error",
@@ -65,6 +66,7 @@ def _line(pair: Pair, record: Record) -> dict[str, Any]:
     line |= {"inconsistency": agreement.get("inconsistency"), "inconsistency_before": agreement.get("before")}
     if "replaced_by" in record:
         line["replaced_by"] = " > ".join(record["replaced_by"])
+    line["reflected"] = ", ".join(record.get("reflected", ()))
     return line
 
 

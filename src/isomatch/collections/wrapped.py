@@ -13,12 +13,13 @@ from matplotlib.image import imsave
 
 from isomatch.assets import mesh_from, write_mesh
 from isomatch.collections.layout import Layout
-from isomatch.collections.map_file import PairMaps, Record
+from isomatch.collections.map_file import PairMaps, Record, as_matched
 from isomatch.collections.pairs import Pair
+from isomatch.collections.shapes import Entry
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import IsomatchError
 from isomatch.storage.files import replaced
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
 PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
@@ -29,18 +30,15 @@ class PlannedSurface(NamedTuple):
 
     Parameters
     ----------
-    name : str
+    entry : Entry
         The shape.
-    path : Path
-        Its file.
     pair : (str, str), optional
         The pair with the template; None for the template itself.
     key : str
         Identifies the map, and with it the surface.
     """
 
-    name: str
-    path: Path
+    entry: Entry
     pair: Pair | None
     key: str
 
@@ -53,33 +51,39 @@ class WrapJob:
     ----------
     layout : Layout
         The folder.
-    template : str
-        Name of the template.
-    template_path : Path
-        Its file.
+    template : Entry
+        The template.
     """
 
     layout: Layout
-    template: str
-    template_path: Path
+    template: Entry
 
     def wrap_shapes(self, plans: Sequence[PlannedSurface]) -> list[Record]:
         """Write shapes with the vertices of the template, and their pictures; return a line about each."""
         return [self._line(plan) for plan in plans]
 
     def _line(self, plan: PlannedSurface) -> Record:
-        line = {"name": plan.name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        name = plan.entry.name
+        line = {"name": name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
         try:
             template, mesh = (
-                _read(path, path.stat().st_mtime_ns) for path in (self.template_path, plan.path)
+                _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
             )
-            if plan.pair is not None:
+            if plan.pair is None:
+                template = mesh = reflected(mesh) if plan.entry.reflected else mesh
+            else:
                 maps = PairMaps.load(self.layout.maps(plan.pair))
-                wrapped = wrap(maps.there if plan.pair[0] == self.template else maps.back, template, mesh)
+                there = maps.there if plan.pair[0] == self.template.name else maps.back
+                turned = self.template.reflected, plan.entry.reflected
+                there, template, mesh = as_matched(there, template, mesh, turned)
+                wrapped = wrap(there, template, mesh)
                 mesh = wrapped.mesh
-                line |= {name: getattr(wrapped, name) for name in ("inverted_before", "inverted", "extended")}
-            write_mesh(self.layout.corresponded(plan.name), mesh)
-            _draw(template, mesh, self.layout.thumbnail(plan.name))
+                line |= {
+                    measure: getattr(wrapped, measure)
+                    for measure in ("inverted_before", "inverted", "extended")
+                }
+            write_mesh(self.layout.corresponded(name), mesh)
+            _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
             line["error"] = f"{type(error).__name__}: {error}"
         return line

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from isomatch.errors import MapError
 from isomatch.matching import Outcome, match
-from isomatch.surfaces import Mesh
+from isomatch.surfaces import Mesh, reflected
 from isomatch.values.arrays import IntArray
 
 
@@ -28,8 +28,7 @@ def left_right_map(mesh: Mesh, *, seed: int = 0) -> IntArray:
     MapError
         If the match cannot be trusted, or leaves vertices unmatched.
     """
-    image = Mesh(mesh.vertices * [-1.0, 1.0, 1.0], mesh.faces[:, ::-1])
-    result = match(mesh, image, seed=seed)
+    result = match(mesh, reflected(mesh), seed=seed)
     if result.outcome is not Outcome.CONVERGED or not result.map.matched.all():
         raise MapError(
             f"the left–right map is not certain ({result.outcome.value}: {result.outcome.advice}); give it as a file"

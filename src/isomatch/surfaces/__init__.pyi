@@ -9,6 +9,7 @@ from isomatch.surfaces.picture import picture
 from isomatch.surfaces.point_cloud import PointCloud
 from isomatch.surfaces.precise_points import PrecisePoints, nearest_in_triangle
 from isomatch.surfaces.raster import Raster, rasterise
+from isomatch.surfaces.reflection import reflected
 from isomatch.surfaces.surface import Surface
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "nearest_in_triangle",
     "picture",
     "rasterise",
+    "reflected",
     "surface_in_use",
     "unsound_faces",
     "vertex_normals",
