@@ -2,25 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
-from isomatch.assets.formats.gltf_looks import UNTINTED, base_colours
-from isomatch.values.arrays import AnyArray, FloatArray
+from isomatch.assets.looks import UNTINTED, Layer, Picture, Wrap
+from isomatch.errors import FormatError
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
+JPEG = b"\xff\xd8"
+"""How such a file begins."""
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 def pixels_of(picture: bytes) -> FloatArray:
-    """(height, width, 4) the pixels of a PNG or JPEG file, 0…1; row 0 is at the top."""
-    from matplotlib.image import imread  # takes longer to import than all else
+    """(height, width, 4) the pixels of a picture file, such as PNG, JPEG or WebP, 0…1; row 0 is at the top.
 
-    kind = "png" if picture[:4] == b"\x89PNG" else "jpg"
-    pixels = np.asarray(imread(BytesIO(picture), format=kind))
-    return _four_channels(pixels / 255 if pixels.dtype == np.uint8 else pixels.astype(np.float64), 1.0)
+    Raises
+    ------
+    FormatError
+        If it is damaged, or of a format that Pillow does not know.
+    """
+    from PIL import Image  # takes longer to import than all else; matplotlib needs it too
+
+    try:
+        with Image.open(BytesIO(picture)) as image:
+            if image.mode.startswith("I"):  # grey of 16 bits
+                return _four_channels(np.asarray(image) / 65535, 1.0)
+            return np.asarray(image.convert("RGBA")) / 255
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        reason = "it is of no known kind" if isinstance(error, Image.UnidentifiedImageError) else str(error)
+        raise FormatError(f"a picture cannot be read: {reason}; convert it to PNG") from None
+
+
+def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
+    """Say of each picture that cannot be read why not."""
+    found = {}
+    for picture in pictures:
+        try:
+            if not picture.missing:
+                pixels_of(picture.data)
+        except FormatError as error:
+            found[picture] = str(error).removeprefix("a picture cannot be read: ")
+        else:
+            if picture.missing:
+                found[picture] = picture.missing
+    return found
+
+
+def is_picture(data: bytes) -> bool:
+    """Whether these bytes begin as a picture that can be read."""
+    from PIL import Image
+
+    try:
+        Image.open(BytesIO(data)).close()
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return False
+    return True
+
+
+def as_png(picture: bytes) -> bytes:
+    """Return a PNG or JPEG file as it is, and any other as PNG."""
+    return picture if picture[:4] == b"\x89PNG" or picture[:2] == JPEG else png_of(pixels_of(picture))
 
 
 def png_of(pixels: AnyArray) -> bytes:
@@ -34,15 +79,31 @@ def png_of(pixels: AnyArray) -> bytes:
     return file.getvalue()
 
 
-def texture_of(asset: Asset) -> AnyArray | None:
-    """Return the (height, width, 4) uint8 texture of a glTF file; None unless it has one for all its triangles."""
-    materials, looks = base_colours(asset.document) or (np.zeros(0, dtype=np.int64), [])
-    used = np.unique(materials)
-    if len(used) != 1 or used[0] < 0 or not looks[used[0]][0]:
-        return None
-    picture, tint = looks[used[0]]
-    pixels: AnyArray = np.rint(255 * pixels_of(picture) * tint).astype(np.uint8)
-    return pixels
+def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
+    """(m, 4) colours of the pixels of a layer's picture at texture coordinates (m, 2), blended between texels."""
+    height, width = pixels.shape[:2]
+    at = layer.looked_up(uv)
+    x, y = at[:, 0] * width - 0.5, (1 - at[:, 1]) * height - 0.5
+    if layer.nearest:
+        x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    s, t = (x - left)[:, None], (y - top)[:, None]
+    total: FloatArray = np.zeros((len(uv), 4))
+    for i, down in ((0, 1 - t), (1, t)):
+        row = _wrapped(top + i, height, layer.wrap[1])
+        for j, right in ((0, 1 - s), (1, s)):
+            total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
+    return total * layer.tint
+
+
+def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
+    """Return the texel of n that is shown at an index inside or beyond them."""
+    if wrap == "clamp":
+        return np.clip(index, 0, n - 1)
+    if wrap == "mirror":
+        index = index % (2 * n)
+        return np.minimum(index, 2 * n - 1 - index)
+    return index % n
 
 
 def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:

@@ -1,4 +1,4 @@
-"""How the surface turns at each vertex from the one that gives to the one that receives."""
+"""How the surface turns at each vertex, and grows, from the one that gives to the one that receives."""
 
 from __future__ import annotations
 
@@ -7,6 +7,18 @@ import numpy as np
 from isomatch.correspondence import nearest_rotation
 from isomatch.transfer.bridge import Bridge
 from isomatch.values.arrays import FloatArray
+
+
+def growth(bridge: Bridge) -> float:
+    """How many times larger the receiver is: the median over the edges around its matched faces; 1 if there is none."""
+    faces = bridge.receiver.mesh.faces
+    faces = faces[bridge.map.matched[faces].all(axis=1)]
+    here, there = (
+        np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
+        for x in (bridge.receiver.mesh.vertices, bridge.image_positions)
+    )
+    ratios = here[there > 0] / there[there > 0]
+    return float(np.median(ratios)) if len(ratios) else 1.0
 
 
 def rotations(bridge: Bridge) -> FloatArray:

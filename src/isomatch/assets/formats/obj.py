@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
+from isomatch.assets.formats.mtl import read_libraries
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.errors import MeshError, some
 from isomatch.surfaces import Mesh, welded
@@ -22,10 +25,11 @@ _INDEXED: tuple[tuple[str, str, Kind, int], ...] = (("vt", "uv", "uv", 2), ("vn"
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """The names of material libraries, and lines and points, which are no faces."""
+    """The names of material libraries, lines and points, which are no faces, and the libraries and their pictures."""
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -59,14 +63,16 @@ def read_asset(data: bytes, name: str) -> Asset:
         statements = lines.starting_with(keyword)
         if len(statements):
             attributes.append(_labels(attribute, statements, face_lines))
+    libraries = tuple(_texts(lines.starting_with("mtllib")))
     document = ObjDocument(
-        tuple(_texts(lines.starting_with("mtllib"))),
+        libraries,
         tuple(
             f"{keyword} {text}"
             for keyword in "pl"
             for text in _texts(lines.starting_with(keyword))
             if text.replace(" ", "").isdecimal()
         ),
+        read_libraries(libraries, Path(name).parent),
     )
     return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document)
 
