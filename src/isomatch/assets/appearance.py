@@ -13,8 +13,8 @@ from isomatch.assets.attribute_names import unused_name
 from isomatch.assets.formats import gltf_looks, mtl
 from isomatch.assets.formats.gltf import GltfDocument
 from isomatch.assets.formats.obj import ObjDocument
-from isomatch.assets.looks import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture
-from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread
+from isomatch.assets.looks import UNTINTED, Layer, Look, Looks, Picture
+from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
@@ -92,49 +92,54 @@ def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
 
 
 def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
-    """Return an asset with the texture coordinates of its texture, (height, width, 4) of uint8.
+    """Return an asset with the texture coordinates of its texture, (height, width, 4) of uint8, which repeats.
 
-    None unless it has one for all its triangles, which is seen only where it lies or as it repeats.
+    None unless it has one for all its triangles.
     """
     looks = looks_of(asset)
     used = np.unique(looks.of_triangle) if looks else np.zeros(0)
     if looks is None or len(used) != 1 or used[0] < 0:
         return asset, None
-    layer = looks.looks[used[0]].main
+    shown, layers = _repeating(asset, looks)
+    layer = layers[used[0]]
     if layer.picture is None or unread([layer.picture]):
-        return asset, None
-    shown = _with_shown_coordinates(asset, looks)
-    uv = [attribute.values for attribute in shown.of_kind("uv")][:1]
-    if layer.wrap != ("repeat", "repeat") and any((x < 0).any() or (x > 1).any() for x in uv):
         return asset, None
     pixels: AnyArray = np.rint(255 * pixels_of(layer.picture.data) * layer.tint).astype(np.uint8)
     return shown, pixels
 
 
-def _with_shown_coordinates(asset: Asset, looks: Looks) -> Asset:
-    """Return an asset whose first texture coordinates say where its main layers are looked up as they are."""
-    polygons = asset.polygons
+def _repeating(asset: Asset, looks: Looks) -> tuple[Asset, tuple[Layer, ...]]:
+    """Return the main layers for those who know but pictures that repeat, and the asset with coordinates for them."""
+    layers = [look.main for look in looks.looks]
     first = [attribute.name for attribute in asset.of_kind("uv")][:1]
-    layers = [look.main for look in looks.looks if look.main.picture]
-    if not first or all([layer.uv] == first and layer.matrix == IN_PLACE for layer in layers):
-        return asset
+    own = Layer(uv=first[0]) if first else Layer()
+    if not first or all(
+        (layer.uv, layer.matrix, layer.wrap) == (own.uv, own.matrix, own.wrap)
+        for layer in layers
+        if layer.picture
+    ):
+        return asset, tuple(layers)
+    polygons = asset.polygons
     of_polygon = np.full(len(polygons), -1)
     of_polygon[polygons.of_triangle] = looks.of_triangle
     of_corner = of_polygon[polygons.of_corner]
     found = np.full((len(of_corner), 2), np.nan)
-    for i, look in enumerate(looks.looks):
+    for i, layer in enumerate(layers):
         for attribute in asset.of_kind("uv"):
-            if attribute.name == look.main.uv and attribute.domain != "face":
+            if attribute.name == layer.uv and attribute.domain != "face":
                 here = np.flatnonzero(of_corner == i)
                 rows = here if attribute.domain == "corner" else polygons.corners[here]
-                found[here] = look.main.looked_up(attribute.values[rows].astype(np.float64))
+                uv = attribute.values[rows].astype(np.float64)
+                layers[i] = unrolled(layer, layer.looked_up(uv))
+                found[here] = layers[i].looked_up(uv)
     others = tuple(a for a in asset.attributes if a.name not in (*first, "uv"))
-    return replace(asset, attributes=(Attribute("uv", "corner", "uv", found), *others))
+    return replace(asset, attributes=(Attribute("uv", "corner", "uv", found), *others)), tuple(layers)
 
 
 def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
     """Return an asset with a library of its looks, which it has as labels of its faces."""
-    pictures = [picture for picture in looks.pictures if not picture.missing]
+    shown, layers = _repeating(asset, looks)
+    pictures = dict.fromkeys(layer.picture for layer in layers if layer.picture and not layer.picture.missing)
     files: dict[str, bytes] = {}
     names: dict[Picture, str] = {}
     for picture in pictures:
@@ -145,10 +150,9 @@ def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
     words: list[str] = []
     for look in looks.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = mtl.library_of(looks.looks, tuple(words), names)
+    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names)
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
     document = ObjDocument((f"{stem}.mtl",), former.elements, files)
-    shown = _with_shown_coordinates(asset, looks)
     return replace(_labelled(shown, looks.of_triangle, tuple(words)), document=document)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from io import BytesIO
 from typing import Any
 
@@ -14,6 +15,7 @@ from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 JPEG = b"\xff\xd8"
 """How such a file begins."""
+_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
@@ -94,6 +96,32 @@ def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
         for j, right in ((0, 1 - s), (1, s)):
             total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
     return total * layer.tint
+
+
+def unrolled(layer: Layer, uv: FloatArray) -> Layer:
+    """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+
+    A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+    """
+    if layer.picture is None or layer.wrap == ("repeat", "repeat") or unread([layer.picture]):
+        return layer
+    pixels, matrix = pixels_of(layer.picture.data), np.array(layer.matrix)
+    for axis, wrap in enumerate(layer.wrap):
+        seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+        seen = seen[np.isfinite(seen)]
+        first, last = {"repeat": (0, 1), "mirror": (0, 2)}.get(wrap, (0, 1))
+        if wrap == "clamp" and len(seen):
+            first, last = (
+                int(np.floor(seen.min()).clip(-_MOST, 0)),
+                int(np.ceil(seen.max()).clip(1, _MOST)),
+            )
+        n = pixels.shape[1 - axis]
+        pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+        matrix[axis, 2] -= first
+        matrix[axis] /= last - first
+    picture = Picture(layer.picture.name, png_of(pixels))
+    rows = tuple(tuple(row) for row in matrix.tolist())
+    return replace(layer, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
 
 
 def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:

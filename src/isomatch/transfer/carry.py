@@ -14,6 +14,7 @@ from isomatch.assets import (
     Attribute,
     Domain,
     Kind,
+    animated_nodes,
     unread_files,
     with_key_weights_of,
     with_looks_of,
@@ -53,7 +54,7 @@ class Carried:
     across_seams : int
         Its polygons that lie across a seam of the other's texture coordinates; their corners were kept on one side.
     notes : tuple of str
-        What could not go along: pictures that cannot be read.
+        What could not go along: pictures that cannot be read, animations of joints that the receiver has no more.
     """
 
     asset: Asset
@@ -151,6 +152,8 @@ def carry_attributes(
         notes += [f"{each}; what it would paint is not shown" for each in unread_files(giver)]
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
+        if animated_nodes(asset) < animated_nodes(receiver):
+            notes.append("animations of joints that the receiver had are left out, as the joints are")
     if "key" in kinds:
         asset = with_key_weights_of(asset, giver.document)
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across, tuple(notes))

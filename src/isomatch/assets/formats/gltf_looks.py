@@ -155,8 +155,8 @@ def _layer(
         return Layer(tint)
     transform = info.get("extensions", {}).get(_TRANSFORM, {})
     number = transform.get("texCoord", info.get("texCoord", 0))
-    texture = gltf.json["textures"][info["index"]]
-    sampler = gltf.json["samplers"][texture["sampler"]] if "sampler" in texture else {}
+    texture = _entry(gltf, "textures", info["index"])
+    sampler = _entry(gltf, "samplers", texture.get("sampler", -1))
     x, y = (_WRAPS.get(sampler.get(key), "repeat") for key in ("wrapS", "wrapT"))
     return Layer(
         tint,
@@ -179,7 +179,7 @@ def _matrix(transform: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
 
 def _picture(gltf: GltfData, index: int) -> Picture:
     """Return the picture of a texture: of several kinds, the first that can be read, or the first."""
-    texture = gltf.json["textures"][index]
+    texture = _entry(gltf, "textures", index)
     places = [*texture.get("extensions", {}).values(), texture]
     found = [_image(gltf, place["source"]) for place in places if "source" in place]
     found = [each for each in found if is_picture(each.data)] or found
@@ -187,20 +187,25 @@ def _picture(gltf: GltfData, index: int) -> Picture:
 
 
 def _image(gltf: GltfData, index: int) -> Picture:
-    images = gltf.json.get("images", [])
-    if index >= len(images):
-        return Picture(f"image {index}", missing="there is no such image")
-    image = images[index]
+    image = _entry(gltf, "images", index)
     uri = str(image.get("uri", ""))
     name = str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {index}"))
     if "bufferView" in image:
         return Picture(name, _bytes_of(gltf.json, gltf.blob, image["bufferView"]))
+    if not uri:
+        return Picture(name, missing="it is not in the file")
     if not uri.startswith("data:"):
         return Picture(name, missing="there is no such file in the folder of the mesh")
     try:
         return Picture(name, base64.b64decode(uri.partition(",")[2]))
     except ValueError:
         return Picture(name, missing="its base64 text is damaged")
+
+
+def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
+    """Return an entry of a list; empty if there is none."""
+    listed = gltf.json.get(name, [])
+    return listed[index] if 0 <= index < len(listed) else {}
 
 
 def _bytes_of(document: dict[str, Any], blob: bytes | bytearray, view: int) -> bytes:

@@ -56,6 +56,12 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     return edited(receiver, document, gltf)
 
 
+def animated_nodes(asset: Asset) -> int:
+    """Count what the animations of a glTF file move."""
+    animations = asset.document.json.get("animations", []) if isinstance(asset.document, GltfDocument) else []
+    return sum(len(animation["channels"]) for animation in animations)
+
+
 def _appended(document: dict[str, Any], other: dict[str, Any]) -> dict[int, int]:
     """Append the joints of another file and all nodes above them; return the new number of each."""
     start = len(document["nodes"])

@@ -58,17 +58,15 @@ def looks_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -
     return {name: _look(name, each, files) for name, each in said.items()}
 
 
-def library_of(looks: tuple[Look, ...], names: tuple[str, ...], pictures: Mapping[Picture, str]) -> bytes:
-    """Write a library of looks under these names; each picture has a name too."""
+def library_of(names: tuple[str, ...], layers: tuple[Layer, ...], pictures: Mapping[Picture, str]) -> bytes:
+    """Write a library of layers under these names; pictures have names too, or keep their own."""
     lines = []
-    for name, look in zip(names, looks):
-        layer = look.main
+    for name, layer in zip(names, layers):
         lines += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in layer.tint[:3])]
         if len(layer.tint) > 3 and layer.tint[3] < 1:
             lines.append(f"d {layer.tint[3]:.6g}")
         if layer.picture:
-            clamp = "-clamp on " if layer.wrap == ("clamp", "clamp") else ""
-            lines.append(f"map_Kd {clamp}{pictures.get(layer.picture, layer.picture.name)}")
+            lines.append(f"map_Kd {pictures.get(layer.picture, layer.picture.name)}")
     return "".join(f"{line}\n" for line in lines).encode(errors="surrogateescape")
 
 
