@@ -169,17 +169,20 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     files: dict[Path, bytes] = {}
     names: dict[str, str] = {}
 
+    folder = path.parent.resolve()
+
     def put(name: str, content: bytes) -> None:
-        last = PurePosixPath(name.replace("\\", "/")).name
-        options = [name, last, last if last.startswith(path.stem) else f"{path.stem}_{last}"]
-        for names[name] in options:
-            file = path.parent / names[name]
+        clean = name.replace("\\", "/")
+        last = PurePosixPath(clean).name
+        inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
+        for each in (*inside, last, last if last.startswith(path.stem) else f"{path.stem}_{last}"):
+            names[name], file = each, path.parent / each
             same = files.get(file, content) == content
             if same and file.is_file() and file.read_bytes() == content:
                 return
             if same and file.parent.is_dir() and not file.exists():
                 break
-        files[path.parent / names[name]] = content
+        files[file] = content
 
     libraries = {name for line in document.libraries for name in (line, *line.split())}
     for name, content in document.files.items():

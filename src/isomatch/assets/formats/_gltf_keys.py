@@ -92,10 +92,14 @@ def _set(document: dict[str, Any], mesh: int, names: list[str], weights: Mapping
         known = {**dict(zip(had, place.pop("weights", own))), **weights}
         if names:
             place["weights"] = [known.get(name, 0) for name in names]
-    extras = each["extras"] if isinstance(each.get("extras"), dict) else {}
-    extras.pop("targetNames", None)
+    said = each.pop("extras", None)
+    extras = (
+        {key: value for key, value in said.items() if key != "targetNames"} if isinstance(said, dict) else {}
+    )
     if names:
-        each["extras"] = {**extras, "targetNames": names}
+        extras["targetNames"] = names
+    if extras:
+        each["extras"] = extras
 
 
 def _add(gltf: GltfData, moves: AnyArray) -> int:
