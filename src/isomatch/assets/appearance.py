@@ -68,8 +68,8 @@ def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> As
 
 def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
     """Return the receiver as a glTF file with one material of one picture, multiplied by a tint of red to alpha, 0…1."""
-    uv = [attribute.name for attribute in receiver.of_kind("uv")]
-    layer = Layer(tuple(tint), Picture("baked.png", png), *uv[:1])
+    uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
+    layer = Layer(tuple(tint), Picture("baked.png", png), uv)
     of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
     return gltf_looks.with_looks(receiver, Looks(of_triangle, (Look("baked", layer),)))
 

@@ -27,7 +27,7 @@ def pixels_of(picture: bytes) -> FloatArray:
     FormatError
         If it is damaged, or of a format that Pillow does not know.
     """
-    from PIL import Image  # takes longer to import than all else; matplotlib needs it too
+    from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
 
     try:
         with Image.open(BytesIO(picture)) as image:
@@ -35,7 +35,7 @@ def pixels_of(picture: bytes) -> FloatArray:
                 return _four_channels(np.asarray(image) / 65535, 1.0)
             return np.asarray(image.convert("RGBA")) / 255
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        reason = "it is of no known kind" if isinstance(error, Image.UnidentifiedImageError) else str(error)
+        reason = "it is of no known kind" if isinstance(error, UnidentifiedImageError) else str(error)
         raise FormatError(f"a picture cannot be read: {reason}; convert it to PNG") from None
 
 

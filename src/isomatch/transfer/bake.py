@@ -190,7 +190,7 @@ class _Paint:
 
     def _of_layer(self, layer: Layer, places: Places, here: IntArray) -> FloatArray:
         if layer.picture is None:
-            return np.tile(np.float64(layer.tint), (len(here), 1))
+            return np.tile(np.array(layer.tint, dtype=np.float64), (len(here), 1))
         if layer.picture not in self.pixels:
             return np.tile(UNPAINTED, (len(here), 1))
         found = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]

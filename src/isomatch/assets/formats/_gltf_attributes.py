@@ -236,7 +236,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
     for node in users:
         if "skin" in node:
             place = {joint: i for i, joint in enumerate(document["skins"][node["skin"]]["joints"])}
-            found = np.array([place.get(node_of.get(name, -1), -1) for name in names])
+            found: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
             if (found[used] >= 0).all():
                 return np.maximum(found, 0)
     placed = transforms(document).get(mesh, (None, None))[0]

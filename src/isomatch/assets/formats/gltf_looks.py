@@ -157,7 +157,7 @@ def _layer(
     number = transform.get("texCoord", info.get("texCoord", 0))
     texture = _entry(gltf, "textures", info["index"])
     sampler = _entry(gltf, "samplers", texture.get("sampler", -1))
-    x, y = (_WRAPS.get(sampler.get(key), "repeat") for key in ("wrapS", "wrapT"))
+    x, y = (_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT"))
     return Layer(
         tint,
         _picture(gltf, info["index"]),
@@ -276,7 +276,8 @@ def _written(
     if tint != default:
         found[f"{name}Factor"] = list(tint)
     if layer.picture:
-        picture, image = layer.picture, {"uri": layer.picture.name}
+        picture = layer.picture
+        image: dict[str, object] = {"uri": picture.name}
         if not picture.missing:
             data = as_png(picture.data)
             kind = "image/jpeg" if data[:2] == JPEG else "image/png"
