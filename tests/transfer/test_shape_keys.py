@@ -197,7 +197,7 @@ def test_the_command_carries_keys(word, tmp_path, capsys):
     assert mesh_of(out)["weights"] == [0.25, 0]
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".vtp"])
+@pytest.mark.parametrize("suffix", [".ply", ".vtp", ".vtu", ".vtk", ".gii"])
 def test_other_formats_keep_keys_as_vectors(suffix, giver, tmp_path):
     assert write_asset(tmp_path / f"a{suffix}", giver) == ()
     found = read_asset(tmp_path / f"a{suffix}").attribute("lift")

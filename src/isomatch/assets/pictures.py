@@ -15,6 +15,7 @@ from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 JPEG = b"\xff\xd8"
 """How such a file begins."""
+_UNREAD = "a picture cannot be read: "
 _MOST = 8  # widths of a picture that its border may go on, where it has to be painted
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
@@ -27,30 +28,36 @@ def pixels_of(picture: bytes) -> FloatArray:
     FormatError
         If it is damaged, or of a format that Pillow does not know.
     """
+    image = _loaded(picture)
+    if image.mode.startswith("I"):  # grey of 16 bits
+        return _four_channels(np.asarray(image) / 65535, 1.0)
+    return np.asarray(image.convert("RGBA")) / 255
+
+
+def _loaded(picture: bytes) -> Any:
     from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
 
     try:
-        with Image.open(BytesIO(picture)) as image:
-            if image.mode.startswith("I"):  # grey of 16 bits
-                return _four_channels(np.asarray(image) / 65535, 1.0)
-            return np.asarray(image.convert("RGBA")) / 255
+        image = Image.open(BytesIO(picture))
+        image.load()
+    except UnidentifiedImageError:
+        raise FormatError(f"{_UNREAD}it is of no known kind; convert it to PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        reason = "it is of no known kind" if isinstance(error, UnidentifiedImageError) else str(error)
-        raise FormatError(f"a picture cannot be read: {reason}; convert it to PNG") from None
+        raise FormatError(f"{_UNREAD}{error}; copy it again, or convert it to PNG") from None
+    return image
 
 
 def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
     """Say of each picture that cannot be read why not."""
     found = {}
     for picture in pictures:
+        if picture.missing:
+            found[picture] = picture.missing
+            continue
         try:
-            if not picture.missing:
-                pixels_of(picture.data)
+            _loaded(picture.data)
         except FormatError as error:
-            found[picture] = str(error).removeprefix("a picture cannot be read: ")
-        else:
-            if picture.missing:
-                found[picture] = picture.missing
+            found[picture] = str(error).removeprefix(_UNREAD)
     return found
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from isomatch.assets import (
     Asset,
     Layer,
-    Look,
     Looks,
     Picture,
     looks_of,
@@ -24,7 +23,7 @@ from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import PrecisePoints, rasterise
 from isomatch.transfer.bridge import Bridge, Places, columns, rows_of_corners
 from isomatch.transfer.choices import Side
-from isomatch.values.arrays import AnyArray, FloatArray, IntArray
+from isomatch.values.arrays import AnyArray, FloatArray
 
 CHUNK = 2**18  # texels at once
 UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show a picture that cannot be read
@@ -177,24 +176,19 @@ class _Paint:
         look = np.where(places.found, self.looks.of_triangle[places.triangle], -1)
         found = np.ones((len(look), 4))
         for i, each in enumerate(self.looks.looks):
-            here = np.flatnonzero(look == i)
-            found[here] = self._of_look(each, places, here)
+            here = look == i
+            those = Places(places.asset, places.triangle[here], places.barycentric[here])
+            found[here] = self._of_layer(each.base, those)
+            if each.emitted:
+                found[here, :3] += self._of_layer(each.emitted, those)[:, :3]
         return found
 
-    def _of_look(self, look: Look, places: Places, here: IntArray) -> FloatArray:
-        layers = [self._of_layer(layer, places, here) for layer in (look.base, look.emitted) if layer]
-        seen = layers[0].copy()
-        for emitted in layers[1:]:
-            seen[:, :3] += emitted[:, :3]
-        return seen
-
-    def _of_layer(self, layer: Layer, places: Places, here: IntArray) -> FloatArray:
+    def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
+        n = len(places.triangle)
         if layer.picture is None:
-            return np.tile(np.array(layer.tint, dtype=np.float64), (len(here), 1))
-        if layer.picture not in self.pixels:
-            return np.tile(UNPAINTED, (len(here), 1))
-        found = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
-        if not found:
-            return np.tile(UNPAINTED, (len(here), 1))
-        uv = places.interpolated(columns(found[0]), places.rows(found[0]))[here, :2]
-        return sampled(self.pixels[layer.picture], layer, np.nan_to_num(uv))
+            return np.tile(np.array(layer.tint, dtype=np.float64), (n, 1))
+        uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
+        if layer.picture not in self.pixels or not uv:
+            return np.tile(UNPAINTED, (n, 1))
+        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
+        return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))

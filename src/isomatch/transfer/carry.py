@@ -149,7 +149,7 @@ def carry_attributes(
         tangents = [attribute.name for attribute in asset.attributes if attribute.is_tangent]
         asset = asset.without_attributes(*tangents)
         asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[polygons.of_triangle])
-        notes += [f"{each}; what it would paint is not shown" for each in unread_files(giver)]
+        notes += unread_files(giver)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
         if animated_nodes(asset) < animated_nodes(receiver):

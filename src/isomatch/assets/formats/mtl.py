@@ -26,8 +26,8 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
     libraries = {
         name: content
         for line in lines
-        for name in names_in(line, folder)
-        if (content := _content(name, folder))
+        for name in (line, *line.split())  # one, whose name may have blanks, or several
+        if (content := _content(name, folder)) is not None
     }
     pictures = {
         name: content
@@ -37,11 +37,6 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
         and (content := _content(name := _options(rest)[1], folder)) is not None
     }
     return libraries | pictures
-
-
-def names_in(line: str, folder: Path) -> list[str]:
-    """Return the libraries that a line names: one, whose name may have blanks, or several."""
-    return [line] if _content(line, folder) is not None else line.split()
 
 
 def looks_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -> dict[str, Look]:
@@ -150,8 +145,9 @@ def _content(name: str, folder: Path) -> bytes | None:
     """
     clean = name.replace("\\", "/")
     for each in (clean, PurePosixPath(clean).name):
-        path = (folder / each).resolve()
-        if each and path.is_relative_to(folder.resolve()) and path.is_file():
-            with suppress(FormatError), opened(path) as file:
-                return file.read()
+        with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
+            path = (folder / each).resolve()
+            if each and path.is_relative_to(folder.resolve()) and path.is_file():
+                with opened(path) as file:
+                    return file.read()
     return None
