@@ -5,12 +5,12 @@ import io
 import numpy as np
 from PIL import Image
 
-from isomatch import Correspondence
+from isomatch import Correspondence, bake_texture, read_asset
 from isomatch.assets.formats._gltf_data import GltfData, packed
 from isomatch.correspondence import nearest_points
 from shapes import flat_grid
 
-RED, BLUE = (255, 0, 0), (0, 0, 255)
+RED, BLUE, WHITE, GREY = (255, 0, 0), (0, 0, 255), (255, 255, 255), (128, 128, 128)
 
 
 def picture(columns=(RED, BLUE), kind="PNG", size=32):
@@ -104,3 +104,19 @@ class Square:
     def write(self, path):
         path.write_bytes(packed(self.gltf, binary=path.suffix == ".glb"))
         return path
+
+
+def shown(path):
+    """The square of a file as it is seen, and what is told about it."""
+    giver = read_asset(path)
+    plain = read_asset(Square().lay().write(path.with_name("bare.glb")))
+    baked = bake_texture(Correspondence(np.arange(25), n_target=25), plain, giver, 64)
+    return baked.picture[..., :3], baked.notes
+
+
+def assert_stripes(pixels, colours):
+    """Near the borders of stripes, colours may blend."""
+    for i, colour in enumerate(colours):
+        width = 64 // len(colours)
+        stripe = pixels[:, i * width + 3 : (i + 1) * width - 3].astype(int)
+        assert np.abs(stripe - colour).max() <= 3, (i, colour)

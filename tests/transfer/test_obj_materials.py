@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from gltf_made import BLUE, RED, Square, onto, picture
-from test_pictures import GREY, WHITE, assert_stripes, shown
+from gltf_made import BLUE, GREY, RED, WHITE, Square, assert_stripes, onto, picture
 
 from isomatch import Asset, Attribute, Correspondence, bake_texture, carry_attributes, read_asset, write_asset
 from isomatch.assets import Polygons
@@ -187,4 +186,4 @@ def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     left = write_asset(tmp_path / "b.obj", asset)
     assert [a.name for a in left] == ["uv_1"]
     assert (tmp_path / "b.png").read_bytes()[:4] == b"\x89PNG"
-    assert_stripes(shown(tmp_path / "b.obj")[0], (RED, BLUE))
+    assert_stripes(seen(tmp_path / "b.obj").picture[..., :3], (RED, BLUE))

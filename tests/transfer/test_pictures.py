@@ -4,12 +4,11 @@ import base64
 
 import numpy as np
 import pytest
-from gltf_made import BLUE, RED, Square, onto, picture
+from gltf_made import BLUE, GREY, RED, WHITE, Square, assert_stripes, onto, picture, shown
 
 from isomatch import Correspondence, bake_texture, carry_attributes, read_asset, write_asset
 from isomatch.errors import DescriptorError
 
-WHITE, GREY = (255, 255, 255), (128, 128, 128)
 CLAMP, MIRROR = {"wrapS": 33071}, {"wrapS": 33648}
 
 
@@ -68,22 +67,6 @@ QUARTERS = {
     "repeated": (lambda s: s.lay(u=2 * s.u).paint(), (RED, BLUE, RED, BLUE)),
     "clamped": (lambda s: s.lay(u=2 * s.u - 1).paint(sampler=CLAMP), (RED, RED, RED, BLUE)),
 }
-
-
-def shown(path):
-    """The square of a file as it is seen, and what is told about it."""
-    giver = read_asset(path)
-    plain = read_asset(Square().lay().write(path.with_name("bare.glb")))
-    baked = bake_texture(Correspondence(np.arange(25), n_target=25), plain, giver, 64)
-    return baked.picture[..., :3], baked.notes
-
-
-def assert_stripes(pixels, colours):
-    """Near the borders of stripes, colours may blend."""
-    for i, colour in enumerate(colours):
-        width = 64 // len(colours)
-        stripe = pixels[:, i * width + 3 : (i + 1) * width - 3].astype(int)
-        assert np.abs(stripe - colour).max() <= 3, (i, colour)
 
 
 @pytest.mark.parametrize("way", HALVES)

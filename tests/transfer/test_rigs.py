@@ -63,11 +63,7 @@ RECEIVERS = [bare, same_names, other_names, same_names_elsewhere, moved_by_its_n
 
 def inverses(asset, skin):
     gltf = GltfData(asset.document.json, bytearray(asset.document.blob))
-    view = asset.document.json["bufferViews"][
-        asset.document.json["accessors"][skin["inverseBindMatrices"]]["bufferView"]
-    ]
-    data = bytes(gltf.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
-    return np.frombuffer(data, "<f4").reshape(-1, 4, 4).transpose(0, 2, 1)
+    return gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 def above(nodes):
@@ -173,7 +169,18 @@ def test_animations_of_joints_that_are_gone_are_told(tmp_path):
     receiver = read_asset(square.write(tmp_path / "receiver.glb"))
     giver = read_asset(rigged().write(tmp_path / "giver.glb"))
     carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights")
-    assert carried.notes == ("animations of joints that the receiver had are left out, as the joints are",)
+    assert carried.notes == ("animations of joints and shape keys that the receiver had before are left out",)
     [animation] = carried.asset.document.json["animations"]
     [channel] = animation["channels"]
     assert carried.asset.document.json["nodes"][channel["target"]["node"]]["mesh"] == 0
+
+
+def test_a_posed_skeleton_is_told(tmp_path):
+    square = rigged()
+    for node in (square.json["nodes"][1], {**square.json["nodes"][2], "rotation": [0, 0, 0.6, 0.8]}):
+        square.json["nodes"][1 if node["name"] == "Hips" else 2] = {**node, "scale": [2, 2, 2]}
+        giver = read_asset(square.write(tmp_path / "giver.glb"))
+        carried = carry_attributes(onto(giver, giver), giver, giver, "weights")
+        assert [note.split(",")[0] for note in carried.notes] == (
+            [] if node["name"] == "Hips" else ["the skeleton is posed"]
+        )

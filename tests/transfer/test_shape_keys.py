@@ -108,15 +108,22 @@ def test_keys_of_the_receiver_stay_with_their_normals(giver, tmp_path):
     receiver = read_asset(square.write(tmp_path / "receiver.glb"))
     found = carried_to(receiver, giver, receiver, tmp_path)
     mesh = mesh_of(found)
-    assert mesh["extras"]["targetNames"] == ["own", "lift", "slide"]
-    assert mesh["weights"] == [0.75, 0.25, 0.0]
+    assert mesh["extras"]["targetNames"] == ["slide", "own", "lift"]
+    assert mesh["weights"] == [0.0, 0.75, 0.25]
     assert [sorted(target) for target in mesh["primitives"][0]["targets"]] == [
-        ["NORMAL", "POSITION"],
         ["POSITION"],
+        ["NORMAL", "POSITION"],
         ["POSITION"],
     ]
     assert np.allclose(found.attribute("own").values, slide(found.points))
     assert np.allclose(found.attribute("slide").values, slide(found.points))
+
+
+def test_a_key_that_moves_nothing_keeps_its_name(tmp_path):
+    square = keyed()
+    square.first["targets"][0]["POSITION"] = square.gltf.add_array(np.zeros((25, 3), np.float32))
+    giver = read_asset(square.write(tmp_path / "giver.glb"))
+    assert mesh_of(carried_to(grid(), giver, grid(), tmp_path))["extras"]["targetNames"] == ["lift", "slide"]
 
 
 def test_without_names_and_with_weights_of_the_node(tmp_path):

@@ -11,7 +11,7 @@ from isomatch.assets.files import (
 )
 from isomatch.assets.formats.gltf import with_key_weights_of
 from isomatch.assets.formats.gltf_looks import base_colours
-from isomatch.assets.formats.gltf_skins import animated_nodes, with_skin_of
+from isomatch.assets.formats.gltf_skins import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
 from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.looks import Layer, Look, Looks, Picture
@@ -36,10 +36,11 @@ __all__ = [
     "Picture",
     "Polygons",
     "SurfaceLike",
-    "animated_nodes",
+    "animation_channels",
     "asset_from",
     "base_colours",
     "files_beside",
+    "is_posed",
     "looks_of",
     "mesh_from",
     "pixels_of",

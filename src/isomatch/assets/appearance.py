@@ -165,17 +165,20 @@ def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> As
 
 
 def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, bytes]]:
-    """Find names for the files of a document beside another file, where none of other contents is replaced."""
+    """Find names for the files of a document beside another file.
+
+    Of files that are there with other contents, only those are replaced whose names begin as that of the other file.
+    """
     files: dict[Path, bytes] = {}
     names: dict[str, str] = {}
-
     folder = path.parent.resolve()
 
     def put(name: str, content: bytes) -> None:
         clean = name.replace("\\", "/")
         last = PurePosixPath(clean).name
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
-        for each in (*inside, last, last if last.startswith(path.stem) else f"{path.stem}_{last}"):
+        own = last.startswith((f"{path.stem}.", f"{path.stem}_"))
+        for each in (*inside, last, last if own else f"{path.stem}_{last}"):
             names[name], file = each, path.parent / each
             same = files.get(file, content) == content
             if same and file.is_file() and file.read_bytes() == content:

@@ -28,23 +28,22 @@ def pixels_of(picture: bytes) -> FloatArray:
     FormatError
         If it is damaged, or of a format that Pillow does not know.
     """
-    image = _loaded(picture)
-    if image.mode.startswith("I"):  # grey of 16 bits
-        return _four_channels(np.asarray(image) / 65535, 1.0)
-    return np.asarray(image.convert("RGBA")) / 255
+    return np.asarray(_loaded(picture)) / 255
 
 
 def _loaded(picture: bytes) -> Any:
+    """Return an image of red, green, blue and opacity; FormatError if it cannot be read."""
     from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
 
     try:
-        image = Image.open(BytesIO(picture))
-        image.load()
+        image: Image.Image = Image.open(BytesIO(picture))
+        if image.mode.startswith("I"):  # grey of 16 bits
+            image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
+        return image.convert("RGBA")
     except UnidentifiedImageError:
         raise FormatError(f"{_UNREAD}it is of no known kind; convert it to PNG") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise FormatError(f"{_UNREAD}{error}; copy it again, or convert it to PNG") from None
-    return image
 
 
 def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
@@ -62,19 +61,14 @@ def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
 
 
 def is_picture(data: bytes) -> bool:
-    """Whether these bytes begin as a picture that can be read."""
-    from PIL import Image
-
-    try:
-        Image.open(BytesIO(data)).close()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        return False
-    return True
+    """Whether these bytes are a picture that can be read."""
+    return not unread([Picture("", data)])
 
 
 def as_png(picture: bytes) -> bytes:
-    """Return a PNG or JPEG file as it is, and any other as PNG."""
-    return picture if picture[:4] == b"\x89PNG" or picture[:2] == JPEG else png_of(pixels_of(picture))
+    """Return a PNG or JPEG file as it is, and another as PNG if it can be read."""
+    known = picture[:4] == b"\x89PNG" or picture[:2] == JPEG
+    return picture if known or not is_picture(picture) else png_of(pixels_of(picture))
 
 
 def png_of(pixels: AnyArray) -> bytes:

@@ -14,7 +14,8 @@ from isomatch.assets import (
     Attribute,
     Domain,
     Kind,
-    animated_nodes,
+    animation_channels,
+    is_posed,
     unread_files,
     with_key_weights_of,
     with_looks_of,
@@ -54,7 +55,8 @@ class Carried:
     across_seams : int
         Its polygons that lie across a seam of the other's texture coordinates; their corners were kept on one side.
     notes : tuple of str
-        What could not go along: pictures that cannot be read, animations of joints that the receiver has no more.
+        What does not go along or stay: pictures that cannot be read, animations of joints that are gone; and a skeleton
+        that is posed.
     """
 
     asset: Asset
@@ -126,13 +128,14 @@ def carry_attributes(
     chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
+    keys = _keys([attribute for attribute in chosen if attribute.kind == "key"], bridge)
     for attribute in chosen:
         if attribute.kind == "label" or attribute.domain == "face":
             new = _on_patches(attribute, bridge, labels)
         elif attribute.kind == "weights":
             new = _weights(attribute, bridge)
         elif attribute.kind == "key":
-            new = _key(attribute, bridge)
+            new = keys[attribute.name]
         else:
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
@@ -152,10 +155,13 @@ def carry_attributes(
         notes += unread_files(giver)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
-        if animated_nodes(asset) < animated_nodes(receiver):
-            notes.append("animations of joints that the receiver had are left out, as the joints are")
+        if is_posed(giver):
+            notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
     if "key" in kinds:
         asset = with_key_weights_of(asset, giver.document)
+    if animation_channels(asset) < animation_channels(receiver):
+        notes.append("animations of joints and shape keys that the receiver had before are left out")
+    names = tuple(name for name in names if any(name == attribute.name for attribute in asset.attributes))
     return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across, tuple(notes))
 
 
@@ -202,12 +208,18 @@ def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray
         return np.where(length > 0, turned / length, own)
 
 
-def _key(attribute: Attribute, bridge: Bridge) -> Attribute:
+def _keys(attributes: list[Attribute], bridge: Bridge) -> dict[str, Attribute]:
     """Interpolate displacements, turn them as the surface turns, and scale them as it grows; 0 where unmatched."""
-    places = bridge.at_vertices
-    carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
-    turned = growth(bridge) * np.einsum("nij,nj->ni", rotations(bridge), carried)
-    return attribute.with_values(_in_type(turned[bridge.receiver.vertex_of_point], attribute), "point")
+    if not attributes:
+        return {}
+    places, vertex = bridge.at_vertices, bridge.receiver.vertex_of_point
+    turn = growth(bridge) * rotations(bridge)
+    found = {}
+    for attribute in attributes:
+        carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
+        moves = np.einsum("nij,nj->ni", turn, carried)[vertex]
+        found[attribute.name] = attribute.with_values(_in_type(moves, attribute), "point")
+    return found
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:

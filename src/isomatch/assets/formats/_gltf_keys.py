@@ -38,6 +38,8 @@ def with_key_weights(document: dict[str, Any], meshes: Iterable[int], weights: M
     for mesh in meshes:
         each = document["meshes"][mesh]
         names = [*dict.fromkeys([*_names(each), *weights])]
+        if names != _names(each):
+            _without_animated_weights(document, mesh)
         _set(document, mesh, names, weights)
 
 
@@ -46,27 +48,28 @@ def write_keys(
     mesh: int,
     parts: Sequence[tuple[list[dict[str, Any]], Mapping[str, AnyArray]]],
     gone: Collection[str],
+    *,
+    still: bool,
 ) -> None:
     """Write the keys of a mesh; those it has are kept, with the normals that belong to them, unless they are gone.
 
     ``parts`` are the primitives of each and how far the new keys move their points. A key that moves none of them is left
-    out.
+    out, unless ``still``.
     """
     each = gltf.json["meshes"][mesh]
     had = _names(each)[: max(len(p.get("targets", [])) for p in each["primitives"])]
-    kept = [i for i, name in enumerate(had) if name not in gone]
-    new = [name for name in parts[0][1] if any(moves[name].any() for _, moves in parts)]
+    new = [name for name in parts[0][1] if still or any(moves[name].any() for _, moves in parts)]
+    names = [name for name in dict.fromkeys([*had, *new]) if name in new or name not in gone]
     for primitives, moves in parts:
-        added = [{"POSITION": _add(gltf, moves[name])} for name in new]
+        old = dict(zip(had, primitives[0].get("targets", [])))
+        targets = [{"POSITION": _add(gltf, moves[name])} if name in new else old[name] for name in names]
         for primitive in primitives:
-            targets = [primitive["targets"][i] for i in kept] + added
             primitive.pop("targets", None)
             if targets:
                 primitive["targets"] = targets
-    names = [*(had[i] for i in kept), *new]
-    _set(gltf.json, mesh, names, {})
     if names != had:
         _without_animated_weights(gltf.json, mesh)
+    _set(gltf.json, mesh, names, {})
 
 
 def _names(mesh: Mapping[str, Any]) -> list[str]:

@@ -189,11 +189,10 @@ def _written(asset: Asset) -> GltfData:
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
         first_point += int((asset.part_of_point == part).sum())
-    if any(attribute.kind == "key" and attribute.name in changed for attribute in document.attributes) or any(
-        attribute.kind == "key" for attribute in new
-    ):
+    gone = [attribute for attribute in document.attributes if attribute.name in changed]
+    if any(attribute.kind == "key" for attribute in (*gone, *new)):
         for mesh, parts in parts_of.items():
-            write_keys(gltf, mesh, parts, changed)
+            write_keys(gltf, mesh, parts, changed, still=len(parts_of) == 1)
     return gltf
 
 

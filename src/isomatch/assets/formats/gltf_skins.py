@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets.asset import Asset
+from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document
 
+_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
 
@@ -56,7 +58,22 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     return edited(receiver, document, gltf)
 
 
-def animated_nodes(asset: Asset) -> int:
+def is_posed(asset: Asset) -> bool:
+    """Whether the joints of a glTF file are not, or not all in the same way, where its surface was bound to them."""
+    document = asset.document
+    if not isinstance(document, GltfDocument):
+        return False
+    gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
+    for skin in document.json.get("skins", []):
+        if "inverseBindMatrices" in skin and skin["joints"]:
+            inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+            moved = np.stack([there[joint] for joint in skin["joints"]]) @ inverse[: len(skin["joints"])]
+            if not np.allclose(moved, moved[0], rtol=0, atol=_POSED * np.abs(moved).max()):
+                return True
+    return False
+
+
+def animation_channels(asset: Asset) -> int:
     """Count what the animations of a glTF file move."""
     animations = asset.document.json.get("animations", []) if isinstance(asset.document, GltfDocument) else []
     return sum(len(animation["channels"]) for animation in animations)

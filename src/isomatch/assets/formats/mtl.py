@@ -10,12 +10,8 @@ from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
 from isomatch.errors import FormatError
 from isomatch.storage.files import opened
 
-_NUMBERS = {
-    "-o": 3,
-    "-s": 3,
-    "-t": 3,
-    "-mm": 2,
-}  # options of a picture, with the most numbers that follow each
+_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
+"""Options of a picture, with the most numbers that follow each."""
 _WORDS = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
 _PICTURES = ("map_", "bump", "disp", "decal", "norm", "refl")
 _MISSING = "there is no such file in the folder of the OBJ file"
@@ -69,9 +65,9 @@ def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
     """Return a library in which pictures have other names."""
     lines = []
     for line in _lines(library):
-        keyword, _, rest = line.strip().partition(" ")
+        keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
         name = _options(rest.strip())[1]
-        if keyword.lower().startswith(_PICTURES) and name in names:
+        if keyword.lower().startswith(_PICTURES) and name in names and name in line:
             line = f"{line[: line.rindex(name)]}{names[name]}"
         lines.append(line)
     return "\n".join(lines).encode(errors="surrogateescape")
