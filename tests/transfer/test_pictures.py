@@ -177,3 +177,20 @@ def test_texture_coordinates_of_other_names_are_found(tmp_path):
     write_asset(tmp_path / "out.glb", carried.asset)
     assert {a.name for a in read_asset(tmp_path / "out.glb").of_kind("uv")} == {"uv", "atlas", "skin"}
     assert_stripes(shown(tmp_path / "out.glb")[0], (RED, BLUE))
+
+
+def test_what_a_damaged_material_names_is_told(tmp_path):
+    square = two_pictures()
+    square.json["textures"][1]["source"] = 9
+    pixels, notes = shown(square.write(tmp_path / "a.glb"))
+    assert_stripes(pixels, (RED, GREY))
+    assert [note.split(":")[0] for note in notes] == ["'image 9'"]
+    square = two_pictures()
+    square.json["meshes"][0]["primitives"][0]["material"] = 7
+    assert_stripes(shown(square.write(tmp_path / "b.glb"))[0], (WHITE, BLUE))
+
+
+def test_base_colours_beside_a_lost_picture(tmp_path):
+    square = two_pictures({"uri": "skin.png"})
+    square.json["materials"][0] = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}
+    assert_stripes(shown(square.write(tmp_path / "a.glb"))[0], (RED, GREY))

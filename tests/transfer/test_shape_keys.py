@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 from gltf_made import Square, onto
 
-from isomatch import Asset, Attribute, Correspondence, carry_attributes, read_asset, write_asset
+from isomatch import (
+    Asset,
+    Attribute,
+    Correspondence,
+    Mesh,
+    Wrapped,
+    carry_attributes,
+    read_asset,
+    write_asset,
+)
 from isomatch.assets import Polygons
 from isomatch.cli import main
+from isomatch.cli.outputs import write_wrapped
 from shapes import flat_grid
 
 TURN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # as a rotation moves columns
@@ -209,3 +219,13 @@ def test_other_formats_keep_keys_as_vectors(suffix, giver, tmp_path):
     assert write_asset(tmp_path / f"a{suffix}", giver) == ()
     found = read_asset(tmp_path / f"a{suffix}").attribute("lift")
     assert np.allclose(found.values, lift(giver.points), atol=1e-6)
+
+
+def test_the_shape_of_another_turns_the_keys(tmp_path):
+    path = keyed().write(tmp_path / "keys.glb")
+    flat = read_asset(path)
+    turned = Mesh(flat.mesh.vertices @ TURN.T, flat.mesh.faces)
+    write_wrapped(tmp_path / "out.glb", path, Wrapped(turned, 0, 0, 0), np.zeros(25))
+    found = read_asset(tmp_path / "out.glb")
+    assert np.allclose(found.attribute("lift").values, lift(flat.points) @ TURN.T, atol=1e-5)
+    assert mesh_of(found)["weights"] == [0.25, 0]

@@ -158,14 +158,15 @@ class _Paint:
         pictures = looks.pictures if looks else ()
         lost = unread(pictures)
         notes = tuple(f"{picture.name!r}: {why}" for picture, why in lost.items())
-        if len(lost) == len(pictures) and (colours or lost or not looks):
-            if not colours:
-                none = "neither a texture nor a colour to bake"
-                none = f"no colour to bake, and no picture can be read ({'; '.join(notes)})" if lost else none
-                raise DescriptorError(f"there is {none}; give a file that has one")
+        if len(lost) == len(pictures) and colours:
             looks = None
+        elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
+            none = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
+            none = none if lost else "neither a texture nor a colour to bake"
+            raise DescriptorError(f"there is {none}; give a file that has one")
         pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
-        return cls(asset, looks, pixels, tuple(f"{note}; what it would paint is grey" for note in notes))
+        instead = "what it would paint is grey" if looks else "colours are painted instead"
+        return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
 
     def at(self, places: Places) -> FloatArray:
         """(m, 4) colours at places."""

@@ -121,7 +121,7 @@ def _variants(document: GltfDocument) -> tuple[IntArray, list[Variant]]:
     for mesh, i, n in (place for part in document.primitives for place in part):
         primitive = document.json["meshes"][mesh]["primitives"][i]
         variant = -1
-        if "material" in primitive:
+        if 0 <= primitive.get("material", -1) < len(document.json.get("materials", [])):
             names = [
                 (int(key.rpartition("_")[2]), name)
                 for key, (name, kind) in named(gltf, primitive["attributes"]).items()
@@ -155,12 +155,13 @@ def _layer(
         return Layer(tint)
     transform = info.get("extensions", {}).get(_TRANSFORM, {})
     number = transform.get("texCoord", info.get("texCoord", 0))
-    texture = _entry(gltf, "textures", info["index"])
+    index = info.get("index", -1)
+    texture = _entry(gltf, "textures", index)
     sampler = _entry(gltf, "samplers", texture.get("sampler", -1))
     x, y = (_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT"))
     return Layer(
         tint,
-        _picture(gltf, info["index"]),
+        _picture(gltf, index),
         names.get(number, f"uv_{number}" if number else "uv"),
         _matrix(transform),
         (x, y),
