@@ -1,11 +1,22 @@
+from isomatch.assets.appearance import looks_of, unread_files, with_looks_of, with_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain, Kind
-from isomatch.assets.files import read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
-from isomatch.assets.formats.gltf_looks import base_colours, with_materials_of, with_skin_of, with_texture
+from isomatch.assets.files import (
+    files_beside,
+    read_asset,
+    read_mesh,
+    read_point_cloud,
+    write_asset,
+    write_mesh,
+)
+from isomatch.assets.formats.gltf import with_key_weights_of
+from isomatch.assets.formats.gltf_looks import base_colours
+from isomatch.assets.formats.gltf_skins import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
 from isomatch.assets.from_libraries import asset_from
+from isomatch.assets.looks import Layer, Look, Looks, Picture
 from isomatch.assets.parts import Part
-from isomatch.assets.pictures import pixels_of, png_of
+from isomatch.assets.pictures import pixels_of, png_of, sampled, unread
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
 from isomatch.assets.to_libraries import to_meshio, to_open3d, to_pyvista, to_trimesh
@@ -17,12 +28,20 @@ __all__ = [
     "Attribute",
     "Domain",
     "Kind",
+    "Layer",
+    "Look",
+    "Looks",
     "MeshFormat",
     "Part",
+    "Picture",
     "Polygons",
     "SurfaceLike",
+    "animation_channels",
     "asset_from",
     "base_colours",
+    "files_beside",
+    "is_posed",
+    "looks_of",
     "mesh_from",
     "pixels_of",
     "png_of",
@@ -30,12 +49,16 @@ __all__ = [
     "read_attributes",
     "read_mesh",
     "read_point_cloud",
+    "sampled",
     "surface_from",
     "to_meshio",
     "to_open3d",
     "to_pyvista",
     "to_trimesh",
-    "with_materials_of",
+    "unread",
+    "unread_files",
+    "with_key_weights_of",
+    "with_looks_of",
     "with_skin_of",
     "with_texture",
     "write_asset",

@@ -192,14 +192,14 @@ class Asset:
 
     @cached_property
     def placed(self) -> Asset:
-        """The same without transforms: points, normals and tangents where the surface is."""
+        """The same without transforms: points, normals, tangents and shape keys where the surface is."""
         if not self._is_transformed:
             return self
         attributes = tuple(self._turned(attribute) for attribute in self.attributes)
         return replace(self, points=self.placed_points, attributes=attributes, parts=(), document=None)
 
     def from_placed(self, attribute: Attribute) -> Attribute:
-        """Turn an attribute of `placed` back, if it is normals or tangents, to what it is in the parts."""
+        """Turn an attribute of `placed` back, if it is normals, tangents or a shape key, to what it is in the parts."""
         return self._turned(attribute, back=True)
 
     @property
@@ -207,14 +207,15 @@ class Asset:
         return any(part.transform is not None for part in self.parts)
 
     def _turned(self, attribute: Attribute, back: bool = False) -> Attribute:
-        if attribute.kind != "normal" and not attribute.is_tangent:
+        if attribute.kind not in ("normal", "key") and not attribute.is_tangent:
             return attribute
         corners = self.polygons.corners
         points = {"corner": corners, "face": corners[self.polygons.starts]}
         part_of = self.part_of_point[points.get(attribute.domain, slice(None))]
-        tangents = attribute.is_tangent
+        is_key = attribute.kind == "key"
+        along = is_key or attribute.is_tangent
         return attribute.with_values(
-            turned(attribute.values, part_of, self.parts, tangents=tangents, back=back)
+            turned(attribute.values, part_of, self.parts, tangents=along, back=back, unit=not is_key)
         )
 
     @cached_property

@@ -13,9 +13,9 @@ from isomatch.runtime.memory import require_memory
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 Domain = Literal["point", "corner", "face"]
-Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights"]
+Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
-_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3)}
+_WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,14 +28,14 @@ class Attribute:
         Its name in the file; ``"color"``, ``"normal"``, ``"uv"`` and ``"weights"`` where the format has no other.
     domain : {"point", "corner", "face"}
         What has a value. A corner is a point of one polygon; at a seam the corners of a point differ.
-    kind : {"colour", "label", "scalar", "vector", "normal", "uv", "weights"}
+    kind : {"colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"}
         What the values mean, which determines how they are carried and written.
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
         to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type; nan where there is
         none. Labels are (k,)
         integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
-        lower left of the picture, with nan at corners that have none.
+        lower left of the picture, with nan at corners that have none. Shape keys are (k, 3) displacements.
     joints : (k, d) array_like of int, optional
         For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
     names : mapping of int to str

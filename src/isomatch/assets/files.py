@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from isomatch.assets.appearance import as_written
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import told_apart
@@ -209,7 +210,8 @@ def write_asset(
     """Write an asset; an existing file is replaced, and an interrupted write leaves it intact.
 
     In the format that it was read from, what the file carried beside is written too, as far as the list of formats says:
-    of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries.
+    of glTF the whole document, of PLY comments and other elements, of OBJ the material libraries. Libraries and their
+    pictures are written beside an OBJ file, unless they are there, as are the materials of a glTF file.
 
     Parameters
     ----------
@@ -241,8 +243,10 @@ def write_asset(
     if binary is not None and "binary" not in mesh_format.options:
         able = [suffix for suffix, other in FORMATS.items() if "binary" in other.options]
         raise _no_option(path, "binary", able)
+    asset, beside = as_written(path, asset)
     if not mesh_format.has_parts:
-        asset = asset.placed
+        document = asset.document
+        asset = replace(asset.placed, document=document)
     kept: list[Attribute] = []
     left: list[Attribute] = []
     for attribute in asset.attributes:
@@ -261,14 +265,23 @@ def write_asset(
     data = mesh_format.write(
         replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )
-    with replaced(path) as file:
-        file.write(data)
+    for each, content in {**beside, path: data}.items():
+        with replaced(each) as file:
+            file.write(content)
     return tuple(left)
 
 
 def _rival(one: Attribute, other: Attribute) -> bool:
     """Whether attributes are of a kind, and both of faces or neither."""
     return one.kind == other.kind and (one.domain == "face") == (other.domain == "face")
+
+
+def files_beside(path: str | os.PathLike[str], asset: Asset) -> tuple[Path, ...]:
+    """Return the files that `write_asset` writes beside an OBJ file: its library of materials and their pictures.
+
+    Those that are already there, with the same contents, are left out, as they stay.
+    """
+    return tuple(as_written(Path(path), asset)[1])
 
 
 def _no_option(path: Path, option: str, able: list[str]) -> FormatError:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.assets.appearance import with_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.attribute_names import guessed_kind, told_apart
-from isomatch.assets.formats.gltf_looks import with_texture
 from isomatch.assets.pictures import png_of, texture_on
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError

@@ -50,8 +50,10 @@ def unplaced(positions: FloatArray, parts: Parts) -> FloatArray:
     return found
 
 
-def turned(values: AnyArray, part_of: IntArray, parts: Parts, *, tangents: bool, back: bool) -> AnyArray:
-    """Turn normals or tangents as the transforms of their parts do, or ``back``; their length becomes 1."""
+def turned(
+    values: AnyArray, part_of: IntArray, parts: Parts, *, tangents: bool, back: bool, unit: bool = True
+) -> AnyArray:
+    """Turn normals or tangents as the transforms of their parts do, or ``back``; their length becomes 1 if ``unit``."""
     found = np.array(values)
     for i, part in enumerate(parts):
         if part.transform is not None:
@@ -60,7 +62,7 @@ def turned(values: AnyArray, part_of: IntArray, parts: Parts, *, tangents: bool,
             if back:
                 along, across = across.T, along.T
             vectors = product(found[part_of == i, :3], along if tangents else across)
-            length = np.linalg.norm(vectors, axis=1, keepdims=True)
+            length = np.linalg.norm(vectors, axis=1, keepdims=True) if unit else np.ones((1, 1))
             found[part_of == i, :3] = vectors / np.where(length > 0, length, 1)
     return found
 

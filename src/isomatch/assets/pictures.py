@@ -2,25 +2,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
-from isomatch.assets.formats.gltf_looks import UNTINTED, base_colours
-from isomatch.values.arrays import AnyArray, FloatArray
+from isomatch.assets.looks import UNTINTED, Layer, Picture, Wrap
+from isomatch.errors import FormatError
+from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
+JPEG = b"\xff\xd8"
+"""How such a file begins."""
+_UNREAD = "a picture cannot be read: "
+_MOST = 8  # widths of a picture that its border may go on, where it has to be painted
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
 
 
 def pixels_of(picture: bytes) -> FloatArray:
-    """(height, width, 4) the pixels of a PNG or JPEG file, 0…1; row 0 is at the top."""
-    from matplotlib.image import imread  # takes longer to import than all else
+    """(height, width, 4) the pixels of a picture file, such as PNG, JPEG or WebP, 0…1; row 0 is at the top.
 
-    kind = "png" if picture[:4] == b"\x89PNG" else "jpg"
-    pixels = np.asarray(imread(BytesIO(picture), format=kind))
-    return _four_channels(pixels / 255 if pixels.dtype == np.uint8 else pixels.astype(np.float64), 1.0)
+    Raises
+    ------
+    FormatError
+        If it is damaged, or of a format that Pillow does not know.
+    """
+    return np.asarray(_loaded(picture)) / 255
+
+
+def _loaded(picture: bytes) -> Any:
+    """Return an image of red, green, blue and opacity; FormatError if it cannot be read."""
+    from PIL import Image, UnidentifiedImageError  # slow to import, and needed by matplotlib
+
+    try:
+        image: Image.Image = Image.open(BytesIO(picture))
+        if image.mode.startswith("I"):  # grey of 16 bits
+            image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
+        return image.convert("RGBA")
+    except UnidentifiedImageError:
+        raise FormatError(f"{_UNREAD}it is of no known kind; convert it to PNG") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise FormatError(f"{_UNREAD}{error}; copy it again, or convert it to PNG") from None
+
+
+def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
+    """Say of each picture that cannot be read why not."""
+    found = {}
+    for picture in pictures:
+        if picture.missing:
+            found[picture] = picture.missing
+            continue
+        try:
+            _loaded(picture.data)
+        except FormatError as error:
+            found[picture] = str(error).removeprefix(_UNREAD)
+    return found
+
+
+def is_picture(data: bytes) -> bool:
+    """Whether these bytes are a picture that can be read."""
+    return not unread([Picture("", data)])
+
+
+def as_png(picture: bytes) -> bytes:
+    """Return a PNG or JPEG file as it is, and another as PNG if it can be read."""
+    known = picture[:4] == b"\x89PNG" or picture[:2] == JPEG
+    return picture if known or not is_picture(picture) else png_of(pixels_of(picture))
 
 
 def png_of(pixels: AnyArray) -> bytes:
@@ -34,15 +82,57 @@ def png_of(pixels: AnyArray) -> bytes:
     return file.getvalue()
 
 
-def texture_of(asset: Asset) -> AnyArray | None:
-    """Return the (height, width, 4) uint8 texture of a glTF file; None unless it has one for all its triangles."""
-    materials, looks = base_colours(asset.document) or (np.zeros(0, dtype=np.int64), [])
-    used = np.unique(materials)
-    if len(used) != 1 or used[0] < 0 or not looks[used[0]][0]:
-        return None
-    picture, tint = looks[used[0]]
-    pixels: AnyArray = np.rint(255 * pixels_of(picture) * tint).astype(np.uint8)
-    return pixels
+def sampled(pixels: FloatArray, layer: Layer, uv: FloatArray) -> FloatArray:
+    """(m, 4) colours of the pixels of a layer's picture at texture coordinates (m, 2), blended between texels."""
+    height, width = pixels.shape[:2]
+    at = layer.looked_up(uv)
+    x, y = at[:, 0] * width - 0.5, (1 - at[:, 1]) * height - 0.5
+    if layer.nearest:
+        x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    s, t = (x - left)[:, None], (y - top)[:, None]
+    total: FloatArray = np.zeros((len(uv), 4))
+    for i, down in ((0, 1 - t), (1, t)):
+        row = _wrapped(top + i, height, layer.wrap[1])
+        for j, right in ((0, 1 - s), (1, s)):
+            total += down * right * pixels[row, _wrapped(left + j, width, layer.wrap[0])]
+    return total * layer.tint
+
+
+def unrolled(layer: Layer, uv: FloatArray) -> Layer:
+    """Return a layer whose picture repeats and shows the same at places (m, 2) in the former one.
+
+    A mirrored picture is put beside its mirror image; of one whose border goes on, as much is added as is seen.
+    """
+    if layer.picture is None or layer.wrap == ("repeat", "repeat") or unread([layer.picture]):
+        return layer
+    pixels, matrix = pixels_of(layer.picture.data), np.array(layer.matrix)
+    for axis, wrap in enumerate(layer.wrap):
+        seen = uv[:, 0] if axis == 0 else 1 - uv[:, 1]  # down from the top
+        seen = seen[np.isfinite(seen)]
+        first, last = {"repeat": (0, 1), "mirror": (0, 2)}.get(wrap, (0, 1))
+        if wrap == "clamp" and len(seen):
+            first, last = (
+                int(np.floor(seen.min()).clip(-_MOST, 0)),
+                int(np.ceil(seen.max()).clip(1, _MOST)),
+            )
+        n = pixels.shape[1 - axis]
+        pixels = pixels.take(_wrapped(np.arange(first * n, last * n), n, wrap), axis=1 - axis)
+        matrix[axis, 2] -= first
+        matrix[axis] /= last - first
+    picture = Picture(layer.picture.name, png_of(pixels))
+    rows = tuple(tuple(row) for row in matrix.tolist())
+    return replace(layer, picture=picture, matrix=rows, wrap=("repeat", "repeat"))
+
+
+def _wrapped(index: IntArray, n: int, wrap: Wrap) -> IntArray:
+    """Return the texel of n that is shown at an index inside or beyond them."""
+    if wrap == "clamp":
+        return np.clip(index, 0, n - 1)
+    if wrap == "mirror":
+        index = index % (2 * n)
+        return np.minimum(index, 2 * n - 1 - index)
+    return index % n
 
 
 def texture_on(given: Any) -> tuple[AnyArray, tuple[float, ...]] | None:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.assets.appearance import with_one_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute_names import told_apart
-from isomatch.assets.pictures import texture_of
 from isomatch.assets.seams import split_at_seams
 from isomatch.loading.packages import package
 from isomatch.values.arrays import AnyArray
@@ -23,7 +23,8 @@ def to_trimesh(asset: Asset) -> Any:
         If the package is not installed; the message names the extra. So do the other conversions.
     """
     trimesh = package("trimesh", "io", "a mesh of trimesh")
-    split, texture = _at_points(asset), texture_of(asset)
+    shown, texture = with_one_texture(asset)
+    split = _at_points(shown)
     mesh = trimesh.Trimesh(split.points, split.polygons.triangles, process=False)
     of_triangle = split.polygons.of_triangle
     has_uv = any(uv.domain == "point" for uv in split.of_kind("uv"))  # instead of colours
@@ -102,7 +103,8 @@ def to_meshio(asset: Asset) -> Any:
 def to_open3d(asset: Asset) -> Any:
     """Make an ``open3d.geometry.TriangleMesh`` with its colours, normals and texture coordinates."""
     open3d = package("open3d", None, "a mesh of Open3D")
-    texture, asset = texture_of(asset), asset.placed
+    shown, texture = with_one_texture(asset)
+    asset = shown.placed
 
     def vector(values: AnyArray) -> Any:
         kind = open3d.utility.Vector3dVector if values.shape[1] == 3 else open3d.utility.Vector2dVector

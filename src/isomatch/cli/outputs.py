@@ -182,11 +182,14 @@ def write_wrapped(
 ) -> dict[str, Any]:
     """Write the source in the shape of the target, and count what was mended.
 
-    All that its file carries is written too, but no normals and tangents. Where the format takes scalars, the expected
-    error (n_source,) of each vertex is added.
+    All that its file carries is written too, shape keys turned with the surface, but no normals and tangents. Where the
+    format takes scalars, the expected error (n_source,) of each vertex is added.
     """
     asset = isomatch.read_asset(source)
     moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
+    if asset.of_kind("key"):
+        unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
+        moved = isomatch.carry_attributes(unmoved, moved, asset, "keys").asset
     turned = [
         attribute.name for attribute in moved.attributes if attribute.kind == "normal" or attribute.is_tangent
     ]

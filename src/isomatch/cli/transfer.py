@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
+from isomatch.assets import files_beside
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, say
@@ -29,7 +30,7 @@ def transfer(
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
-    """Carry what one file holds to the other: labels, colours, scalars, textures, normals, skinning weights.
+    """Carry what one file holds to the other: labels, colours, textures, normals, skinning weights, shape keys.
 
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
@@ -45,15 +46,15 @@ def transfer(
     output : Path
         Surface file to write: what receives, with the data of the other. Its own format keeps everything.
     data : str
-        What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, names of attributes,
-        or all (default).
+        What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
+        attributes, or all (default).
     to : str
         Which of the two receives: source (default) or target.
     labels : str
         Labels of points: nearest (default), or majority of the area around each.
     bake : int
         Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
-        texture (of a glTF file) or the colours of the other. It is written beside the output as a PNG file too.
+        texture (of a glTF or OBJ file) or the colours of the other. It is written beside the output as a PNG file too.
     force : bool
         Replace an existing file.
     talk : Talk
@@ -71,24 +72,28 @@ def transfer(
         with naming_files(source=source, target=target):
             if bake:
                 baked = isomatch.bake_texture(correspondence, *assets, bake, to=to)
-                asset, names, counts = baked.asset, ("texture",), {"n_unmatched_texels": baked.unmatched}
+                asset, names, notes = baked.asset, ("texture",), baked.notes
+                counts = {"n_unmatched_texels": baked.unmatched}
             else:
                 words = [word.strip() for word in data.split(",")]
                 carried = isomatch.carry_attributes(correspondence, *assets, words, to=to, labels=labels)
-                asset, names = carried.asset, carried.names
+                asset, names, notes = carried.asset, carried.names, carried.notes
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        beside = [path for path in files_beside(output, asset) if path != picture]
+        with claimed_files(*beside, force=force):
+            left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
         if picture:
             with replaced(picture) as file:
                 file.write(baked.png)
         tell("done", 1.0)
     record = {
-        "files": [str(path) for path in (output, picture) if path],
+        "files": [str(path) for path in (output, *beside, picture) if path],
         "to": to,
         "carried": [name for name in names if name not in left],
         "left_out": left,
         **counts,
+        **({"notes": list(notes)} if notes else {}),
     }
     if notes := [f"{path}: {note}" for path, given in zip((source, target), assets) for note in given.notes]:
         record["notes"] = notes

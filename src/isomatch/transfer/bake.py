@@ -6,7 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import Asset, base_colours, pixels_of, png_of, with_texture
+from isomatch.assets import (
+    Asset,
+    Layer,
+    Looks,
+    Picture,
+    looks_of,
+    pixels_of,
+    png_of,
+    sampled,
+    unread,
+    with_texture,
+)
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.surfaces import PrecisePoints, rasterise
@@ -15,7 +26,7 @@ from isomatch.transfer.choices import Side
 from isomatch.values.arrays import AnyArray, FloatArray
 
 CHUNK = 2**18  # texels at once
-GREY = 0.5  # of what is unmatched
+UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show a picture that cannot be read
 SIZES = (8, 16384)
 
 
@@ -31,11 +42,14 @@ class Baked:
         The one that receives; written as glTF, it shows the picture.
     unmatched : int
         Texels of the surface without an image, which are grey.
+    notes : tuple of str
+        Pictures of the other that cannot be read, and why; what they would paint is grey.
     """
 
     picture: AnyArray
     asset: Asset
     unmatched: int
+    notes: tuple[str, ...] = ()
 
     @property
     def png(self) -> bytes:
@@ -53,7 +67,7 @@ def bake_texture(
     correspondence : Correspondence
         Source → target, see `carry_attributes`.
     source, target : Asset
-        From `read_asset`. The one that gives has a texture in its glTF file, or colours.
+        From `read_asset`. The one that gives has pictures or materials of its glTF or OBJ file, or colours.
     size : int
         Width and height of the picture in texels.
     to : {"source", "target"}
@@ -69,7 +83,7 @@ def bake_texture(
     MapError
         If the map is one of other surfaces.
     DescriptorError
-        If the one has no texture coordinates, or the other neither texture nor colours.
+        If the one has no texture coordinates, or the other neither texture nor colours, or no picture that can be read.
     SettingError
         If the size is not a number of texels.
 
@@ -114,49 +128,68 @@ def bake_texture(
         raise DescriptorError(f"no texel of {size} × {size} lies on the surface; bake a larger picture")
     faces, weights = receiver.mesh.faces[raster.face[covered]], raster.barycentric[covered]
     colours = np.zeros((len(faces), 4))
+    paint = _Paint.of(bridge.giver)
     unmatched = 0
     for first in range(0, len(faces), CHUNK):
         rows = slice(first, first + CHUNK)
         places = bridge.at(PrecisePoints(faces[rows], weights[rows]))
-        colours[rows] = np.where(places.found[:, None], _colours(places), [GREY, GREY, GREY, 1.0])
+        colours[rows] = np.where(places.found[:, None], paint.at(places), UNPAINTED)
         unmatched += int((~places.found).sum())
     picture = np.zeros((size, size, 4))
     picture[covered] = colours
     nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
     painted = np.rint(np.clip(picture[tuple(nearest)], 0, 1) * 255).astype(np.uint8)
-    return Baked(painted, with_texture(receiver, png_of(painted)), unmatched)
+    return Baked(painted, with_texture(receiver, png_of(painted)), unmatched, paint.notes)
 
 
-def _colours(places: Places) -> FloatArray:
-    """(m, 4) colours of a texture, or else of an attribute, at places."""
-    giver = places.asset
-    looks, uv, colour = base_colours(giver.document), giver.of_kind("uv"), giver.of_kind("colour")
-    if looks and uv and any(picture for picture, _ in looks[1]):
-        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))
-        material = np.where(places.found, looks[0][places.triangle], -1)
-        tinted = np.ones((len(at), 4))
-        for i, (picture, tint) in enumerate(looks[1]):
-            here = material == i
-            tinted[here] = tint
-            if picture and here.any():
-                tinted[here] *= _sampled(pixels_of(picture), np.nan_to_num(at[here, :2]))
-        return tinted
-    if not colour:
-        raise DescriptorError(
-            "there is neither a texture in a glTF file nor a colour to bake; give a file that has one"
-        )
-    seen = np.nan_to_num(places.interpolated(colour[0].fractions, places.rows(colour[0])), nan=GREY)
-    return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
+@dataclass(frozen=True, eq=False)
+class _Paint:
+    """The colours of an asset: its looks with the pixels of their pictures, or an attribute if there are none."""
 
+    asset: Asset
+    looks: Looks | None
+    pixels: dict[Picture, FloatArray]
+    notes: tuple[str, ...]
 
-def _sampled(pixels: FloatArray, uv: FloatArray) -> FloatArray:
-    """(m, 4) interpolated colours of a picture that repeats beyond its borders."""
-    height, width = pixels.shape[:2]
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    s, t = (x - left)[:, None], (y - top)[:, None]
-    total: FloatArray = np.zeros((len(uv), 4))
-    for i, down in ((0, 1 - t), (1, t)):
-        for j, right in ((0, 1 - s), (1, s)):
-            total += down * right * pixels[(top + i) % height, (left + j) % width]
-    return total
+    @classmethod
+    def of(cls, asset: Asset) -> _Paint:
+        looks = looks_of(asset)
+        colours = asset.of_kind("colour")
+        pictures = looks.pictures if looks else ()
+        lost = unread(pictures)
+        notes = tuple(f"{picture.name!r}: {why}" for picture, why in lost.items())
+        if len(lost) == len(pictures) and colours:
+            looks = None
+        elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
+            none = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
+            none = none if lost else "neither a texture nor a colour to bake"
+            raise DescriptorError(f"there is {none}; give a file that has one")
+        pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
+        instead = "what it would paint is grey" if looks else "colours are painted instead"
+        return cls(asset, looks, pixels, tuple(f"{note}; {instead}" for note in notes))
+
+    def at(self, places: Places) -> FloatArray:
+        """(m, 4) colours at places."""
+        if self.looks is None:
+            colour = self.asset.of_kind("colour")[0]
+            seen = np.nan_to_num(places.interpolated(colour.fractions, places.rows(colour)), nan=UNPAINTED[0])
+            return np.column_stack([seen[:, :3], seen[:, 3] if seen.shape[1] == 4 else np.ones(len(seen))])
+        look = np.where(places.found, self.looks.of_triangle[places.triangle], -1)
+        found = np.ones((len(look), 4))
+        for i, each in enumerate(self.looks.looks):
+            here = look == i
+            those = Places(places.asset, places.triangle[here], places.barycentric[here])
+            found[here] = self._of_layer(each.base, those)
+            if each.emitted:
+                found[here, :3] += self._of_layer(each.emitted, those)[:, :3]
+        return found
+
+    def _of_layer(self, layer: Layer, places: Places) -> FloatArray:
+        n = len(places.triangle)
+        if layer.picture is None:
+            return np.tile(np.array(layer.tint, dtype=np.float64), (n, 1))
+        uv = [attribute for attribute in self.asset.of_kind("uv") if attribute.name == layer.uv]
+        if layer.picture not in self.pixels or not uv:
+            return np.tile(UNPAINTED, (n, 1))
+        at = places.interpolated(columns(uv[0]), places.rows(uv[0]))[:, :2]
+        return sampled(self.pixels[layer.picture], layer, np.nan_to_num(at))

@@ -9,16 +9,33 @@ from typing import get_args
 import numpy as np
 from scipy.sparse import csr_array
 
-from isomatch.assets import Asset, Attribute, Domain, Kind, with_materials_of, with_skin_of
+from isomatch.assets import (
+    Asset,
+    Attribute,
+    Domain,
+    Kind,
+    animation_channels,
+    is_posed,
+    unread_files,
+    with_key_weights_of,
+    with_looks_of,
+    with_skin_of,
+)
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.transfer.bridge import Bridge, columns
 from isomatch.transfer.choices import Labelling, Side
 from isomatch.transfer.corner_values import interpolated_at_corners, is_seamless
-from isomatch.transfer.rotations import rotations
+from isomatch.transfer.rotations import growth, rotations
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
-_SYNONYMS = {"color": "colour", "texture": "uv", "skin": "weights"}
+_SYNONYMS: dict[str, Kind] = {
+    "color": "colour",
+    "texture": "uv",
+    "skin": "weights",
+    "weight": "weights",
+    **dict.fromkeys(("shape key", "morph target", "blend shape"), "key"),
+}
 GREY = 0.5  # colour of what is unmatched
 
 
@@ -37,12 +54,16 @@ class Carried:
         joint alone, and their own normals.
     across_seams : int
         Its polygons that lie across a seam of the other's texture coordinates; their corners were kept on one side.
+    notes : tuple of str
+        What does not go along or stay: pictures that cannot be read, animations of joints that are gone; and a skeleton
+        that is posed.
     """
 
     asset: Asset
     names: tuple[str, ...]
     unmatched: int
     across_seams: int
+    notes: tuple[str, ...] = ()
 
 
 def carry_attributes(
@@ -58,9 +79,10 @@ def carry_attributes(
 
     Points, polygons and all else of the asset that receives stay as they are. Colours, scalars, vectors and skinning
     weights are interpolated at the precise images. As many weights are kept as the other asset has, and they sum to 1.
-    Normals are turned with the surface. Values that differ at the corners of one point, such as texture coordinates at
-    a seam, are carried to corners, and a polygon takes all its corners from one side. Labels are never averaged; other
-    values of polygons are averaged by area.
+    Normals are turned with the surface; so are shape keys, which also grow with it if it is larger. Values that differ at
+    the corners of one point, such as texture coordinates at a seam, are carried to corners, and a polygon takes all its
+    corners from one side. Labels are never averaged; other values of polygons are averaged by area. With texture
+    coordinates go materials and pictures, with weights the joints instead of those that the receiver had.
 
     Parameters
     ----------
@@ -70,7 +92,7 @@ def carry_attributes(
         From `read_asset`.
     data : str or iterable of str
         Names of attributes, or kinds: ``"label"``, ``"colour"``, ``"scalar"``, ``"vector"``, ``"normal"``, ``"uv"``,
-        ``"weights"``; ``"all"`` for everything.
+        ``"weights"``, ``"key"`` (shape keys); ``"all"`` for everything.
     to : {"source", "target"}
         Which of the two receives. To the target, the map is reversed on the surfaces.
     labels : {"nearest", "majority"}
@@ -106,11 +128,14 @@ def carry_attributes(
     chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
+    keys = _keys([attribute for attribute in chosen if attribute.kind == "key"], bridge)
     for attribute in chosen:
         if attribute.kind == "label" or attribute.domain == "face":
             new = _on_patches(attribute, bridge, labels)
         elif attribute.kind == "weights":
             new = _weights(attribute, bridge)
+        elif attribute.kind == "key":
+            new = keys[attribute.name]
         else:
             new, torn = _interpolated(attribute, bridge)
             across = max(across, torn)
@@ -121,13 +146,23 @@ def carry_attributes(
         asset, attributes=tuple(carried_first)
     )  # formats that have but one of a kind write the first
     kinds = {attribute.kind for attribute in chosen}
+    notes: list[str] = []
     if "uv" in kinds:
-        middles = bridge.at_thirds.triangle[::3]
+        polygons = receiver.polygons
         tangents = [attribute.name for attribute in asset.attributes if attribute.is_tangent]
-        asset = with_materials_of(asset.without_attributes(*tangents), giver, middles)
+        asset = asset.without_attributes(*tangents)
+        asset = with_looks_of(asset, giver, bridge.at_polygons.triangle[polygons.of_triangle])
+        notes += unread_files(giver)
     if "weights" in kinds:
         asset = with_skin_of(asset, giver)
-    return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across)
+        if is_posed(giver):
+            notes.append("the skeleton is posed, and the surface is bound to it so; pose it back before")
+    if "key" in kinds:
+        asset = with_key_weights_of(asset, giver.document)
+    if animation_channels(asset) < animation_channels(receiver):
+        notes.append("animations of joints and shape keys that the receiver had before are left out")
+    names = tuple(name for name in names if any(name == attribute.name for attribute in asset.attributes))
+    return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across, tuple(notes))
 
 
 def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
@@ -138,7 +173,7 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     by_index: dict[int, Attribute] = {}
     for word in words:
         kind = word.lower().removesuffix("s")
-        kind = "weights" if kind == "weight" else _SYNONYMS.get(kind, kind)
+        kind = _SYNONYMS.get(kind.replace("_", " ").replace("-", " "), kind)
         those = [a for a in asset.attributes if word == a.name or kind == a.kind]
         if not those:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
@@ -171,6 +206,20 @@ def _turned(bridge: Bridge, normals: FloatArray, vertex: IntArray) -> FloatArray
     own = bridge.receiver.mesh.vertex_normals[vertex]
     with np.errstate(invalid="ignore"):
         return np.where(length > 0, turned / length, own)
+
+
+def _keys(attributes: list[Attribute], bridge: Bridge) -> dict[str, Attribute]:
+    """Interpolate displacements, turn them as the surface turns, and scale them as it grows; 0 where unmatched."""
+    if not attributes:
+        return {}
+    places, vertex = bridge.at_vertices, bridge.receiver.vertex_of_point
+    turn = growth(bridge) * rotations(bridge)
+    found = {}
+    for attribute in attributes:
+        carried = np.nan_to_num(places.interpolated(columns(attribute), places.rows(attribute)))
+        moves = np.einsum("nij,nj->ni", turn, carried)[vertex]
+        found[attribute.name] = attribute.with_values(_in_type(moves, attribute), "point")
+    return found
 
 
 def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:

@@ -1,4 +1,4 @@
-"""How the surface turns at each vertex from the one that gives to the one that receives."""
+"""How the surface turns at each vertex, and grows, from the one that gives to the one that receives."""
 
 from __future__ import annotations
 
@@ -7,6 +7,21 @@ import numpy as np
 from isomatch.correspondence import nearest_rotation
 from isomatch.transfer.bridge import Bridge
 from isomatch.values.arrays import FloatArray
+
+SAME_SIZE = 1.1  # times larger: less is what bending and noise of the map do to surfaces of one size
+
+
+def growth(bridge: Bridge) -> float:
+    """How many times larger the receiver is: the median around its matched faces; 1 if they are of about one size."""
+    faces = bridge.receiver.mesh.faces
+    faces = faces[bridge.map.matched[faces].all(axis=1)]
+    here, there = (
+        np.linalg.norm(x[faces] - x[np.roll(faces, 1, axis=1)], axis=2).sum(axis=1)
+        for x in (bridge.receiver.mesh.vertices, bridge.image_positions)
+    )
+    ratios = here[there > 0] / there[there > 0]
+    found = float(np.median(ratios)) if len(ratios) else 1.0
+    return 1.0 if 1 / SAME_SIZE < found < SAME_SIZE else found
 
 
 def rotations(bridge: Bridge) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -162,7 +163,7 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
     if attribute.kind == "weights":
         _write_weights(gltf, keys, attribute, mesh)
         return
-    key, values = _key_of(attribute, keys), attribute.coded.values
+    key, values = key_of(attribute, keys), attribute.coded.values
     properties: dict[str, object] = {}
     extras: dict[str, object] = {}
     if attribute.kind == "colour":
@@ -198,7 +199,8 @@ def write_values(gltf: GltfData, keys: dict[str, int], attribute: Attribute, mes
     keys[key] = gltf.add_array(values, **properties)
 
 
-def _key_of(attribute: Attribute, keys: dict[str, int]) -> str:
+def key_of(attribute: Attribute, keys: Mapping[str, object]) -> str:
+    """Return the key under which an attribute is written beside others."""
     name, _, number = attribute.name.rpartition("_")
     if not (number.isdecimal() and name in _SEMANTICS):
         name, number = attribute.name, "0"
@@ -217,24 +219,26 @@ def _write_weights(gltf: GltfData, keys: dict[str, int], attribute: Attribute, m
     """Write the four largest weights of each point, or as many fours as it has."""
     sets = 1 if attribute.joints is None else max(-(-attribute.values.shape[1] // 4), 1)
     joints, weights = attribute.strongest(4 * sets)
-    joints = _skin_joints(gltf, attribute, mesh)[joints]
+    joints = _skin_joints(gltf, attribute, mesh, np.unique(joints[weights > 0]))[joints]
     for i in range(sets):
         columns = slice(4 * i, 4 * i + 4)
         keys[f"JOINTS_{i}"] = gltf.add_array(joints[:, columns].astype(np.uint16))
         keys[f"WEIGHTS_{i}"] = gltf.add_array(weights[:, columns].astype(np.float32))
 
 
-def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int) -> IntArray:
-    """Return the number of each joint in the skin of a mesh; a skin is added unless one has joints of these names."""
+def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray) -> IntArray:
+    """Return the number of each joint in the skin of a mesh; a skin is added unless one has all that are used."""
     document = gltf.json
     nodes = document["nodes"]
     names = [attribute.names.get(i, f"joint_{i}") for i in range(attribute.n_joints)]
     users = [node for node in nodes if node.get("mesh") == mesh]
+    node_of = {name: node for node, name in joint_names(document).items()}
     for node in users:
         if "skin" in node:
-            of_skin = [joint_names(document)[joint] for joint in document["skins"][node["skin"]]["joints"]]
-            if set(names) <= set(of_skin):
-                return np.array([of_skin.index(name) for name in names])
+            place = {joint: i for i, joint in enumerate(document["skins"][node["skin"]]["joints"])}
+            found: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
+            if (found[used] >= 0).all():
+                return np.maximum(found, 0)
     placed = transforms(document).get(mesh, (None, None))[0]
     matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
     joints = [len(nodes) + i for i in range(len(names))]

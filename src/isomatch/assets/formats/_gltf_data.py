@@ -19,7 +19,7 @@ from isomatch.values.arrays import AnyArray, FloatArray
 _MAGIC, _JSON, _BINARY = b"glTF", b"JSON", b"BIN\0"
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _CODES = {np.dtype(kind): code for code, kind in _COMPONENTS.items()}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits

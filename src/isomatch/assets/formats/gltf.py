@@ -15,12 +15,14 @@ from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.formats._gltf_attributes import (
     gather,
     joined,
+    key_of,
     named,
     read_values,
     read_weights,
     write_values,
 )
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
+from isomatch.assets.formats._gltf_keys import key_weights, read_keys, with_key_weights, write_keys
 from isomatch.assets.formats._gltf_scene import (
     TRIANGLES,
     Matrix,
@@ -48,6 +50,18 @@ class GltfDocument:
     points: FloatArray
     polygons: Polygons
     attributes: tuple[Attribute, ...]
+    order: IntArray | None = None
+    """The triangle of the asset at each place in the primitives; None if they have the same order."""
+    former: object = None
+    """The document of another format that the asset had before."""
+
+    def in_order(self, values: IntArray) -> IntArray:
+        """Return values of the triangles of the primitives in the order of the asset."""
+        if self.order is None:
+            return values
+        found = np.empty_like(values)
+        found[self.order] = values
+        return found
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -62,7 +76,7 @@ def _read(gltf: GltfData) -> Asset:
     placed = transforms(gltf.json)
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
-    parts, found, primitives = [], [], []
+    parts, found, shape_keys, primitives = [], [], [], []
     start = 0
     for _, places in groupby(surfaces(gltf.json), lambda place: (place[0], _keys(gltf.json, place))):
         same = list(places)
@@ -78,9 +92,16 @@ def _read(gltf: GltfData) -> Asset:
             Part(str(gltf.json["meshes"][mesh].get("name", "")), n, sum(map(len, of_each)), transform)
         )
         found.append(read_values(gltf, keys) | read_weights(gltf, keys, skin))
+        shape_keys.append(read_keys(gltf, mesh, gltf.json["meshes"][mesh]["primitives"][same[0][1]]))
         primitives.append(tuple((mesh, i, len(each)) for (mesh, i), each in zip(same, of_each)))
-    names = dict.fromkeys(name for each in found for name in each)
-    attributes = tuple(joined([each.get(name) for each in found], parts) for name in names)
+    attributes = told_apart(
+        (
+            joined([each.get(name) for each in of_parts], parts)
+            for of_parts in (found, shape_keys)
+            for name in dict.fromkeys(name for each in of_parts for name in each)
+        ),
+        of_all=True,
+    )
     polygons = Polygons.of_triangles(np.concatenate(faces))
     asset = Asset(np.concatenate(points), polygons, attributes, tuple(parts))
     return replace(
@@ -102,7 +123,11 @@ def keeps(attribute: Attribute) -> bool:
         return False
     if attribute.kind == "label":
         return bool(np.abs(attribute.coded.values).max(initial=0) <= 2**24)
-    return attribute.kind == "weights" or attribute.values.ndim == 1 or 2 <= attribute.values.shape[1] <= 4
+    return (
+        attribute.kind in ("weights", "key")
+        or attribute.values.ndim == 1
+        or 2 <= attribute.values.shape[1] <= 4
+    )
 
 
 def write_glb(asset: Asset) -> bytes:
@@ -124,15 +149,15 @@ def _written(asset: Asset) -> GltfData:
         if not len(asset.polygons):
             raise MeshError("glTF files are of triangles, and there is none; write points to a .ply file")
     gltf = GltfData(copy.deepcopy(document.json), bytearray(document.blob))
-    attributes = told_apart(asset.attributes, of_all=True)
-    new = [a for a in attributes if not any(a is given for given in document.attributes)]
-    changed = {a.name for a in document.attributes if not any(a is each for each in attributes)}
+    new, changed = _changes(asset, document)
     split = split_at_seams(asset.polygons, len(asset.points), new)
     is_new = not len(document.points)
     is_split = len(split.source) > len(asset.points)
     is_moved = not np.array_equal(asset.points, document.points)
     faces = split.corners[asset.polygons.corner_of_triangle]
+    faces = faces if document.order is None else faces[document.order]
     part_of_point = asset.part_of_point[split.source]
+    parts_of: dict[int, list[tuple[list[dict[str, Any]], dict[str, AnyArray]]]] = {}
     first_point = first_triangle = stop = 0
     for part, places in enumerate(document.primitives):
         start, stop = stop, int(np.searchsorted(part_of_point, part, side="right"))
@@ -145,11 +170,17 @@ def _written(asset: Asset) -> GltfData:
             gather(gltf, keys, rows - first_point)
         if is_moved:
             keys["POSITION"] = _add_positions(gltf, asset.points[rows])
+        moves = {}
         for attribute in split.attributes:
-            write_values(gltf, keys, attribute.at(np.arange(start, stop)), places[0][0])
+            of_part = attribute.at(np.arange(start, stop))
+            if attribute.kind == "key":
+                moves[attribute.name] = of_part.values
+            else:
+                write_values(gltf, keys, of_part, places[0][0])
+        parts_of.setdefault(places[0][0], []).append((primitives, moves))
         for primitive, (_, _, n_triangles) in zip(primitives, places):
             primitive["attributes"] = keys
-            if is_split or is_new:
+            if is_split or is_new or document.order is not None:
                 for target in primitive.get("targets", []):
                     gather(gltf, target, rows - first_point)
                 indices = faces[first_triangle : first_triangle + n_triangles] - start
@@ -158,6 +189,10 @@ def _written(asset: Asset) -> GltfData:
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
         first_point += int((asset.part_of_point == part).sum())
+    gone = [attribute for attribute in document.attributes if attribute.name in changed]
+    if any(attribute.kind == "key" for attribute in (*gone, *new)):
+        for mesh, parts in parts_of.items():
+            write_keys(gltf, mesh, parts, changed, still=len(parts_of) == 1)
     return gltf
 
 
@@ -177,6 +212,52 @@ def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:
     """Turn triangles over where the node is mirrored: those of the file are seen from the other side there."""
     mirrored = transform is not None and np.linalg.det(np.array(transform)[:3, :3]) < 0
     return faces[:, [0, 2, 1]] if mirrored else faces
+
+
+def opened_document(asset: Asset) -> tuple[GltfDocument, GltfData]:
+    """Return the glTF document of an asset, or a new one, and its contents, which may be changed."""
+    document = asset.document
+    if not isinstance(document, GltfDocument):
+        new = new_document(len(asset.polygons.corner_of_triangle))
+        document = replace(new, polygons=asset.polygons, former=document)
+    return document, GltfData(copy.deepcopy(document.json), bytearray(document.blob))
+
+
+def edited(asset: Asset, document: GltfDocument, gltf: GltfData) -> Asset:
+    """Return an asset with a glTF document of other contents."""
+    return replace(asset, document=replace(document, json=gltf.json, blob=bytes(gltf.blob)))
+
+
+def with_key_weights_of(asset: Asset, giver: object) -> Asset:
+    """Return an asset whose shape keys are shown as far as those of these names in another glTF document."""
+    if not isinstance(giver, GltfDocument):
+        return asset
+    document, gltf = opened_document(asset)
+    meshes = {mesh for part in document.primitives for mesh, _, _ in part}
+    with_key_weights(gltf.json, meshes, key_weights(giver.json))
+    return edited(asset, document, gltf)
+
+
+def texcoord_numbers(asset: Asset) -> dict[str, int]:
+    """Return the number that each attribute of texture coordinates of a glTF file has when it is written."""
+    document = asset.document
+    if not isinstance(document, GltfDocument) or not document.primitives:
+        return {}
+    new, changed = _changes(asset, document)
+    given = _keys(document.json, document.primitives[0][0][:2])
+    names = named(GltfData(document.json, bytearray()), given)
+    keys = {key: name for key, (name, _) in names.items() if name not in changed}
+    for attribute in new:
+        if attribute.kind == "uv":
+            keys[key_of(attribute, keys)] = attribute.name
+    return {name: int(key.rpartition("_")[2]) for key, name in keys.items() if key.startswith("TEXCOORD_")}
+
+
+def _changes(asset: Asset, document: GltfDocument) -> tuple[list[Attribute], set[str]]:
+    """Return the attributes that the file does not have, and the names of those in it that the asset has no more."""
+    attributes = told_apart(asset.attributes, of_all=True)
+    new = [a for a in attributes if not any(a is given for given in document.attributes)]
+    return new, {a.name for a in document.attributes if not any(a is each for each in attributes)}
 
 
 def new_document(n_triangles: int) -> GltfDocument:

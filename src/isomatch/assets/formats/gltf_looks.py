@@ -1,177 +1,320 @@
-"""Materials, textures and skins of one glTF file, put into another."""
+"""Materials and textures of glTF files: what they show, and how they are put into another file."""
 
 from __future__ import annotations
 
+import base64
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from math import cos, sin
 from typing import Any
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
+from isomatch.assets.formats._gltf_attributes import named
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
-from isomatch.assets.formats.gltf import GltfDocument, new_document
+from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document, texcoord_numbers
+from isomatch.assets.looks import IN_PLACE, UNTINTED, Layer, Look, Looks, Picture, Wrap
+from isomatch.assets.pictures import JPEG, as_png, is_picture
 from isomatch.values.arrays import IntArray
 
-UNTINTED = (1.0, 1.0, 1.0, 1.0)
 _LISTS = ("images", "samplers", "textures", "materials")
-_MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_CODES = {wrap: code for code, wrap in _WRAPS.items()}
+_NEAREST = 9728
+_TRANSFORM = "KHR_texture_transform"
+_GLOSSY = "KHR_materials_pbrSpecularGlossiness"
+_STRENGTH = "KHR_materials_emissive_strength"
+_VARIANTS = "KHR_materials_variants"
+
+Variant = tuple[int, tuple[tuple[int, str], ...]]
+"""A material, and the attribute that each number of texture coordinates has in the meshes that it is on."""
 
 
-def with_materials_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
-    """Return the receiver with the materials and textures of the giver, if that is a glTF file.
+def looks_of(document: GltfDocument) -> Looks | None:
+    """Return the looks of a file; None if it has no materials."""
+    if not document.json.get("materials"):
+        return None
+    of_triangle, variants = _variants(document)
+    gltf = GltfData(document.json, bytearray(document.blob))
+    return Looks(of_triangle, tuple(_look(gltf, material, dict(names)) for material, names in variants))
 
-    A primitive takes the material of most of its triangles: ``giver_triangle`` is that of each of them, −1 for none.
+
+def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntArray) -> Asset:
+    """Return the receiver with the materials and textures of another glTF file.
+
+    Parameters
+    ----------
+    receiver : Asset
+        With the texture coordinates of the giver.
+    giver : GltfDocument
+        The file.
+    giver_triangle : (m,) array of int
+        The triangle of the giver whose material each triangle takes; −1 for the most frequent.
     """
-    given = giver.document
-    if not isinstance(given, GltfDocument) or not given.json.get("materials"):
-        return receiver
-    document, gltf = _opened(receiver)
-    other = copy.deepcopy(given.json)
-    starts = {name: len(gltf.json.get(name, [])) for name in _LISTS}
+    document, gltf = opened_document(receiver)
+    other = copy.deepcopy(giver.json)
+    starts = _starts(document, gltf)
     for image in other.get("images", []):
         if "bufferView" in image:
-            view = other["bufferViews"][image["bufferView"]]
-            start = view.get("byteOffset", 0)
-            image["bufferView"] = gltf.add_bytes(given.blob[start : start + view["byteLength"]])
+            image["bufferView"] = gltf.add_bytes(_bytes_of(other, giver.blob, image["bufferView"]))
         gltf.append("images", image)
     for sampler in other.get("samplers", []):
         gltf.append("samplers", sampler)
     for texture in other.get("textures", []):
-        for key, name in (("source", "images"), ("sampler", "samplers")):
-            if key in texture:
-                texture[key] += starts[name]
+        for place in (texture, *texture.get("extensions", {}).values()):
+            for key, name in (("source", "images"), ("sampler", "samplers")):
+                if key in place:
+                    place[key] += starts[name]
         gltf.append("textures", texture)
-    for material in other["materials"]:
-        _shift_textures(material, starts["textures"])
-        gltf.append("materials", material)
+    of_triangle, variants = _variants(giver)
+    number_of = texcoord_numbers(replace(receiver, document=document))
+    for material, names in variants:
+        entry = copy.deepcopy(other["materials"][material])
+        numbers = {number: number_of[name] for number, name in names if name in number_of}
+        _shift_textures(entry, starts["textures"], numbers)
+        gltf.append("materials", entry)
     for name in ("extensionsUsed", "extensionsRequired"):
-        union = dict.fromkeys([*gltf.json.get(name, []), *other.get(name, [])])
-        if union:
-            gltf.json[name] = list(union)
-    of_triangle = material_of_triangles(given)
-    first = 0
-    for mesh, i, n in (place for part in document.primitives for place in part):
-        primitive = gltf.json["meshes"][mesh]["primitives"][i]
-        seen = giver_triangle[first : first + n]
-        votes = np.bincount(of_triangle[seen[seen >= 0]] + 1, minlength=1)
-        primitive.pop("material", None)
-        if votes.argmax() > 0:
-            primitive["material"] = int(votes.argmax()) - 1 + starts["materials"]
-        first += n
-    return _closed(receiver, document, gltf)
+        _use(gltf, name, other.get(name, []))
+    return edited(receiver, _painted(document, gltf, seen(of_triangle, giver_triangle), starts), gltf)
 
 
-def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
-    """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now."""
-    given = giver.document
-    if not isinstance(given, GltfDocument) or not given.json.get("skins"):
-        return receiver
-    document, gltf = _opened(receiver)
-    other = copy.deepcopy(given.json)
-    names = joint_names(other)
-    start = len(gltf.json["nodes"])
-    above = {child: i for i, node in enumerate(other["nodes"]) for child in node.get("children", [])}
-    kept: dict[int, None] = {}
-    for joint in names:
-        at: int | None = joint
-        while at is not None and at not in kept:
-            kept[at] = None
-            at = above.get(at)
-    new = {old: start + i for i, old in enumerate(sorted(kept))}
-    for old in new:
-        node = {key: value for key, value in other["nodes"][old].items() if key not in _MESH}
-        node["children"] = [new[child] for child in node.get("children", []) if child in new]
-        if not node["children"]:
-            del node["children"]
-        if old in names:
-            node["name"] = names[old]
-        gltf.json["nodes"].append(node)
-    for scene in gltf.json.get("scenes", [])[:1]:
-        scene.setdefault("nodes", []).extend(new[old] for old in new if old not in above)
-    there = node_matrices(other)
-    meshes = {mesh for part in document.primitives for mesh, _, _ in part}
-    here = node_matrices(gltf.json)
-    for i, node in enumerate(gltf.json["nodes"][:start]):
-        if node.get("mesh") in meshes:
-            own = np.eye(4) if "skin" in node else here[i]
-            inverse = np.stack([np.linalg.inv(there[joint]) @ own for joint in names])
-            skin = {
-                "joints": [new[joint] for joint in names],
-                "inverseBindMatrices": gltf.add_matrices(inverse),
-            }
-            node["skin"] = gltf.append("skins", skin)
-    return _closed(receiver, document, gltf)
-
-
-def with_texture(receiver: Asset, png: bytes, tint: Sequence[float] = UNTINTED) -> Asset:
-    """Return the receiver as a glTF file with one material of one picture, multiplied by a tint of red to alpha, 0…1."""
-    document, gltf = _opened(receiver)
-    image = gltf.append("images", {"bufferView": gltf.add_bytes(png), "mimeType": "image/png"})
-    texture = gltf.append("textures", {"source": image})
-    look: dict[str, Any] = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0}
-    if tuple(tint) != UNTINTED:
-        look["baseColorFactor"] = list(tint)
-    material = gltf.append("materials", {"name": "baked", "pbrMetallicRoughness": look})
-    for mesh, i, _ in (place for part in document.primitives for place in part):
-        gltf.json["meshes"][mesh]["primitives"][i]["material"] = material
-    return _closed(receiver, document, gltf)
-
-
-def material_of_triangles(document: GltfDocument) -> IntArray:
-    """(m,) the material of each triangle; −1 for none."""
-    found = [
-        np.full(n, document.json["meshes"][mesh]["primitives"][i].get("material", -1))
-        for part in document.primitives
-        for mesh, i, n in part
-    ]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+def with_looks(receiver: Asset, looks: Looks) -> Asset:
+    """Return the receiver as a glTF file with looks, one for each of its triangles."""
+    document, gltf = opened_document(receiver)
+    starts = _starts(document, gltf)
+    number_of = texcoord_numbers(replace(receiver, document=document))
+    for look in looks.looks:
+        base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
+        entry = {"name": look.name, "pbrMetallicRoughness": base}
+        if look.emitted:
+            entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
+        gltf.append("materials", entry)
+    return edited(receiver, _painted(document, gltf, looks.of_triangle, starts), gltf)
 
 
 def base_colours(document: object) -> tuple[IntArray, list[tuple[bytes, list[float]]]] | None:
-    """Find the material of each triangle, and of each material its picture (empty if none) and its tint.
+    """Find the look of each triangle, and of each look its picture (empty if none) and its tint.
 
     None if it is no glTF file with materials.
     """
-    if not isinstance(document, GltfDocument) or not document.json.get("materials"):
+    looks = looks_of(document) if isinstance(document, GltfDocument) else None
+    if looks is None:
         return None
-    looks = []
-    for material in document.json["materials"]:
-        base = material.get("pbrMetallicRoughness", {})
-        picture = b""
-        if "baseColorTexture" in base:
-            texture = document.json["textures"][base["baseColorTexture"]["index"]]
-            image = document.json["images"][texture["source"]] if "source" in texture else {}
-            if "bufferView" in image:
-                view = document.json["bufferViews"][image["bufferView"]]
-                start = view.get("byteOffset", 0)
-                picture = document.blob[start : start + view["byteLength"]]
-        looks.append((picture, base.get("baseColorFactor", list(UNTINTED))))
-    return material_of_triangles(document), looks
+    bases = [look.base for look in looks.looks]
+    return looks.of_triangle, [(b.picture.data if b.picture else b"", list(b.tint)) for b in bases]
 
 
-def _opened(receiver: Asset) -> tuple[GltfDocument, GltfData]:
-    document = receiver.document
-    if not isinstance(document, GltfDocument):
-        document = replace(
-            new_document(len(receiver.polygons.corner_of_triangle)), polygons=receiver.polygons
+def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
+    """Return what each triangle takes from a triangle of the giver, and where that is −1, what most of them take."""
+    held = of_triangle[giver_triangle]
+    votes = np.bincount(held[giver_triangle >= 0] + 1, minlength=1)
+    return np.where(giver_triangle >= 0, held, votes.argmax() - 1)
+
+
+def _variants(document: GltfDocument) -> tuple[IntArray, list[Variant]]:
+    """(m,) the variant of each triangle, −1 for no material; and the variants."""
+    gltf = GltfData(document.json, bytearray())
+    found: dict[Variant, int] = {}
+    of_triangle = [np.zeros(0, dtype=np.int64)]
+    for mesh, i, n in (place for part in document.primitives for place in part):
+        primitive = document.json["meshes"][mesh]["primitives"][i]
+        variant = -1
+        if 0 <= primitive.get("material", -1) < len(document.json.get("materials", [])):
+            names = [
+                (int(key.rpartition("_")[2]), name)
+                for key, (name, kind) in named(gltf, primitive["attributes"]).items()
+                if kind == "uv"
+            ]
+            variant = found.setdefault((primitive["material"], tuple(names)), len(found))
+        of_triangle.append(np.full(n, variant))
+    return document.in_order(np.concatenate(of_triangle)), list(found)
+
+
+def _look(gltf: GltfData, index: int, names: Mapping[int, str]) -> Look:
+    material = gltf.json["materials"][index]
+    extensions = material.get("extensions", {})
+    if _GLOSSY in extensions:
+        glossy = extensions[_GLOSSY]
+        tint, base = glossy.get("diffuseFactor", UNTINTED), glossy.get("diffuseTexture")
+    else:
+        rough = material.get("pbrMetallicRoughness", {})
+        tint, base = rough.get("baseColorFactor", UNTINTED), rough.get("baseColorTexture")
+    strength = extensions.get(_STRENGTH, {}).get("emissiveStrength", 1.0)
+    glow = (*(strength * x for x in material.get("emissiveFactor", (0, 0, 0))), 1.0)
+    emitted = _layer(gltf, material.get("emissiveTexture"), glow, names) if max(glow[:3]) > 0 else None
+    name = str(material.get("name", f"material_{index}"))
+    return Look(name, _layer(gltf, base, tuple(tint), names), emitted)
+
+
+def _layer(
+    gltf: GltfData, info: dict[str, Any] | None, tint: tuple[float, ...], names: Mapping[int, str]
+) -> Layer:
+    if info is None:
+        return Layer(tint)
+    transform = info.get("extensions", {}).get(_TRANSFORM, {})
+    number = transform.get("texCoord", info.get("texCoord", 0))
+    index = info.get("index", -1)
+    texture = _entry(gltf, "textures", index)
+    sampler = _entry(gltf, "samplers", texture.get("sampler", -1))
+    x, y = (_WRAPS.get(sampler.get(key, 0), "repeat") for key in ("wrapS", "wrapT"))
+    return Layer(
+        tint,
+        _picture(gltf, index),
+        names.get(number, f"uv_{number}" if number else "uv"),
+        _matrix(transform),
+        (x, y),
+        sampler.get("magFilter") == _NEAREST,
+    )
+
+
+def _matrix(transform: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
+    """Scale, then turn against the clock as seen in the picture, whose v goes down, then shift."""
+    if not transform:
+        return IN_PLACE
+    (sx, sy), (x, y) = transform.get("scale", (1, 1)), transform.get("offset", (0, 0))
+    c, s = cos(transform.get("rotation", 0)), sin(transform.get("rotation", 0))
+    return (c * sx, s * sy, x), (-s * sx, c * sy, y)
+
+
+def _picture(gltf: GltfData, index: int) -> Picture:
+    """Return the picture of a texture: of several kinds, the first that can be read, or the first."""
+    texture = _entry(gltf, "textures", index)
+    places = [*texture.get("extensions", {}).values(), texture]
+    found = [_image(gltf, place["source"]) for place in places if "source" in place]
+    found = [each for each in found if is_picture(each.data)] or found
+    return found[0] if found else Picture(f"of texture {index}", missing="the texture names no image")
+
+
+def _image(gltf: GltfData, index: int) -> Picture:
+    image = _entry(gltf, "images", index)
+    uri = str(image.get("uri", ""))
+    name = str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {index}"))
+    if "bufferView" in image:
+        return Picture(name, _bytes_of(gltf.json, gltf.blob, image["bufferView"]))
+    if not uri:
+        return Picture(name, missing="it is not in the file")
+    if not uri.startswith("data:"):
+        return Picture(name, missing="there is no such file in the folder of the mesh")
+    try:
+        return Picture(name, base64.b64decode(uri.partition(",")[2]))
+    except ValueError:
+        return Picture(name, missing="its base64 text is damaged")
+
+
+def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
+    """Return an entry of a list; empty if there is none."""
+    listed = gltf.json.get(name, [])
+    return listed[index] if 0 <= index < len(listed) else {}
+
+
+def _bytes_of(document: dict[str, Any], blob: bytes | bytearray, view: int) -> bytes:
+    place = document["bufferViews"][view]
+    start = place.get("byteOffset", 0)
+    return bytes(blob[start : start + place["byteLength"]])
+
+
+def _starts(document: GltfDocument, gltf: GltfData) -> dict[str, int]:
+    """Count what there is of materials, after those are left out that nothing but the surface uses."""
+    surfaces = {(mesh, i) for part in document.primitives for mesh, i, _ in part}
+    others = [
+        primitive
+        for mesh, each in enumerate(gltf.json["meshes"])
+        for i, primitive in enumerate(each["primitives"])
+        if (mesh, i) not in surfaces
+    ]
+    if not any("material" in primitive for primitive in others):
+        for name in _LISTS:
+            gltf.json.pop(name, None)
+    return {name: len(gltf.json.get(name, [])) for name in _LISTS}
+
+
+def _painted(
+    document: GltfDocument, gltf: GltfData, look: IntArray, starts: Mapping[str, int]
+) -> GltfDocument:
+    """Give each triangle its material; a primitive of several becomes as many primitives."""
+    order = np.arange(len(look)) if document.order is None else document.order
+    pieces: dict[tuple[int, int], list[IntArray]] = {}
+    first = 0
+    for mesh, i, n in (place for part in document.primitives for place in part):
+        held = order[first : first + n]
+        first += n
+        pieces[mesh, i] = [held[look[held] == each] for each in np.unique(look[held])] or [held]
+    numbers: dict[tuple[int, int], list[int]] = {}
+    for mesh, each in enumerate(gltf.json["meshes"]):
+        listed: list[dict[str, Any]] = []
+        for i, primitive in enumerate(each["primitives"]):
+            if (mesh, i) not in pieces:
+                listed.append(primitive)
+                continue
+            primitive.pop("material", None)
+            primitive.get("extensions", {}).pop(_VARIANTS, None)
+            numbers[mesh, i] = list(range(len(listed), len(listed) + len(pieces[mesh, i])))
+            for piece in pieces[mesh, i]:
+                listed.append(copy.deepcopy(primitive))
+                if look[piece[:1]].max(initial=-1) >= 0:
+                    listed[-1]["material"] = int(look[piece[0]]) + starts["materials"]
+        each["primitives"] = listed
+    primitives = tuple(
+        tuple(
+            (mesh, number, len(piece))
+            for mesh, i, _ in part
+            for number, piece in zip(numbers[mesh, i], pieces[mesh, i])
         )
-    return document, GltfData(copy.deepcopy(document.json), bytearray(document.blob))
+        for part in document.primitives
+    )
+    new_order = np.concatenate([np.zeros(0, dtype=np.int64), *(p for each in pieces.values() for p in each)])
+    return replace(document, primitives=primitives, order=new_order)
 
 
-def _closed(receiver: Asset, document: GltfDocument, gltf: GltfData) -> Asset:
-    return replace(receiver, document=replace(document, json=gltf.json, blob=bytes(gltf.blob)))
+def _written(
+    gltf: GltfData, layer: Layer, number_of: Mapping[str, int], name: str, default: tuple[float, ...]
+) -> dict[str, Any]:
+    """Add the picture of a layer; return what a material says of it."""
+    found: dict[str, Any] = {}
+    tint = tuple(layer.tint)[: len(default)]
+    if tint != default:
+        found[f"{name}Factor"] = list(tint)
+    if layer.picture:
+        picture = layer.picture
+        image: dict[str, object] = {"uri": picture.name}
+        if not picture.missing:
+            data = as_png(picture.data)
+            kind = "image/jpeg" if data[:2] == JPEG else "image/png"
+            image = {"bufferView": gltf.add_bytes(data), "mimeType": kind}
+        texture: dict[str, Any] = {"source": gltf.append("images", image)}
+        sampler = {f"wrap{axis}": _CODES[wrap] for axis, wrap in zip("ST", layer.wrap) if wrap != "repeat"}
+        if sampler:
+            texture["sampler"] = gltf.append("samplers", sampler)
+        info: dict[str, Any] = {"index": gltf.append("textures", texture)}
+        if number_of.get(layer.uv):
+            info["texCoord"] = number_of[layer.uv]
+        if layer.matrix != IN_PLACE:
+            (sx, _, x), (_, sy, y) = layer.matrix
+            info["extensions"] = {_TRANSFORM: {"scale": [sx, sy], "offset": [x, y]}}
+            _use(gltf, "extensionsUsed", [_TRANSFORM])
+        found[f"{name}Texture"] = info
+    return found
 
 
-def _shift_textures(entry: Any, by: int) -> None:
-    """Raise the index of every texture that a material names, in extensions too."""
+def _use(gltf: GltfData, name: str, extensions: list[str]) -> None:
+    union = dict.fromkeys([*gltf.json.get(name, []), *extensions])
+    if union:
+        gltf.json[name] = list(union)
+
+
+def _shift_textures(entry: Any, by: int, numbers: Mapping[int, int]) -> None:
+    """Raise the index of every texture that a material names, in extensions too, and number its coordinates anew."""
     if isinstance(entry, list):
         for each in entry:
-            _shift_textures(each, by)
+            _shift_textures(each, by, numbers)
     if isinstance(entry, dict):
         for key, value in entry.items():
             if key.lower().endswith("texture") and isinstance(value, dict) and "index" in value:
                 value["index"] += by
-            _shift_textures(value, by)
+                for place in (value, value.get("extensions", {}).get(_TRANSFORM, {})):
+                    number = place.get("texCoord", 0 if place is value else -1)
+                    if numbers.get(number, number) != number:
+                        place["texCoord"] = numbers[number]
+            _shift_textures(value, by, numbers)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from isomatch.assets.formats._text import (
     read_lines,
     texts,
 )
+from isomatch.assets.formats.mtl import read_libraries
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import MeshError, some
 from isomatch.storage.files import encoding_of
@@ -33,11 +36,15 @@ _NAMED = ("mtllib", "o", "g", "usemtl")
 
 @dataclass(frozen=True)
 class ObjDocument:
-    """The names of material libraries, lines and points, which are no faces, and how the names are encoded."""
+    """The names of material libraries, lines and points, which are no faces; how names are encoded; files beside it.
+
+    Files are the libraries and their pictures.
+    """
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
     encoding: str = "utf-8"
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -69,8 +76,9 @@ def read_asset(data: bytes, name: str) -> Asset:
     for attribute, keyword in _STATEMENTS.items():
         if len(statements[keyword]):
             attributes.append(_labels(attribute, statements[keyword], face_lines, encoding))
+    libraries = tuple(text.decode(encoding) for text in texts(statements["mtllib"]))
     document = ObjDocument(
-        tuple(text.decode(encoding) for text in texts(statements["mtllib"])),
+        libraries,
         tuple(
             f"{keyword} {text.decode()}"
             for keyword in "pl"
@@ -78,6 +86,7 @@ def read_asset(data: bytes, name: str) -> Asset:
             if text.replace(b" ", b"").isdigit()
         ),
         encoding,
+        read_libraries(libraries, Path(name).parent),
     )
     return Asset(points, Polygons(corners, sizes), tuple(attributes), document=document, notes=notes)
 

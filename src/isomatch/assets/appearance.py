@@ -1,0 +1,202 @@
+"""Looks of assets whatever their format: found, put onto another asset, and into the format of a file to be written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from isomatch.assets.asset import Asset
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute_names import unused_name
+from isomatch.assets.formats import gltf_looks, mtl
+from isomatch.assets.formats.gltf import GltfDocument
+from isomatch.assets.formats.obj import ObjDocument
+from isomatch.assets.looks import UNTINTED, Layer, Look, Looks, Picture
+from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
+from isomatch.values.arrays import AnyArray, IntArray
+
+_MATERIAL = "material"
+
+
+def looks_of(asset: Asset) -> Looks | None:
+    """Return the looks of the triangles of an asset; None if its file has no materials."""
+    if isinstance(asset.document, GltfDocument):
+        return gltf_looks.looks_of(asset.document)
+    materials = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
+    if not isinstance(asset.document, ObjDocument) or not materials:
+        return None
+    known = mtl.looks_of_libraries(asset.document.files, asset.document.libraries)
+    coded = materials[0].coded
+    codes, place = np.unique(coded.values, return_inverse=True)
+    names = [coded.names.get(code, str(code)) for code in codes.tolist()]
+    used = [name for name in names if name in known]
+    look = np.array([used.index(name) if name in known else -1 for name in names], dtype=np.int64)
+    return (
+        Looks(look[place][asset.polygons.of_triangle], tuple(known[name] for name in used)) if used else None
+    )
+
+
+def unread_files(asset: Asset) -> tuple[str, ...]:
+    """Say of each picture of an asset, and each library of materials, that cannot be read, why not."""
+    looks, document = looks_of(asset), asset.document
+    found = [f"{picture.name!r}: {why}" for picture, why in unread(looks.pictures if looks else ()).items()]
+    if isinstance(document, ObjDocument):
+        lines = [line for line in document.libraries if not {line, *line.split()} & document.files.keys()]
+        found += [f"{line!r}: there is no such file in the folder of the OBJ file" for line in lines]
+    return tuple(found)
+
+
+def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
+    """Return the receiver with the materials and pictures of the giver, if its file has any.
+
+    ``giver_triangle`` (m,) is the triangle whose look each triangle of the receiver takes; −1 for the most frequent.
+    """
+    given, looks = giver.document, looks_of(giver)
+    if looks is None or not len(giver_triangle):
+        return receiver
+    if isinstance(given, GltfDocument):
+        return gltf_looks.with_materials_of(receiver, given, giver_triangle)
+    of_triangle = gltf_looks.seen(looks.of_triangle, giver_triangle)
+    if isinstance(given, ObjDocument) and isinstance(receiver.document, ObjDocument):
+        document = replace(receiver.document, libraries=given.libraries, files=given.files)
+        names = tuple(look.name for look in looks.looks)
+        return replace(_labelled(receiver, of_triangle, names), document=document)
+    return gltf_looks.with_looks(receiver, Looks(of_triangle, looks.looks))
+
+
+def with_texture(receiver: Asset, png: bytes, tint: tuple[float, ...] = UNTINTED) -> Asset:
+    """Return the receiver as a glTF file with one material of one picture, multiplied by a tint of red to alpha, 0…1."""
+    uv = next((attribute.name for attribute in receiver.of_kind("uv")), "uv")
+    layer = Layer(tuple(tint), Picture("baked.png", png), uv)
+    of_triangle = np.zeros(len(receiver.polygons.corner_of_triangle), dtype=np.int64)
+    return gltf_looks.with_looks(receiver, Looks(of_triangle, (Look("baked", layer),)))
+
+
+def as_written(path: Path, asset: Asset) -> tuple[Asset, dict[Path, bytes]]:
+    """Return an asset with its looks in the format of a file to be written, and the files to be written beside it."""
+    document, suffix = asset.document, path.suffix.lower()
+    is_gltf = isinstance(document, GltfDocument)
+    if suffix in (".glb", ".gltf"):
+        looks = None if is_gltf else looks_of(asset)
+        return (gltf_looks.with_looks(asset, looks) if looks else asset), {}
+    if isinstance(document, GltfDocument):
+        looks = looks_of(asset) if suffix == ".obj" else None
+        asset = replace(asset, document=document.former)
+        asset = _in_obj(asset, looks, path.stem) if looks else asset
+    if suffix != ".obj" or not isinstance(asset.document, ObjDocument):
+        return asset, {}
+    placed, files = _beside(asset.document, path)
+    return replace(asset, document=placed), files
+
+
+def with_one_texture(asset: Asset) -> tuple[Asset, AnyArray | None]:
+    """Return an asset with the texture coordinates of its texture, (height, width, 4) of uint8, which repeats.
+
+    None unless it has one for all its triangles.
+    """
+    looks = looks_of(asset)
+    used = np.unique(looks.of_triangle) if looks else np.zeros(0)
+    if looks is None or len(used) != 1 or used[0] < 0:
+        return asset, None
+    shown, layers = _repeating(asset, looks)
+    layer = layers[used[0]]
+    if layer.picture is None or unread([layer.picture]):
+        return asset, None
+    pixels: AnyArray = np.rint(255 * pixels_of(layer.picture.data) * layer.tint).astype(np.uint8)
+    return shown, pixels
+
+
+def _repeating(asset: Asset, looks: Looks) -> tuple[Asset, tuple[Layer, ...]]:
+    """Return the main layers for those who know but pictures that repeat, and the asset with coordinates for them."""
+    layers = [look.main for look in looks.looks]
+    first = [attribute.name for attribute in asset.of_kind("uv")][:1]
+    own = Layer(uv=first[0]) if first else Layer()
+    if not first or all(
+        (layer.uv, layer.matrix, layer.wrap) == (own.uv, own.matrix, own.wrap)
+        for layer in layers
+        if layer.picture
+    ):
+        return asset, tuple(layers)
+    polygons = asset.polygons
+    of_polygon = np.full(len(polygons), -1)
+    of_polygon[polygons.of_triangle] = looks.of_triangle
+    of_corner = of_polygon[polygons.of_corner]
+    found = np.full((len(of_corner), 2), np.nan)
+    for i, layer in enumerate(layers):
+        for attribute in asset.of_kind("uv"):
+            if attribute.name == layer.uv and attribute.domain != "face":
+                here = np.flatnonzero(of_corner == i)
+                rows = here if attribute.domain == "corner" else polygons.corners[here]
+                uv = attribute.values[rows].astype(np.float64)
+                layers[i] = unrolled(layer, layer.looked_up(uv))
+                found[here] = layers[i].looked_up(uv)
+    others = tuple(a for a in asset.attributes if a.name not in (*first, "uv"))
+    return replace(asset, attributes=(Attribute("uv", "corner", "uv", found), *others)), tuple(layers)
+
+
+def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
+    """Return an asset with a library of its looks, which it has as labels of its faces."""
+    shown, layers = _repeating(asset, looks)
+    pictures = dict.fromkeys(layer.picture for layer in layers if layer.picture and not layer.picture.missing)
+    files: dict[str, bytes] = {}
+    names: dict[Picture, str] = {}
+    for picture in pictures:
+        data = as_png(picture.data)
+        number = f"_{len(files)}" if len(pictures) > 1 else ""
+        names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
+        files[names[picture]] = data
+    words: list[str] = []
+    for look in looks.looks:
+        words.append(unused_name(look.name, words))
+    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names)
+    former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
+    document = ObjDocument((f"{stem}.mtl",), former.elements, files)
+    return replace(_labelled(shown, looks.of_triangle, tuple(words)), document=document)
+
+
+def _labelled(asset: Asset, of_triangle: IntArray, names: tuple[str, ...]) -> Asset:
+    """Return an asset whose faces are labelled by materials; −1 is none."""
+    of_polygon: AnyArray = np.full(len(asset.polygons), -1)
+    of_polygon[asset.polygons.of_triangle] = of_triangle
+    words = {-1: "", **dict(enumerate(names))}
+    return asset.with_attributes(Attribute(_MATERIAL, "face", "label", of_polygon, names=words))
+
+
+def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, bytes]]:
+    """Find names for the files of a document beside another file.
+
+    Of files that are there with other contents, only those are replaced whose names begin as that of the other file.
+    """
+    files: dict[Path, bytes] = {}
+    names: dict[str, str] = {}
+    folder = path.parent.resolve()
+
+    def put(name: str, content: bytes) -> None:
+        clean = name.replace("\\", "/")
+        last = PurePosixPath(clean).name
+        inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
+        own = last.startswith((f"{path.stem}.", f"{path.stem}_"))
+        for each in (*inside, last, last if own else f"{path.stem}_{last}"):
+            names[name], file = each, path.parent / each
+            same = files.get(file, content) == content
+            if same and file.is_file() and file.read_bytes() == content:
+                return
+            if same and file.parent.is_dir() and not file.exists():
+                break
+        files[file] = content
+
+    libraries = {name for line in document.libraries for name in (line, *line.split())}
+    for name, content in document.files.items():
+        if name not in libraries:
+            put(name, content)
+    for name, content in document.files.items():
+        if name in libraries:
+            changed = {old: new for old, new in names.items() if old != new}
+            put(name, mtl.renamed(content, changed) if changed else content)
+    lines = tuple(
+        names.get(line) or " ".join(names.get(name, name) for name in line.split())
+        for line in document.libraries
+    )
+    return replace(document, libraries=lines), files
