@@ -108,7 +108,7 @@ def distance(
         if remark:
             complain(f"distances by {name}{remark}")
 
-    talk.result(record, summary)
+    talk.result(record, summary, is_answer=output is None)
 
 
 def _vertices(words: str) -> IntArray:

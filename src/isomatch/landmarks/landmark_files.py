@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 from xml.etree import ElementTree
@@ -14,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.files import is_whole_number, opened, text_lines
+from isomatch.storage.files import is_whole_number, opened
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
@@ -198,13 +199,23 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
 
 
 def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
-    """Cells of each line of a text, with where it is and the line itself; a header says what separates them."""
+    """Cells of each line of a text, with where it is and the line itself.
+
+    A header says what separates them; below it, a name may have a ``#``, which otherwise starts a comment.
+    """
     separator: str | None = None
-    for i, (number, line) in enumerate(text_lines(path)):
+    has_header, is_first = False, True
+    with opened(path) as file:
+        lines = StringIO(file.read().decode("utf-8-sig", errors="replace"))
+    for number, text in enumerate(lines, start=1):
+        line = text.strip() if has_header and not text.startswith("#") else text.partition("#")[0].strip()
+        if not line:
+            continue
         where = f"{path}:{number}"
         cells = _split(line, where, separator)
-        if i == 0 and _is_header(cells):
-            separator = _separator(line)
+        if is_first and _is_header(cells):
+            has_header, separator = True, _separator(line)
+        is_first = False
         yield where, cells, line
 
 

@@ -54,7 +54,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     tree = cKDTree(middles)
-    shown = tuple(map(read_only, (surface.vertices, surface.faces, positions)))
+    vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
     found = PrecisePoints.at_vertices(vertex)
     for first in range(0, len(positions), AT_ONCE):
         rows = slice(first, first + AT_ONCE)
@@ -63,7 +63,7 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
         face = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.asarray, near)]).astype(np.int64)
         apart = np.linalg.norm(middles[face] - positions[of], axis=1)
         reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
-        _take_nearest(*shown, of[reached], face[reached], gap, *found)
+        _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *found)
     return found
 
 

@@ -7,14 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.assets import Asset, SurfaceLike, surface_from
-from isomatch.correspondence import Correspondence
+from isomatch.correspondence import UNMATCHED, Correspondence
 from isomatch.errors import LandmarkError
+from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.landmarks import Curve, Landmarks, drawn_curve, equally_spaced, nearest_on_surface
 from isomatch.matching import MatchResult
-from isomatch.surfaces import Mesh, PointCloud
+from isomatch.resolution import PlacedMesh, VertexGroups, normalised
+from isomatch.surfaces import Mesh, PointCloud, PrecisePoints
 from isomatch.transfer.bridge import Bridge
 from isomatch.transfer.choices import Side
 from isomatch.values.arrays import FloatArray
+
+WITHIN = 0.05  # √area of the target: its points farther from all images have none
 
 
 def carry_landmarks(
@@ -94,10 +98,8 @@ def carry_landmarks(
                 else np.full((n, 4), np.nan)
             )
             curves.append(Curve(curve.name, tuple(range(len(names), len(names) + n)), curve.closed))
-            is_same = n == len(rows)
-            names += (
-                [landmarks.names[i] for i in rows] if is_same else [f"{curve.name}-{i + 1}" for i in range(n)]
-            )
+            own_names = [landmarks.names[i] for i in rows]
+            names += [f"{curve.name}-{i + 1}" for i in range(n)] if curve_points else own_names
             values += list(new)
     found = np.array(values).reshape(-1, 4)
     return Landmarks(found[:, :3], names, curves, found[:, 3], systems=landmarks.systems)
@@ -105,43 +107,54 @@ def carry_landmarks(
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """A map from the surface that has landmarks to the one that gets them, and the error to be expected of it."""
+    """A map between welded surfaces, the error to be expected of it, and which way landmarks go."""
 
     map: Correspondence
-    start: Mesh | PointCloud
-    end: Mesh | PointCloud
-    errors: FloatArray  # at the vertices of the source, in the units of the end
+    source: Mesh | PointCloud
+    target: Mesh | PointCloud
+    errors: FloatArray  # at the vertices of the source, in √area
     to: Side
 
     @classmethod
     def of(
         cls, given: MatchResult | Correspondence, source: SurfaceLike, target: SurfaceLike, to: Side
     ) -> _Way:
-        """Weld both surfaces, and turn the map if it leads the other way."""
         found = given.map if isinstance(given, MatchResult) else given
         errors = given.expected_error if isinstance(given, MatchResult) else np.full(found.shape[0], np.nan)
         first, second = (_surface(each) for each in (source, target))
         if isinstance(first, Asset) and isinstance(second, Asset):
-            bridge = Bridge.between(found, first, second, to_source=to == "target")
-            start, end = bridge.receiver.mesh, bridge.giver.mesh
+            bridge = Bridge.between(found, first, second, to_source=True)
             if len(errors) == len(first.points):
                 errors = errors[first.point_of_vertex]
-            return cls(bridge.map, start, end, errors * np.sqrt(end.area), to)
-        clouds = [each.mesh if isinstance(each, Asset) else each for each in (first, second)]
-        found.check_fits(clouds[0], clouds[1])
-        if to == "source":
-            found, clouds = found.reversed(clouds[0], clouds[1]), clouds[::-1]
-        return cls(found, clouds[0], clouds[1], errors * np.sqrt(clouds[1].area), to)
+            return cls(bridge.map, first.mesh, second.mesh, errors, to)
+        ends = [each.mesh if isinstance(each, Asset) else each for each in (first, second)]
+        found.check_fits(*ends)
+        return cls(found, ends[0], ends[1], errors, to)
+
+    @property
+    def start(self) -> Mesh | PointCloud:
+        """What has landmarks."""
+        return self.source if self.to == "target" else self.target
+
+    @property
+    def end(self) -> Mesh | PointCloud:
+        """What gets them."""
+        return self.target if self.to == "target" else self.source
 
     def carried(self, positions: FloatArray) -> FloatArray:
         """(m, 4) where positions (m, 3) go, and the error to be expected; nan where they have no image."""
         points = nearest_on_surface(self.start, positions)
-        nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
-        samples = Correspondence(nearest, self.start.n_vertices, *points)
-        meshes = isinstance(self.start, Mesh) and isinstance(self.end, Mesh)
-        images = samples.then(self.map, self.start, self.end) if meshes else samples.then(self.map)
-        where = samples if self.to == "target" else images
-        return np.column_stack([images.pull_back(self.end.vertices), where.pull_back(self.errors)])
+        own, images = _as_map(points, self.start.n_vertices), self._images(points)
+        errors = (own if self.to == "target" else images).pull_back(self.errors)
+        return np.column_stack([images.pull_back(self.end.vertices), errors * np.sqrt(self.end.area)])
+
+    def _images(self, points: PrecisePoints) -> Correspondence:
+        own = _as_map(points, self.start.n_vertices)
+        if isinstance(self.source, Mesh) and isinstance(self.target, Mesh):
+            if self.to == "target":
+                return own.then(self.map, self.source, self.target)
+            return _preimages(self.map, points, self.source, self.target)
+        return own.then(self.map if self.to == "target" else self.map.reversed(self.source, self.target))
 
     def carried_curve(self, points: FloatArray, curve: Curve, n: int) -> FloatArray:
         """(n, 4) the same for n points at equal distances along a curve through points; all nan if a part is."""
@@ -153,6 +166,37 @@ class _Way:
         near = nearest_on_surface(self.end, between[:, :3])
         between[:, :3] = near.interpolated(self.end.vertices)
         return between
+
+
+def _as_map(points: PrecisePoints, n: int) -> Correspondence:
+    """Take points of a surface of n vertices as a map onto it."""
+    nearest = points.corners[np.arange(len(points.corners)), points.barycentric.argmax(axis=1)]
+    return Correspondence(nearest, n, *points)
+
+
+def _preimages(found: Correspondence, points: PrecisePoints, source: Mesh, target: Mesh) -> Correspondence:
+    """Find the points of the source whose images are nearest to points of the target, on the same sheet."""
+    image = found.vertices
+    vertices = np.full(len(points.corners), UNMATCHED)
+    if not found.matched.any():
+        return Correspondence(vertices, source.n_vertices)
+    _, near = distance_along_edges_to_nearest(target, np.unique(image[found.matched]))
+    starts = near[points.corners]
+    starts = np.where(starts < 0, starts.max(axis=1, keepdims=True), starts)
+    rows = np.flatnonzero(starts[:, 0] >= 0)
+    positions, _, size = normalised(target.vertices)
+    places = np.full((len(image), 3), np.nan)
+    places[found.matched] = found.pull_back(positions)[found.matched]
+    wanted = points.interpolated(positions)[rows]
+    placed = PlacedMesh(source, places, VertexGroups.of(image, target.n_vertices))
+    preimages = placed.inverse(wanted, starts[rows])
+    apart = size * np.linalg.norm(preimages.interpolated(places) - wanted, axis=1)
+    reached = apart <= WITHIN * np.sqrt(target.area)
+    corners, barycentric = (np.zeros((len(vertices), 3), dtype=part.dtype) for part in preimages)
+    corners[rows], barycentric[rows] = preimages
+    barycentric[:, 0] += 1 - barycentric.sum(axis=1)
+    vertices[rows[reached]] = preimages.corners[reached, 0]
+    return Correspondence(vertices, source.n_vertices, corners, barycentric)
 
 
 def _surface(given: SurfaceLike) -> Asset | PointCloud:
