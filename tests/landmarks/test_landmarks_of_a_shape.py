@@ -142,6 +142,12 @@ def test_a_closed_curve_returns_to_its_first_point():
     )
 
 
+def test_a_curve_on_points():
+    cloud = PointCloud(icosphere(4).vertices)
+    path = drawn_curve(cloud, np.array([[1.0, 0, 0], [0, 0, 1.0]]), closed=False)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(np.pi / 2, rel=0.03)
+
+
 def test_a_curve_that_leaves_the_surface():
     near = flat_grid(4, 4)
     two = Mesh(

@@ -67,7 +67,13 @@ def transfer(
     talk : Talk
         What is told.
     """
+    if landmarks is None and curve_points is not None:
+        raise isomatch.SettingError("--curve-points needs --landmarks with a curve")
     if landmarks is not None:
+        if data != "all" or bake:
+            raise isomatch.SettingError(
+                "--landmarks are carried alone; run again without them for --data or --bake"
+            )
         transfer_landmarks(
             map_file,
             source,

@@ -9,7 +9,8 @@ from isomatch.landmarks.placing import nearest_on_surface
 from isomatch.surfaces import Mesh, PointCloud
 from isomatch.values.arrays import FloatArray, IntArray
 
-FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn
+FINENESS = 0.5  # of the mean edge length: longest step of a curve that is drawn on triangles
+BETWEEN_POINTS = 1.5  # the same on points, of which the nearest one is taken; edges join the next 30
 MOST_HALVINGS = 20  # of the way between two points
 
 
@@ -56,7 +57,8 @@ def drawn_curve(
         raise LandmarkError(f"{name}: a curve goes through two points or more, not {len(points)}")
     path = _moved_to(surface, np.concatenate([points, points[:1]]) if closed else points)
     of = np.arange(len(path))  # the point before each
-    longest = FINENESS * float(surface.edge_lengths.mean())
+    fineness = FINENESS if isinstance(surface, Mesh) else BETWEEN_POINTS
+    longest = fineness * float(surface.edge_lengths.mean())
     for _ in range(MOST_HALVINGS):
         long = np.flatnonzero(_steps(path) > longest)
         if not len(long):
