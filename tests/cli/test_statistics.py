@@ -150,6 +150,8 @@ def table(header, rows, separator=",", end="\n"):
         table(("name", "group"), ROWS, "\t").encode(),
         table(("age", "group", "name"), [("20", group, name) for name, group in ROWS]).encode(),
         table(None, ROWS).encode(),
+        ("sep=;\n" + table(("name", "group"), ROWS, ";")).encode(),
+        table(None, [(*row, "", "") for row in ROWS]).encode(),
         table(None, [(f'"scans/{name}.ply"', group) for name, group in GROUPS.items()]).encode(),
         (
             "# a comment\n" + table(("name", "group"), [*ROWS, ("lost", "x"), ("lost.ply", "y"), ("", "")])

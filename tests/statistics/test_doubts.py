@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from corresponded import ellipsoids, moved, random_shapes
+from isomatch import Mesh
 from isomatch.statistics import CorrespondedShapes, doubtful_shapes, procrustes_distances
 
 
@@ -53,6 +54,16 @@ def test_mirror_images(rows):
     for row in rows:
         shapes = changed(shapes, row, lambda x: x * [1, -1, 1])
     assert named(shapes) == {("mirrored", f"s00{row}") for row in rows}
+
+
+def test_a_mirror_image_whose_faces_were_turned_over_is_not_left_out():
+    shapes = random_shapes(5)
+    meshes = {name: shapes.mesh(i) for i, name in enumerate(shapes.names)}
+    meshes["s000"] = Mesh(meshes["s000"].vertices * [1, 1, -1], shapes.faces[:, ::-1])
+    found = CorrespondedShapes.of_meshes(meshes)
+    assert not found.left_out
+    assert named(found) == {("mirrored", "s000")}
+    np.testing.assert_array_equal(found.faces, shapes.faces)
 
 
 def test_flat_shapes_have_no_mirror_image():

@@ -47,7 +47,7 @@ def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = 
             columns = (lower.index("name"), lower.index("group")) if is_header else (0, 1)
             if is_header:
                 continue
-            if len(row) != 2:
+            if len(row) < 2 or any(row[2:]):
                 raise FormatError(
                     f"{where}: {shown!r} is not a shape and its group; write name,group, or a header with these columns"
                 )
@@ -81,6 +81,8 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
             raise FormatError(f"{path}:{reader.line_num}: not a table ({error}); write name,group") from None
         return [(number, row) for number, row in rows if any(row)]
 
+    if text[:4].lower() == "sep=" and text[4:5] in SEPARATORS:  # for a spreadsheet program
+        return split(text[4])[1:]
     return max(map(split, SEPARATORS), key=lambda rows: sum(len(row) > 1 for _, row in rows))
 
 
