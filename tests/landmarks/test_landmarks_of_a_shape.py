@@ -177,6 +177,20 @@ def test_curves_survive_their_files(tmp_path):
     ]
 
 
+def test_two_curves_of_one_name_stay_two(tmp_path):
+    points = on_faces(SPHERE, 4).tolist()
+    markup = {"type": "Curve", "name": "C", "coordinateSystem": "LPS"}
+    both = [
+        {**markup, "controlPoints": [{"label": "", "position": point} for point in each]}
+        for each in (points[:2], points[2:])
+    ]
+    (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": both}))
+    assert Landmarks.read(tmp_path / "a.mrk.json", SPHERE).curves == (
+        Curve("C", (0, 1)),
+        Curve("C 2", (2, 3)),
+    )
+
+
 def test_files_without_landmarks_or_a_known_suffix(tmp_path, marks):
     with pytest.raises(FormatError, match=r"'\.xyz' is none of a file of landmarks"):
         write_landmarks(tmp_path / "a.xyz", marks)

@@ -128,6 +128,8 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
             system = _system(markup.get("coordinateSystem", "LPS"))
             kind = markup.get("type")
             curve = str(markup.get("name") or f"curve {number}") if kind in CURVES else ""
+            if any(point.curve == curve for point in points if curve):
+                curve = f"{curve} {number}"
             for i, point in enumerate(markup["controlPoints"], start=1):
                 is_placed = point.get("positionStatus", "defined") == "defined"
                 at = _in_lps(point["position"], system) if is_placed else ()
