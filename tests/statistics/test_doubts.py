@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from corresponded import ellipsoids, moved, random_shapes
+from data import real_file
 from isomatch import Mesh
 from isomatch.statistics import CorrespondedShapes, doubtful_shapes, procrustes_distances
 
@@ -54,6 +55,19 @@ def test_mirror_images(rows):
     for row in rows:
         shapes = changed(shapes, row, lambda x: x * [1, -1, 1])
     assert named(shapes) == {("mirrored", f"s00{row}") for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("file", "rows"), [("scape/scape", [1, 7, 20, 33]), ("tosca/horse", [2]), ("tosca/cat", [0, 5])]
+)
+def test_mirror_images_among_bodies_in_many_poses(file, rows):
+    with np.load(real_file(f"{file}.npz")) as arrays:
+        poses = {name: arrays[name] for name in arrays.files if name != "faces"}
+        shapes = CorrespondedShapes(tuple(poses), np.array(list(poses.values())), arrays["faces"])
+    assert not named(shapes)
+    vertices = shapes.vertices.copy()
+    vertices[rows] *= [-1, 1, 1]
+    assert named(shapes.moved(vertices)) == {("mirrored", shapes.names[row]) for row in rows}
 
 
 def test_a_mirror_image_whose_faces_were_turned_over_is_not_left_out():
