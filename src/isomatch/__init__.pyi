@@ -37,14 +37,14 @@ from isomatch.geodesics import (
     geodesic_distances,
     geodesic_path,
 )
-from isomatch.landmarks import nearest_landmarks, read_landmarks
+from isomatch.landmarks import Landmarks, median_landmarks, nearest_landmarks, read_landmarks, write_landmarks
 from isomatch.matching import BothDirections, MatchResult, Outcome, Quality, match, match_both
 from isomatch.mending import MeshReport, check, repair
 from isomatch.runtime.stage_timer import show_progress
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
-from isomatch.transfer import bake_texture, carry_attributes
+from isomatch.transfer import bake_texture, carry_attributes, carry_landmarks
 
 __version__: str
 
@@ -65,6 +65,7 @@ __all__ = [
     "InputError",
     "IsomatchError",
     "LandmarkError",
+    "Landmarks",
     "LaplaceBasis",
     "MapError",
     "MatchResult",
@@ -86,6 +87,7 @@ __all__ = [
     "bake_texture",
     "canonical_form",
     "carry_attributes",
+    "carry_landmarks",
     "check",
     "distance_basis",
     "distance_engine",
@@ -97,6 +99,7 @@ __all__ = [
     "laplace_basis",
     "match",
     "match_both",
+    "median_landmarks",
     "nearest_landmarks",
     "prepare",
     "read_asset",
@@ -108,5 +111,6 @@ __all__ = [
     "wave_kernel_signature",
     "wrap",
     "write_asset",
+    "write_landmarks",
     "write_mesh",
 ]

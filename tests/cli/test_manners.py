@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import isomatch
 from isomatch.cli import app, main
@@ -246,3 +247,47 @@ def test_a_terminal_shows_stage_share_and_time(shapes, tmp_path):
     assert b"refinement" in said or b"search" in said or b"prepare" in said
     assert b"%" in said
     assert b"0:00:0" in said
+
+
+def test_quiet_commands_still_answer(tmp_path, monkeypatch, capsys):
+    """What is written to no file is what was asked for."""
+    monkeypatch.chdir(tmp_path)
+    sphere = icosphere(2)
+    isomatch.write_mesh("sphere.off", sphere)
+    np.savetxt("pairs.txt", [[0, 1], [2, 3]], fmt="%d")
+    np.savetxt("map.txt", np.arange(sphere.n_vertices), fmt="%d")
+    for command in (
+        "distance sphere.off --pairs pairs.txt",
+        "distance sphere.off --from 0,5",
+        "evaluate map.txt map.txt sphere.off sphere.off",
+    ):
+        assert main(command.split()) == 0
+        said = capsys.readouterr().out
+        assert main([*command.split(), "--quiet"]) == 0
+        assert capsys.readouterr().out == said != ""
+    assert main(["distance", "sphere.off", "--from", "0", "-o", "out.csv", "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_points_without_faces_are_matched_and_drawn(tmp_path, monkeypatch, shapes, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in "ab":
+        mesh = isomatch.read_mesh(shapes / f"{name}.ply")
+        isomatch.write_mesh(f"{name}.ply", isomatch.Mesh(mesh.vertices[::2], []))
+    config = str(shapes / "quick.toml")
+    assert main(f"match a.ply b.ply --config {config} -o out".split()) == 0
+    expected = isomatch.match(
+        isomatch.read_point_cloud("a.ply"),
+        isomatch.read_point_cloud("b.ply"),
+        config=isomatch.Config.from_file(config),
+    )
+    found = isomatch.Correspondence.load("out/map.npz")
+    np.testing.assert_array_equal(found.vertices, expected.map.vertices)
+    assert (tmp_path / "out" / "report.html").exists()
+    assert (imread(tmp_path / "out" / "map.png")[..., :3] < 0.9).mean() > 0.05
+    capsys.readouterr()
+    assert main(f"match a.ply b.ply --config {config} -o other --as-mesh c.ply".split()) == 1
+    assert "a.ply: has no faces, which --as-mesh needs" in capsys.readouterr().err
+    isomatch.write_mesh("few.ply", isomatch.Mesh(np.eye(3), []))
+    assert main(["match", "few.ply", "b.ply", "-o", "other"]) == 1
+    assert "few.ply: has no faces, and its points have shape (3, 3)" in capsys.readouterr().err

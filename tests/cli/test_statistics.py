@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
+from isomatch.cli.group_table import read_groups
 from isomatch.statistics import ShapeModel
 from shapes import icosphere
 
@@ -129,16 +131,76 @@ def test_bad_input(folder, tmp_path, capsys):
     assert main(["statistics", str(folder), *out, "--scale", "double"]) == 2
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
-def test_names_in_a_table_of_groups(folder, tmp_path, encoding):
-    names = ["p#3", "p #3", "Müller", "#4", "Füße # 1", "a#", "b", "c"]
-    for old, new in zip(sorted(folder.iterdir()), names):
-        old.rename(folder / f"{new}.ply")
-    groups = tmp_path / "groups.csv"
-    text = '# from the ward\nname,group\np#3,left # operated\np #3,left\nMüller,right\n"#4",right\na#,left\nb,right\n'
-    groups.write_text(text, encoding=encoding)
-    out = tmp_path / "out"
-    assert main(["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--modes", "0"]) == 0
-    record = json.loads((out / "statistics.json").read_text())
-    assert (record["groups"]["names"], record["groups"]["counts"]) == (["left", "right"], [3, 3])
-    assert "without a group: Füße # 1, c" in record["notes"]
+NAMES = ("Müller, Anna", "patient 2", "p#3", "p;4", "05", "5", "#7")
+GROUPS = dict(zip(NAMES, "xxyyxyx"))
+ROWS = [(f'"{name}"', group) for name, group in GROUPS.items()]
+
+
+def table(header, rows, separator=",", end="\n"):
+    return end.join(separator.join(row) for row in (*([header] if header else []), *rows)) + end
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        table(("name", "group"), ROWS).encode("utf-8-sig"),
+        table(("name", "group"), ROWS).encode("utf-16"),
+        table(("name", "group"), ROWS).encode("cp1252"),
+        table(("Name", "GROUP"), ROWS, ";", "\r\n").encode(),
+        table(("name", "group"), ROWS, "\t").encode(),
+        table(("age", "group", "name"), [("20", group, name) for name, group in ROWS]).encode(),
+        table(None, ROWS).encode(),
+        ("sep=;\n" + table(("name", "group"), ROWS, ";")).encode(),
+        table(None, [(*row, "", "") for row in ROWS]).encode(),
+        table(None, [(f'"scans/{name}.ply"', group) for name, group in GROUPS.items()]).encode(),
+        (
+            "# a comment\n" + table(("name", "group"), [*ROWS, ("lost", "x"), ("lost.ply", "y"), ("", "")])
+        ).encode(),
+        table(("name", "group"), ROWS).replace("ü", "u\u0308").encode(),
+    ],
+)
+def test_tables_of_groups_as_spreadsheets_write_them(data, tmp_path):
+    (tmp_path / "groups.csv").write_bytes(data)
+    assert read_groups(tmp_path / "groups.csv", NAMES, ["lost: other faces than most shapes"]) == GROUPS
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,group\n5,x\n5,y\n", r"groups\.csv:3: '5' is in group 'y' and in 'x'"),
+        ("name,group\n5\n", r"groups\.csv:2: '5' is not a shape and its group"),
+        (
+            "name,sex,age\n5,x,1\n",
+            r"groups\.csv:1: 'name,sex,age' is not a shape and its group; write name,group, or",
+        ),
+        ("name,group\n6,x\n", r"groups\.csv:2: no shape is named '6'"),
+    ],
+)
+def test_odd_tables_of_groups(text, message, tmp_path):
+    (tmp_path / "groups.csv").write_text(text)
+    with pytest.raises(isomatch.FormatError, match=message):
+        read_groups(tmp_path / "groups.csv", NAMES)
+
+
+def test_a_shape_without_a_group_is_left_out_of_the_test(tmp_path):
+    (tmp_path / "groups.csv").write_text("name,group\n5,x\n05,\n")
+    assert read_groups(tmp_path / "groups.csv", NAMES) == {"5": "x"}
+
+
+def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
+    shapes = random_shapes(6)
+    vertices = shapes.vertices.copy()
+    vertices[2] *= 1000
+    vertices[3] *= [-1, 1, 1]
+    folder = write(tmp_path / "shapes", shapes.moved(vertices))
+    argv = ["statistics", str(folder), "-o", str(tmp_path / "out"), "--quiet"]
+    assert main(argv) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert re.search(r"s002 is \d+ times as large as the others; it may be in other units", said.err)
+    assert "s003 fits the others better as its mirror image" in said.err
+    record = json.loads((tmp_path / "out" / "statistics.json").read_text())
+    assert [(each["kind"], each["names"]) for each in record["doubts"]] == [
+        ("units", ["s002"]),
+        ("mirrored", ["s003"]),
+    ]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from isomatch import Asset, Correspondence, Mesh, Wrapped, read_asset, read_mesh, write_asset
+from isomatch import Asset, Correspondence, Mesh, Wrapped, match, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
@@ -103,3 +103,46 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
     write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
     write_wrapped(tmp_path / "b.glb", tmp_path / "a.glb", Wrapped(made, 0, 0, 0), np.zeros(3))
     assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]
+
+
+def test_landmarks_are_carried_there_and_back(folder, capsys):
+    (folder / "marks.csv").write_text("name,x,y,z\nnose,0.5,0.25,0.02\ntail,2,2,0.4\n")
+    names = [str(folder / name) for name in ("map.npz", "source.ply", "target.ply")]
+    there, back = str(folder / "there.mrk.json"), str(folder / "back.fcsv")
+    argv = ["transfer", *names, "--landmarks"]
+    assert main([*argv, str(folder / "marks.csv"), "-o", there]) == 0
+    said = capsys.readouterr().out
+    assert "carried to the target: 2 landmarks, 0 curves" in said
+    assert "expected error" not in said, "a map alone does not know them"
+    points = json.loads((folder / "there.mrk.json").read_text())["markups"][0]["controlPoints"]
+    assert [point["label"] for point in points] == ["nose", "tail"]
+    np.testing.assert_allclose(points[1]["position"], [-2, 2, 0.4], atol=1e-12)
+    assert main([*argv, there, "-o", back, "--to", "source", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [each["name"] for each in record["landmarks"]] == ["nose", "tail"]
+    np.testing.assert_allclose(record["landmarks"][0]["position"][:2], [0.5, 0.25], atol=1e-3)
+    assert main([*argv, there, "-o", str(folder / "wrong.csv")]) == 1
+    assert "taken as landmarks of the source, see --to" in capsys.readouterr().err
+    assert main([*argv, there, "-o", str(folder / "wrong.ply")]) == 1
+    assert "'.ply' is none of a file of landmarks" in capsys.readouterr().err
+    assert main([*argv, there, "-o", back, "--force", "--bake", "64"]) == 1
+    assert "--landmarks are carried alone" in capsys.readouterr().err
+    assert main(["transfer", *names, "-o", back, "--curve-points", "9"]) == 1
+    assert "--curve-points needs --landmarks" in capsys.readouterr().err
+
+
+def test_the_file_of_a_match_tells_expected_errors(tmp_path, capsys):
+    shapes = [made.mesh for made in example_pair()]
+    for name, mesh in zip("ab", shapes):
+        write_asset(tmp_path / f"{name}.ply", Asset.of_mesh(mesh))
+    result = match(*shapes)
+    result.save(tmp_path / "map.npz")
+    (tmp_path / "marks.txt").write_text("3\n500\n")
+    names = [str(tmp_path / name) for name in ("map.npz", "a.ply", "b.ply", "out.csv")]
+    argv = ["transfer", *names[:3], "--landmarks", str(tmp_path / "marks.txt"), "-o", names[3]]
+    assert main(argv) == 0
+    assert "expected error: median" in capsys.readouterr().out
+    lines = (tmp_path / "out.csv").read_text().splitlines()
+    assert lines[0] == "name,x,y,z,expected_error"
+    expected = result.expected_error[[3, 500]] * np.sqrt(shapes[1].area)
+    np.testing.assert_allclose([float(line.split(",")[4]) for line in lines[1:]], expected, rtol=1e-6)

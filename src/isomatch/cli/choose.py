@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import isomatch
-from isomatch import matching
-from isomatch.cli.inputs import naming_files
+from isomatch import matching, view
+from isomatch.cli.inputs import naming_files, read_surface
 from isomatch.cli.outputs import ResultFolder, say_files, say_result
 from isomatch.cli.terminal import TALK, Talk, part
 from isomatch.errors import FormatError, SettingError
@@ -59,7 +59,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
     landmarks = record["landmarks"] or None
     with talk.progress() as tell, results.claimed(force=True):
         tell("reading", 0.0)
-        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        shapes = read_surface(source), read_surface(target)
         n_target = shapes[1].n_vertices
         former = isomatch.Correspondence.load(results.files["map"], n_target)
         maps = [
@@ -83,7 +83,8 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
         result = replace(result, alternatives=tuple(left), origin=origin, notes=(note, *result.notes))
         tell("writing", 0.85)
         record = results.write(
-            *shapes,
+            view.drawable(shapes[0]),
+            view.drawable(shapes[1]),
             result,
             names=(source.name, target.name),
             titles=(f"source: {source.name}", f"target: {target.name}"),

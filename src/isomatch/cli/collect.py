@@ -13,6 +13,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections
+from isomatch.cli.collect_landmarks import landmarks
 from isomatch.cli.collect_status import status_of, tell_status, told
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
@@ -121,7 +122,7 @@ def status(folder: Path, /, *, talk: Talk = TALK) -> None:
     """
     collection = collections.Collection.open(folder)
     collections.write_table(collection.rows(), collection.layout.table)
-    tell_status(collection, talk)
+    tell_status(collection, talk, is_answer=True)
 
 
 @collect.command
@@ -192,6 +193,9 @@ def export(
             say(f"not in the topology of the template, see shapes.csv: {', '.join(left_out)}", "bold red")
 
     talk.result(result, summary)
+
+
+collect.command(landmarks)
 
 
 @collect.command

@@ -9,10 +9,10 @@ from isomatch import collections
 from isomatch.cli.terminal import Talk, say, say_table
 
 
-def tell_status(collection: collections.Collection, talk: Talk) -> None:
+def tell_status(collection: collections.Collection, talk: Talk, *, is_answer: bool = False) -> None:
     """Tell how far a collection is, in words or as JSON."""
     status = status_of(collection)
-    talk.result(status, lambda: _say_status(status, collection.layout))
+    talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
 
 
 def status_of(collection: collections.Collection) -> dict[str, Any]:

@@ -140,11 +140,7 @@ def distance(
         if remark:
             complain(f"distances by {found.name}{remark}")
 
-    talk.result(record, summary)
-    if (
-        talk.quiet and output is None and not (talk.json or talk.json_lines)
-    ):  # what was asked for is no summary
-        say("\n".join(asked.lines(found.distances)))
+    talk.result(record, summary, is_answer=output is None)
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def evaluate(
         },
         "coverage": coverage,
     }
-    talk.result(record, lambda: say_table(_rows(record)))
+    talk.result(record, lambda: say_table(_rows(record)), is_answer=True)
 
 
 def _truth(path: Path, n_target: int) -> IntArray:

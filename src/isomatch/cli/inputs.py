@@ -11,7 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 import isomatch
-from isomatch.errors import FormatError, IsomatchError, SettingError
+from isomatch.errors import FormatError, IsomatchError, MeshError, SettingError
 from isomatch.storage.files import read_integers
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -19,6 +19,15 @@ from isomatch.values.arrays import FloatArray, IntArray
 def surface_of(mesh: isomatch.Mesh) -> isomatch.Mesh | isomatch.PointCloud:
     """Take the vertices of a mesh without faces as a point cloud."""
     return mesh if mesh.n_faces else isomatch.PointCloud(mesh.vertices)
+
+
+def read_surface(path: Path) -> isomatch.Mesh | isomatch.PointCloud:
+    """Read a mesh, or points without faces as a point cloud."""
+    mesh = isomatch.read_mesh(path)
+    try:
+        return surface_of(mesh)
+    except MeshError as error:
+        raise MeshError(f"{path}: has no faces, and its {error}") from None
 
 
 @contextmanager

@@ -11,7 +11,9 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes
+from isomatch import view
+from isomatch.assets import SurfaceLike
+from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
@@ -53,12 +55,12 @@ def match(
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
-    """Match two meshes: find the target point of every source vertex.
+    """Match two shapes: find the target point of every source vertex.
 
     Parameters
     ----------
     source : Path
-        Mesh to map from: any surface file, such as .ply, .obj or .vtp.
+        Mesh to map from: any surface file, such as .ply, .obj or .vtp. Points without faces are a point cloud.
     target : Path
         Mesh to map to.
     output : Path
@@ -123,7 +125,8 @@ def match(
         raise isomatch.LandmarkError("--target-landmarks needs --landmarks with the points of the source")
     with talk.progress() as tell:
         tell("reading", 0.0)
-        shapes = isomatch.read_mesh(source), isomatch.read_mesh(target)
+        shapes = read_surface(source), read_surface(target)
+        drawn = view.drawable(shapes[0]), view.drawable(shapes[1])
         pairs = None if landmarks is None else isomatch.read_landmarks(landmarks, *shapes, target_landmarks)
         n_target = shapes[1].n_vertices
         first: Any = None if initial_map is None else isomatch.Correspondence.load(initial_map, n_target)
@@ -136,6 +139,7 @@ def match(
         with folder.claimed(force), claimed_files(as_mesh, force=force):
             if as_mesh is not None:
                 require_writable(as_mesh)
+                _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
             inputs = {
                 "source": source,
                 "target": target,
@@ -166,7 +170,7 @@ def match(
                         progress=part(tell, 0.05, 0.85),
                     )
             except (LandmarkError, MapError, NotConvergedError) as error:
-                raise folder.write_picker(*shapes, error, **shown) from error
+                raise folder.write_picker(*drawn, error, **shown) from error
             tell("writing", 0.85)
             titles = f"source: {source.name}", f"target: {target.name}"
             more: dict[str, Any] = {
@@ -175,7 +179,7 @@ def match(
                 "match_again": shown["command"],
                 "landmarks": [] if pairs is None else pairs.tolist(),
             }
-            record = folder.write(*shapes, result, titles=titles, more=more, back=back, **shown)
+            record = folder.write(*drawn, result, titles=titles, more=more, back=back, **shown)
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
                 record["as_mesh"] = write_wrapped(as_mesh, source, wrapped, result.expected_error)
@@ -197,10 +201,16 @@ def match(
         refuse_outcomes(matched, refused, folder.folder)
 
 
-def _one_way(
-    source: isomatch.Mesh, target: isomatch.Mesh, **options: Any
-) -> tuple[isomatch.MatchResult, None]:
+def _one_way(source: SurfaceLike, target: SurfaceLike, **options: Any) -> tuple[isomatch.MatchResult, None]:
     return isomatch.match(source, target, **options), None
+
+
+def _require_faces(**shapes: isomatch.Mesh | isomatch.PointCloud) -> None:
+    for name, shape in shapes.items():
+        if isinstance(shape, isomatch.PointCloud):
+            raise isomatch.MeshError(
+                f"{name}: has no faces, which --as-mesh needs; give a mesh, or leave it out"
+            )
 
 
 def _with_landmarks(source: Path, target: Path, **options: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,11 +9,12 @@ from cyclopts import Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
+from isomatch.cli.group_table import read_groups
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
-from isomatch.cli.terminal import TALK, Talk, say, say_table
-from isomatch.errors import FormatError, IsomatchError
-from isomatch.storage.files import read_csv, text_lines
+from isomatch.cli.terminal import TALK, Talk, complain, say, say_table
+from isomatch.errors import IsomatchError
+from isomatch.storage.files import read_csv
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
@@ -51,7 +51,8 @@ def statistics(
     modes : int
         Number of modes that are drawn and written as meshes. The model has all.
     groups : Path
-        Table with a line name,group for each shape of two groups: test at every vertex where they differ.
+        Table with the columns name and group, or these two without a header: test at every vertex where two groups
+        differ. Commas, semicolons or tabs separate its cells; a shape without a group is left out of the test.
     test : str
         permutation: p-values from exchanged labels. parametric: from Hotelling's distribution.
     score : Path
@@ -71,7 +72,10 @@ def statistics(
     with talk.progress() as tell, into.claimed(force):
         tell("reading", 0.0)
         shapes = shape_statistics.read_shapes(folder)
-        labels = _read_groups(groups, shapes.names) if groups else {}
+        labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
+        doubts = shape_statistics.doubtful_shapes(shapes)
+        for doubt in doubts:
+            complain(f"{' and '.join(doubt.names)} {doubt.reason}")
         notes = [f"left out: {reason}" for reason in shapes.left_out]
         notes += _doubts(folder / "pairs.csv", shapes.names) + _reflected(folder / "shapes.csv", shapes.names)
         extra = {str(path): isomatch.read_mesh(path) for path in score}
@@ -114,6 +118,7 @@ def statistics(
             "shares": model.variance_ratios.tolist(),
             "scored": {name: each.error for name, each in scored.items()},
             "groups": _summary(tested, model, test) if tested else None,
+            "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
         into.finish(record)
@@ -167,28 +172,6 @@ def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
     lines = read_csv(table) if table.is_file() else []
     turned = [name for line in lines if line.get("reflected") and (name := line.get("name")) in names]
     return [f"mirror images of the surfaces in their files: {', '.join(turned)}"] if turned else []
-
-
-def _read_groups(path: Path, names: tuple[str, ...]) -> dict[str, str]:
-    """Read the group of each shape; a first line ``name,group`` is a heading.
-
-    A comment takes a whole line, or starts with a ``#`` between blanks: names such as ``p #3`` are no comments.
-    """
-    labels: dict[str, str] = {}
-    for number, line in text_lines(path, comment=r"^\s*#|(?<=\s)#\s"):
-        row = [cell.strip() for cell in next(csv.reader([line]))]
-        if not labels and row == ["name", "group"]:
-            continue
-        if len(row) != 2 or not all(row):
-            raise FormatError(
-                f"{path}:{number}: {line[:80]!r} is not a shape and its group; write name,group"
-            )
-        if row[0] not in names:
-            raise FormatError(
-                f"{path}:{number}: no shape is named {row[0]!r}; shapes are named like their files"
-            )
-        labels[row[0]] = row[1]
-    return labels
 
 
 def _tested(

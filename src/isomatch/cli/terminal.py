@@ -92,7 +92,7 @@ class Talk:
         Print one JSON object a line: an event for each stage, with the share that is done and the seconds since the
         start, and the result as the last one.
     quiet : bool
-        Print neither progress nor a summary; complaints are still printed.
+        Print neither progress nor a summary. Complaints are still printed, and what a command writes to no file.
     verbose : bool
         Write the log of the library to standard error, instead of progress.
     """
@@ -122,13 +122,16 @@ class Talk:
                 task = bar.add_task("", total=1.0)
                 yield lambda stage, share: bar.update(task, description=printable(stage), completed=share)
 
-    def result(self, record: dict[str, Any], summary: Callable[[], None]) -> None:
-        """Print a result in the form that was asked for: as plain values, or a summary by a function."""
+    def result(self, record: dict[str, Any], summary: Callable[[], None], *, is_answer: bool = False) -> None:
+        """Print a result in the form that was asked for: as plain values, or a summary by a function.
+
+        What ``is_answer`` is all that the command gives, and is printed even if ``quiet``.
+        """
         if self.json:
             say_json(record)
         elif self.json_lines:
             _say_line({"event": "result", **record})
-        elif not self.quiet:
+        elif is_answer or not self.quiet:
             summary()
 
 

@@ -12,6 +12,7 @@ from isomatch.assets import files_beside
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import TALK, Talk, say
+from isomatch.cli.transfer_landmarks import transfer_landmarks
 from isomatch.storage.files import replaced
 from isomatch.transfer import Labelling, Side
 
@@ -24,13 +25,15 @@ def transfer(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     data: str = "all",
-    to: Side = "source",
+    to: Side | None = None,
     labels: Labelling = "nearest",
     bake: int | None = None,
+    landmarks: Path | None = None,
+    curve_points: int | None = None,
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
-    """Carry what one file holds to the other: labels, colours, textures, normals, skinning weights, shape keys.
+    """Carry what one file holds to the other: labels, colours, textures, normals, weights, shape keys, landmarks.
 
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
@@ -49,17 +52,42 @@ def transfer(
         What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
         attributes, or all (default).
     to : str
-        Which of the two receives: source (default) or target.
+        Which of the two receives: source or target. By default the source, and of landmarks the target.
     labels : str
         Labels of points: nearest (default), or majority of the area around each.
     bake : int
         Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
         texture (of a glTF or OBJ file) or the colours of the other. It is written beside the output as a PNG file too.
+    landmarks : Path
+        Instead, carry these points and curves: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab, or a table name,x,y,z.
+        The output is any of these, or .tps.
+    curve_points : int
+        Number of equally spaced points on each carried curve; by default as many as it was drawn with.
     force : bool
         Replace an existing file.
     talk : Talk
         What is told.
     """
+    if landmarks is None and curve_points is not None:
+        raise isomatch.SettingError("--curve-points needs --landmarks with a curve")
+    if landmarks is not None:
+        if data != "all" or bake:
+            raise isomatch.SettingError(
+                "--landmarks are carried alone; run again without them for --data or --bake"
+            )
+        transfer_landmarks(
+            map_file,
+            source,
+            target,
+            landmarks,
+            output,
+            to=to or "target",
+            curve_points=curve_points,
+            force=force,
+            talk=talk,
+        )
+        return
+    to = to or "source"
     picture = output.with_suffix(".png") if bake else None
     with talk.progress() as tell, claimed_files(output, picture, force=force):
         tell("reading", 0.0)

@@ -2,6 +2,7 @@ from isomatch.collections.agreement import Agreement, agree, agreement_of
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
+from isomatch.collections.landmarks import collected_landmarks
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
@@ -22,6 +23,7 @@ __all__ = [
     "Rows",
     "agree",
     "agreement_of",
+    "collected_landmarks",
     "export",
     "finish",
     "mirror_images",

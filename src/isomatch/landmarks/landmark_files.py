@@ -7,30 +7,40 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.files import is_whole_number, opened, text_lines
+from isomatch.storage.files import is_whole_number, opened
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
 AXES = "x", "y", "z"
 NAMES, VERTICES = ("name", "label", "id"), ("vertex", "index")
+CURVES = "Curve", "ClosedCurve"  # of 3D Slicer
 SLICER = np.array([-1.0, -1.0, 1.0])  # from RAS to LPS and back
+NOWHERE = {"", "na", "nan"}  # cells of a point without a position
+
+System: TypeAlias = Literal["LPS", "RAS"]
 
 
 @dataclass(frozen=True)
 class MarkedPoint:
-    """One marked point: a vertex index, or a position."""
+    """One marked point: a vertex index, a position, or neither, where it was named but not placed.
+
+    Positions of 3D Slicer are in LPS; ``system`` is that of the file. Points of one ``curve`` follow each other along it.
+    """
 
     name: str
     at: tuple[float, ...]
     where: str
-    slicer: bool = False
+    system: System | None = None
+    curve: str = ""
+    closed: bool = False
 
 
 def marked_pairs(path: Path) -> list[tuple[MarkedPoint, MarkedPoint]]:
@@ -68,7 +78,7 @@ def _pair_columns(header: list[str], where: str) -> list[list[int]]:
 
 
 def marked_points(path: Path) -> list[MarkedPoint]:
-    """Read points that were marked on one shape."""
+    """Read points that were marked on one shape, in order; those without a position too."""
     reader = _reader(path)
     return reader(path) if reader else _text_points(path)
 
@@ -81,11 +91,11 @@ def _reader(path: Path) -> Callable[[Path], list[MarkedPoint]] | None:
 def _text_points(path: Path) -> list[MarkedPoint]:
     points = []
     place: list[int] | None = None
-    name: int | None = None
+    column: dict[str, int] = {}
     for where, cells, line in _cells(path):
         if place is None and _is_header(cells):
             header = [cell.lower() for cell in cells]
-            name = next((header.index(each) for each in NAMES if each in header), None)
+            column = {each: header.index(each) for each in (*NAMES, "curve", "closed") if each in header}
             vertex = [header.index(each) for each in VERTICES if each in header]
             place = [header.index(each) for each in AXES if each in header]
             if len(place) != 3:
@@ -96,8 +106,12 @@ def _text_points(path: Path) -> list[MarkedPoint]:
         chosen = list(range(len(cells))) if place is None else place
         if len(chosen) not in (1, 3):
             raise FormatError(f"{where}: {line[:80]!r} is not a point; {POINTS}")
-        at = _place(cells, chosen, where, line, POINTS)
-        points.append(MarkedPoint(cells[name] if name is not None and name < len(cells) else "", at, where))
+        nowhere = place is not None and all(i < len(cells) and cells[i].lower() in NOWHERE for i in place)
+        at = () if nowhere else _place(cells, chosen, where, line, POINTS)
+        found = {each: cells[i] for each, i in column.items() if i < len(cells)}
+        name = next((found[each] for each in NAMES if each in found), "")
+        closed = found.get("closed", "").lower() in ("1", "true", "yes")
+        points.append(MarkedPoint(name, at, where, curve=found.get("curve", ""), closed=closed))
     return points
 
 
@@ -110,14 +124,17 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
         raise FormatError(f"{path}:{getattr(error, 'lineno', 1)}: is not JSON ({error})") from None
     points = []
     try:
-        for markup in content["markups"]:
-            system = markup.get("coordinateSystem", "LPS")
+        for number, markup in enumerate(content["markups"], start=1):
+            system = _system(markup.get("coordinateSystem", "LPS"))
+            kind = markup.get("type")
+            curve = str(markup.get("name") or f"curve {number}") if kind in CURVES else ""
+            if any(point.curve == curve for point in points if curve):
+                curve = f"{curve} {number}"
             for i, point in enumerate(markup["controlPoints"], start=1):
-                if point.get("positionStatus", "defined") == "defined":
-                    at = _in_lps(point["position"], system)
-                    points.append(
-                        MarkedPoint(str(point.get("label", "")), at, f"{path}: point {i}", slicer=True)
-                    )
+                is_placed = point.get("positionStatus", "defined") == "defined"
+                at = _in_lps(point["position"], system) if is_placed else ()
+                label, where = str(point.get("label", "")), f"{path}: point {i}"
+                points.append(MarkedPoint(label, at, where, system, curve, kind == CURVES[1]))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise FormatError(
             f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
@@ -126,7 +143,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
 
 
 def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
-    columns, system, points = ["id", "x", "y", "z"], "RAS", []
+    columns, given, points = ["id", "x", "y", "z"], "RAS", []
     with opened(path) as file:
         lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
     for number, line in enumerate(lines, start=1):
@@ -134,30 +151,35 @@ def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
         if line.startswith("#"):
             key, _, value = line[1:].partition("=")
             if key.strip() == "CoordinateSystem":
-                system = value.strip()
+                given = value.strip()
             elif key.strip() == "columns":
                 columns = [each.strip() for each in value.split(",")]
             continue
         if not line.strip():
             continue
-        row = dict(zip(columns, _split(line, where)))
+        row = dict(zip(columns, _split(line, where, ",")))
         try:
+            system = _system(given)
             at = _in_lps([float(row[axis]) for axis in AXES], system)
         except (KeyError, ValueError):
             raise FormatError(
                 f"{where}: {line[:80]!r} has no position in its columns {', '.join(columns)[:80]}"
             ) from None
-        points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, slicer=True))
+        points.append(MarkedPoint(row.get("label") or row.get("id", ""), at, where, system))
     return points
 
 
-def _in_lps(position: Any, system: Any) -> tuple[float, ...]:
+def _system(given: Any) -> System:
+    if str(given) not in ("LPS", "RAS", "0", "1"):
+        raise ValueError(f"coordinate system {given!r} is neither LPS nor RAS")
+    return "RAS" if str(given) in ("RAS", "0") else "LPS"
+
+
+def _in_lps(position: Any, system: System) -> tuple[float, ...]:
     at = np.array([float(each) for each in position])
     if at.shape != (3,) or not np.isfinite(at).all():
         raise ValueError("a position has three finite numbers")
-    if str(system) not in ("LPS", "RAS", "0", "1"):
-        raise ValueError(f"coordinate system {system!r} is neither LPS nor RAS")
-    return tuple((SLICER * at if str(system) in ("RAS", "0") else at).tolist())
+    return tuple((SLICER * at if system == "RAS" else at).tolist())
 
 
 def _meshlab_points(path: Path) -> list[MarkedPoint]:
@@ -170,29 +192,41 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
         raise FormatError(f"{path}:{line}: is not XML ({error})") from None
     points = []
     for i, point in enumerate(root.iter("point"), start=1):
-        if point.get("active", "1") == "0":
-            continue
         where = f"{path}: point {i}"
         cells = [point.get(axis, "") for axis in AXES]
-        points.append(
-            MarkedPoint(
-                point.get("name", ""),
-                _place(cells, [0, 1, 2], where, " ".join(cells), "write x, y, z"),
-                where,
-            )
-        )
+        is_placed = point.get("active", "1") != "0"
+        at = _place(cells, [0, 1, 2], where, " ".join(cells), "write x, y, z") if is_placed else ()
+        points.append(MarkedPoint(point.get("name", ""), at, where))
     return points
 
 
 def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
-    """Cells of each line of a text, with where it is and the line itself."""
-    for number, line in text_lines(path):
+    """Cells of each line of a text, with where it is and the line itself.
+
+    A header says what separates them; below it, a name may have a ``#``, which otherwise starts a comment.
+    """
+    separator: str | None = None
+    has_header, is_first = False, True
+    with opened(path) as file:
+        lines = StringIO(file.read().decode("utf-8-sig", errors="replace"))
+    for number, text in enumerate(lines, start=1):
+        line = text.strip() if has_header and not text.startswith("#") else text.partition("#")[0].strip()
+        if not line:
+            continue
         where = f"{path}:{number}"
-        yield where, _split(line, where), line
+        cells = _split(line, where, separator)
+        if is_first and _is_header(cells):
+            has_header, separator = True, _separator(line)
+        is_first = False
+        yield where, cells, line
 
 
-def _split(line: str, where: str) -> list[str]:
-    separator = next((each for each in "\t;," if each in line), None)
+def _separator(line: str) -> str | None:
+    return next((each for each in "\t;," if each in line), None)
+
+
+def _split(line: str, where: str, separator: str | None = None) -> list[str]:
+    separator = separator or _separator(line)
     if separator is None:
         return line.split()
     try:

@@ -15,18 +15,15 @@ from isomatch.errors import LandmarkError
 from isomatch.landmarks.landmark_files import (
     PAIRS,
     POINTS,
-    SLICER,
     MarkedPoint,
     marked_pairs,
     marked_points,
 )
+from isomatch.landmarks.placing import placed_positions
 from isomatch.surfaces import Graph
 from isomatch.values.arrays import IntArray, numbers_of
 
 logger = logging.getLogger(__name__)
-
-OFF = 0.02  # √area: a point farther from all vertices than this is reported
-FAR_OFF = 0.1  # √area: and than this, refused
 
 
 def read_landmarks(
@@ -84,9 +81,10 @@ def read_landmarks(
         pairs = marked_pairs(first)
         here, there = [a for a, _ in pairs], [b for _, b in pairs]
     else:
-        here, there = _joined(
-            marked_points(first), marked_points(Path(target_path)), f"{first} and {target_path}"
+        here, there = (
+            [point for point in marked_points(file) if point.at] for file in (first, Path(target_path))
         )
+        here, there = _joined(here, there, f"{first} and {target_path}")
     if not here:
         raise LandmarkError(f"{first}: no landmarks; {PAIRS if target_path is None else POINTS}")
     return np.column_stack([_vertices(here, source, "source"), _vertices(there, target, "target")])
@@ -146,24 +144,16 @@ def _vertices(points: list[MarkedPoint], given: SurfaceLike, side: str) -> IntAr
     surface = surface_from(given)
     if isinstance(surface, Graph):
         raise LandmarkError(f"the {side} is a graph, without positions; give vertex indices as landmarks")
-    positions, tree = np.array([points[i].at for i in placed]), cKDTree(surface.vertices)
-    gap, nearest = tree.query(positions)
-    if any(points[i].slicer for i in placed):
-        turned = tree.query(SLICER * positions)
-        if turned[0].mean() < 0.5 * gap.mean():
-            gap, nearest = turned
-            logger.warning("%s: the landmarks lie on the %s if it is in RAS", points[0].where, side)
-    gap = gap / np.sqrt(surface.area)
-    worst = int(gap.argmax())
-    if gap[worst] > OFF:
-        point = points[placed[worst]]
-        message = f"{point.where}: {gap[worst]:.3g} √area away from all vertices of the {side}"
-        if gap[worst] > FAR_OFF:
-            raise LandmarkError(
-                f"{message}; check that the positions are in the units and the coordinates of the {side}"
-            )
-        logger.warning("%s; the nearest one is taken", message)
-    vertices[placed] = nearest
+    tree = cKDTree(surface.vertices)
+    positions, _ = placed_positions(
+        [points[i] for i in placed],
+        surface.vertices,
+        np.sqrt(surface.area),
+        lambda x: np.asarray(tree.query(x)[0]),
+        side,
+        "vertices",
+    )
+    vertices[placed] = tree.query(positions)[1]
     return vertices
 
 

@@ -1,3 +1,4 @@
+from isomatch.statistics.doubts import Doubt, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
 from isomatch.statistics.left_right import left_right_map
@@ -14,6 +15,7 @@ from isomatch.statistics.shapes import CorrespondedShapes, read_shapes
 
 __all__ = [
     "CorrespondedShapes",
+    "Doubt",
     "GroupTest",
     "ModelCurve",
     "ProcrustesAlignment",
@@ -21,6 +23,7 @@ __all__ = [
     "ShapeModel",
     "classical_scaling",
     "compactness",
+    "doubtful_shapes",
     "draw_embedding",
     "draw_modes",
     "draw_quality",

@@ -112,7 +112,11 @@ def generalised_procrustes(
 
 
 def procrustes_distances(
-    vertices: FloatArray, weights: FloatArray | None = None, scale: Scale = "keep"
+    vertices: FloatArray,
+    weights: FloatArray | None = None,
+    scale: Scale = "keep",
+    *,
+    mirrored: bool = False,
 ) -> FloatArray:
     """Compute the distance of each pair of shapes after the best motion of one onto the other.
 
@@ -120,6 +124,8 @@ def procrustes_distances(
     ----------
     vertices, weights, scale
         As for `generalised_procrustes`.
+    mirrored : bool
+        Whether one shape of each pair is replaced by its mirror image first.
 
     Returns
     -------
@@ -143,7 +149,7 @@ def procrustes_distances(
     share = _shares(vertices, weights)
     centred = vertices - np.einsum("i,sij->sj", share, vertices)[:, None]
     centred = centred * _common_size(centred, share, scale)[1][:, None, None]
-    return _pair_distances(_products(centred, share))
+    return _pair_distances(_products(centred, share), mirrored)
 
 
 def aligned_to(
@@ -207,13 +213,14 @@ def _nearest_rotations(products: FloatArray) -> FloatArray:
     return np.swapaxes(nearest_rotation(products), -1, -2)
 
 
-def _pair_distances(products: FloatArray) -> FloatArray:
-    """Root mean square distances of each pair, (m, m), after the best rotation."""
+def _pair_distances(products: FloatArray, mirrored: bool = False) -> FloatArray:
+    """Root mean square distances of each pair, (m, m), after the best rotation, or the best reflection."""
     values = np.linalg.svd(products, compute_uv=False)
-    values[..., 2] *= np.where(np.linalg.det(products) < 0, -1.0, 1.0)
+    values[..., 2] *= np.where((np.linalg.det(products) < 0) != mirrored, -1.0, 1.0)
     squares = np.einsum("ssii->s", products)
     distances = np.sqrt(np.maximum(squares[:, None] + squares - 2 * values.sum(axis=-1), 0.0))
-    np.fill_diagonal(distances, 0.0)
+    if not mirrored:
+        np.fill_diagonal(distances, 0.0)
     symmetric: FloatArray = (distances + distances.T) / 2
     return symmetric
 

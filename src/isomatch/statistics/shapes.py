@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
+T = TypeVar("T")
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
 
 
@@ -93,7 +95,8 @@ class CorrespondedShapes:
         """Collect meshes, by name in alphabetical order; those that are not in correspondence are left out.
 
         A mesh is left out if its faces are not those of most meshes, or if it has a vertex without a finite position,
-        which is how unmatched vertices are written. ``left_out`` says which and why.
+        which is how unmatched vertices are written. ``left_out`` says which and why. The corners of a face may come in
+        another order, as in a mirror image whose faces were turned over.
 
         Raises
         ------
@@ -101,10 +104,12 @@ class CorrespondedShapes:
             If no mesh is left.
         """
         ordered = dict(sorted(meshes.items()))
+        if not ordered:
+            raise MeshError("no shapes; give at least one")
         topologies = {
-            name: (mesh.n_vertices, blake2b(mesh.faces.tobytes()).digest()) for name, mesh in ordered.items()
+            name: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for name, mesh in ordered.items()
         }
-        common = max(topologies.values(), key=Counter(topologies.values()).__getitem__, default=None)
+        common = _most_common(topologies.values())
         kept, left_out = {}, []
         for name, mesh in ordered.items():
             unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
@@ -117,7 +122,9 @@ class CorrespondedShapes:
         if not kept:
             raise MeshError("; ".join(["no shapes", *left_out, "give at least one"]))
         positions = np.array([mesh.vertices for mesh in kept.values()])
-        return cls(tuple(kept), positions, next(iter(kept.values())).faces, tuple(left_out))
+        faces = {_digest(mesh.faces): mesh.faces for mesh in kept.values()}
+        usual = _most_common(_digest(mesh.faces) for mesh in kept.values())
+        return cls(tuple(kept), positions, faces[usual], tuple(left_out))
 
     @property
     def n_vertices(self) -> int:
@@ -173,6 +180,15 @@ class CorrespondedShapes:
         images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
         names = (*self.names, *(f"{name}_mirrored" for name in self.names))
         return CorrespondedShapes(names, np.concatenate([self.vertices, images]), self.faces, self.left_out)
+
+
+def _digest(faces: IntArray) -> bytes:
+    return blake2b(np.ascontiguousarray(faces).tobytes()).digest()
+
+
+def _most_common(values: Iterable[T]) -> T:
+    """Return the most frequent value, the first of those that are as frequent."""
+    return Counter(values).most_common(1)[0][0]
 
 
 def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes:

@@ -1,5 +1,6 @@
 from isomatch.transfer.bake import Baked, bake_texture
+from isomatch.transfer.carried_landmarks import carry_landmarks
 from isomatch.transfer.carry import Carried, carry_attributes
 from isomatch.transfer.choices import Labelling, Side
 
-__all__ = ["Baked", "Carried", "Labelling", "Side", "bake_texture", "carry_attributes"]
+__all__ = ["Baked", "Carried", "Labelling", "Side", "bake_texture", "carry_attributes", "carry_landmarks"]

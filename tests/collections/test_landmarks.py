@@ -1,0 +1,90 @@
+"""Landmarks of some shapes of a collection, carried to the others, in Python and by ``isomatch collect landmarks``."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from isomatch import InputError, Landmarks, read_mesh, write_landmarks
+from isomatch.cli import main
+from isomatch.collections import Collection, collected_landmarks
+from isomatch.landmarks import Curve
+from small_collections import run
+
+NAMES = ("nose", "tail", "foot", "c1", "c2", "c3")
+ROWS = [3, 100, 200, 30, 40, 50]
+
+
+@pytest.fixture
+def marks(small, tmp_path):
+    """Landmarks of two of the four shapes, with a curve."""
+    folder = tmp_path / "marks"
+    folder.mkdir()
+    for name in ("s0", "s2"):
+        mesh = read_mesh(small.shapes / f"{name}.ply")
+        write_landmarks(
+            folder / f"{name}.mrk.json", Landmarks(mesh.vertices[ROWS], NAMES, [Curve("rim", (3, 4, 5))])
+        )
+    return folder
+
+
+def test_every_shape_gets_landmarks_of_its_own(finished, small, marks):
+    collection = Collection.open(finished)
+    files = {name: marks / f"{name}.mrk.json" for name in ("s0", "s2")}
+    found = dict(collected_landmarks(collection, files))
+    assert list(found) == ["s0", "s1", "s2", "s3"]
+    for name, each in found.items():
+        mesh = read_mesh(small.shapes / f"{name}.ply")
+        assert each.names == NAMES
+        assert each.placed.all()
+        assert np.isnan(each.spread).all() == (name in files)
+        if name in files:
+            np.testing.assert_allclose(each.positions[:3], mesh.vertices[ROWS[:3]], atol=1e-6)
+    with pytest.raises(InputError, match="x: no shapes of"):
+        list(collected_landmarks(collection, {"x": files["s0"]}))
+
+
+def test_over_the_template_of_a_star(small, marks, tmp_path):
+    """Two shapes that are not matched with each other: the maps over the template are joined."""
+    collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
+    run(collection)
+    found = dict(collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}, curve_points=4))
+    assert list(found) == ["s0", "s1", "s2", "s3"]
+    there = collection.maps("s0", "s1").there
+    onward = collection.maps("s1", "s3").there
+    mesh = read_mesh(small.shapes / "s3.ply")
+    joined = there.then(onward, read_mesh(small.shapes / "s1.ply"), mesh)
+    np.testing.assert_allclose(
+        found["s3"].positions[:3], joined.pull_back(mesh.vertices)[ROWS[:3]], atol=1e-6 * np.sqrt(mesh.area)
+    )
+    assert found["s3"].names[3:] == ("rim-1", "rim-2", "rim-3", "rim-4")
+
+
+def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
+    out = tmp_path / "out"
+    argv = ["collect", "landmarks", str(finished), str(marks), str(out)]
+    assert main([*argv, "--format", "csv", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert (record["templates"], record["left_out"]) == (["s0", "s2"], [])
+    assert set(record["mean_spread"]) == {"s1", "s3"}
+    assert {path.name for path in out.iterdir()} == {
+        *(f"s{i}.csv" for i in range(4)),
+        "landmarks.csv",
+        "landmarks.tps",
+        "landmarks_sliders.csv",
+    }
+    with (out / "landmarks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["specimen"] for row in rows] == ["s0", "s1", "s2", "s3"]
+    assert rows[0]["nose_X"] == repr(float(rows[0]["nose_X"]))
+    assert (out / "landmarks.tps").read_text().count("CURVES=1") == 4
+    assert main(argv) == 1
+    assert "already exists" in capsys.readouterr().err
+    assert main([*argv, "--force"]) == 0
+    assert "s1: mean spread" in capsys.readouterr().out
+    assert main(["collect", "landmarks", str(finished), str(tmp_path), str(out), "--force"]) == 1
+    assert (
+        "no landmarks of a shape of the collection; give a folder of files such as s0.mrk.json"
+        in capsys.readouterr().err
+    )

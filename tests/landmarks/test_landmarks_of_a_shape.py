@@ -1,0 +1,276 @@
+"""Landmarks of one shape: any format to any other, the systems of 3D Slicer, places on faces, curves, medians."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from isomatch import (
+    FormatError,
+    LandmarkError,
+    Landmarks,
+    Mesh,
+    PointCloud,
+    median_landmarks,
+    write_landmarks,
+)
+from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_surface, write_specimens
+from shapes import box, flat_grid, icosphere
+
+SPHERE = icosphere(3)
+NAMES = ("nose", "left, ear", "p;4", "p#3", "Müller 'x' <&>")
+FORMATS = ("a.mrk.json", "a.fcsv", "a.pp", "a.csv")
+
+
+def on_faces(mesh, n, seed=0):
+    """Random points inside triangles."""
+    rng = np.random.default_rng(seed)
+    weights = rng.dirichlet([1, 1, 1], n)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=n)]]
+    return np.einsum("ij,ijk->ik", weights, corners)
+
+
+@pytest.fixture
+def marks():
+    points = on_faces(SPHERE, 5)
+    points[3] = np.nan
+    return Landmarks(points, NAMES, systems=("LPS", "RAS"))
+
+
+@pytest.mark.parametrize("last", FORMATS)
+@pytest.mark.parametrize("first", FORMATS)
+def test_any_format_becomes_any_other(tmp_path, marks, first, last):
+    """Names, order and the last digit stay; only fcsv has no place for a landmark that is nowhere."""
+    left = write_landmarks(tmp_path / first, marks)
+    between = Landmarks.read(tmp_path / first, SPHERE)
+    left += write_landmarks(tmp_path / f"again_{last}", between)
+    found = Landmarks.read(tmp_path / f"again_{last}", SPHERE)
+    kept = [0, 1, 2, 4] if "a.fcsv" in (first, last) else [0, 1, 2, 3, 4]
+    assert found.names == tuple(NAMES[i] for i in kept)
+    np.testing.assert_array_equal(found.positions, marks.positions[kept])
+    assert ("landmarks without a place" in left) == (len(kept) < 5)
+
+
+def test_files_of_slicer_stay_in_their_system(tmp_path, marks):
+    for name, read in (
+        ("a.mrk.json", lambda text: json.loads(text)["markups"][0]["controlPoints"][0]["position"]),
+        ("a.fcsv", lambda text: [float(x) for x in text.splitlines()[3].split(",")[1:4]]),
+    ):
+        write_landmarks(tmp_path / name, marks)
+        text = (tmp_path / name).read_text()
+        assert "RAS" in text
+        assert "LPS" not in text
+        assert read(text) == (marks.positions[0] * [-1, -1, 1]).tolist()
+        again = Landmarks.read(tmp_path / name, SPHERE)
+        assert again.systems == ("LPS", "RAS")
+
+
+def test_a_surface_in_the_other_system(tmp_path):
+    """A mesh that was written in RAS: positions are its own, and the file is written as it was."""
+    shifted = SPHERE.moved(np.add(SPHERE.vertices, [5, 2, 0]))
+    write_landmarks(tmp_path / "a.fcsv", Landmarks(on_faces(shifted, 4), "abcd", systems=("RAS", "LPS")))
+    found = Landmarks.read(tmp_path / "a.fcsv", shifted)
+    np.testing.assert_array_equal(found.positions, on_faces(shifted, 4))
+    assert found.systems == ("RAS", "LPS")
+
+
+def test_a_table_of_vertices_and_one_without_places(tmp_path):
+    (tmp_path / "a.csv").write_text("name;vertex\na;7\nb;NA\n")
+    found = Landmarks.read(tmp_path / "a.csv", SPHERE)
+    np.testing.assert_array_equal(found.positions, [SPHERE.vertices[7], [np.nan] * 3])
+    (tmp_path / "a.csv").write_text("name;vertex\na;9999\n")
+    with pytest.raises(LandmarkError, match="there is no vertex 9999"):
+        Landmarks.read(tmp_path / "a.csv", SPHERE)
+
+
+def test_a_point_in_the_middle_of_a_large_face_is_on_the_surface(tmp_path, caplog):
+    cube = Mesh(box(1, 1, 1).vertices * 10, box(1, 1, 1).faces)
+    (tmp_path / "a.txt").write_text("5 5.1 10\n")
+    assert Landmarks.read(tmp_path / "a.txt", cube).positions.tolist() == [[5, 5.1, 10]]
+    assert not caplog.records
+    (tmp_path / "a.txt").write_text("5 5 30\n")
+    with pytest.raises(LandmarkError, match=r"0\.816 √area away from all points of the surface"):
+        Landmarks.read(tmp_path / "a.txt", cube)
+
+
+def test_nearest_point_of_all_triangles():
+    """Against the exhaustive search, on a mesh of long triangles whose nearest vertices belong to others."""
+    rng = np.random.default_rng(1)
+    mesh = Mesh(rng.random((40, 3)) * [10, 1, 1], rng.integers(40, size=(60, 3)))
+    queries = rng.random((200, 3)) * [10, 1, 1]
+    found = nearest_on_surface(mesh, queries)
+    apart = np.linalg.norm(found.interpolated(mesh.vertices) - queries, axis=1)
+    u = np.linspace(0, 1, 41)
+    s, t = (grid.ravel() for grid in np.meshgrid(u, u))
+    inside = s + t <= 1
+    weights = np.stack([1 - s - t, s, t], axis=1)[inside]
+    samples = np.einsum("ka,fad->fkd", weights, mesh.vertices[mesh.faces]).reshape(-1, 3)
+    sampled = np.linalg.norm(queries[:, None] - samples, axis=2).min(axis=1)
+    assert (apart <= sampled + 1e-12).all()
+    assert (sampled - apart).max() < 0.3
+    np.testing.assert_allclose(found.barycentric.sum(axis=1), 1)
+
+
+def test_nearest_point_of_a_cloud():
+    cloud = PointCloud(SPHERE.vertices)
+    found = nearest_on_surface(cloud, 1.01 * SPHERE.vertices[[3, 8]])
+    np.testing.assert_array_equal(found.interpolated(cloud.vertices), SPHERE.vertices[[3, 8]])
+
+
+def test_a_curve_on_a_sphere_is_a_great_circle():
+    """Through two points, its length is the angle between them; its points are equally far from each other."""
+    fine = icosphere(5)
+    ends = np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    path = drawn_curve(fine, ends, closed=False)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(np.pi / 2, rel=1e-3)
+    assert np.abs(path[:, 1]).max() < 1e-3
+    piece, share = equally_spaced(path, 7, closed=False)
+    points = path[piece] + share[:, None] * (path[piece + 1] - path[piece])
+    angles = np.arctan2(points[:, 2], points[:, 0])
+    np.testing.assert_allclose(angles, np.linspace(0, np.pi / 2, 7), atol=2e-3)
+
+
+def test_a_closed_curve_returns_to_its_first_point():
+    corners = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
+    path = drawn_curve(icosphere(5), corners, closed=True)
+    np.testing.assert_array_equal(path[0], path[-1])
+    piece, share = equally_spaced(path, 8, closed=True)
+    points = path[piece] + share[:, None] * (path[piece + 1] - path[piece])
+    np.testing.assert_allclose(
+        np.unwrap(np.arctan2(points[:, 1], points[:, 0])), np.arange(8) * np.pi / 4, atol=2e-3
+    )
+
+
+def test_a_curve_on_points():
+    cloud = PointCloud(icosphere(4).vertices)
+    path = drawn_curve(cloud, np.array([[1.0, 0, 0], [0, 0, 1.0]]), closed=False)
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(np.pi / 2, rel=0.03)
+
+
+def test_a_curve_that_leaves_the_surface():
+    near = flat_grid(4, 4)
+    two = Mesh(
+        np.vstack([near.vertices, np.add(near.vertices, [20, 0, 0])]),
+        np.vstack([near.faces, near.faces + 16]),
+    )
+    with pytest.raises(LandmarkError, match="suture: the way from point 2 to the next one leaves"):
+        drawn_curve(two, np.array([[0.0, 0, 0], [1, 1, 0], [21, 0, 0]]), closed=False, name="suture")
+    with pytest.raises(LandmarkError, match="two points or more, not 1"):
+        drawn_curve(near, np.zeros((1, 3)), closed=False)
+
+
+def test_curves_survive_their_files(tmp_path):
+    marks = Landmarks(
+        on_faces(SPHERE, 7), [*"abcdefg"], [Curve("suture", (1, 2, 3)), Curve("rim", (4, 5, 6), True)]
+    )
+    for name in ("a.mrk.json", "a.csv"):
+        assert write_landmarks(tmp_path / name, marks) == ()
+        found = Landmarks.read(tmp_path / name, SPHERE)
+        assert (found.names, found.curves) == (marks.names, marks.curves)
+    assert write_landmarks(tmp_path / "a.pp", marks) == ("curves",)
+    markups = json.loads((tmp_path / "a.mrk.json").read_text())["markups"]
+    assert [(each["type"], len(each["controlPoints"])) for each in markups] == [
+        ("Fiducial", 1),
+        ("Curve", 3),
+        ("ClosedCurve", 3),
+    ]
+
+
+def test_two_curves_of_one_name_stay_two(tmp_path):
+    points = on_faces(SPHERE, 4).tolist()
+    markup = {"type": "Curve", "name": "C", "coordinateSystem": "LPS"}
+    both = [
+        {**markup, "controlPoints": [{"label": "", "position": point} for point in each]}
+        for each in (points[:2], points[2:])
+    ]
+    (tmp_path / "a.mrk.json").write_text(json.dumps({"markups": both}))
+    assert Landmarks.read(tmp_path / "a.mrk.json", SPHERE).curves == (
+        Curve("C", (0, 1)),
+        Curve("C 2", (2, 3)),
+    )
+
+
+def test_files_without_landmarks_or_a_known_suffix(tmp_path, marks):
+    with pytest.raises(FormatError, match=r"'\.xyz' is none of a file of landmarks"):
+        write_landmarks(tmp_path / "a.xyz", marks)
+    (tmp_path / "a.csv").write_text("name,x,y,z\n")
+    with pytest.raises(LandmarkError, match="no landmarks"):
+        Landmarks.read(tmp_path / "a.csv", SPHERE)
+    with pytest.raises(LandmarkError, match="2 landmarks with 1 names"):
+        Landmarks(np.zeros((2, 3)), ["a"])
+    with pytest.raises(LandmarkError, match="no landmark 'tail'; there are nose"):
+        marks["tail"]
+
+
+def read_tps(text):
+    """Landmarks and curves of each specimen as geomorph's ``readland.tps`` takes them apart."""
+    lines = text.splitlines()
+    counts = [int(line[4:]) for line in lines if line.startswith("LM3=")]
+    curves = [int(line[7:]) for line in lines if line.startswith("POINTS=")]
+    names = [line[3:] for line in lines if line.startswith("ID=")]
+    points = [
+        [float(cell.replace("NA", "nan")) for cell in line.split()] for line in lines if "=" not in line
+    ]
+    return counts, curves, np.array(points).reshape(len(names), -1, 3), names
+
+
+def test_files_for_geomorph(tmp_path):
+    points = on_faces(SPHERE, 9)
+    points[0] = np.nan
+    curves = [Curve("suture", (1, 2, 3)), Curve("rim", (5, 6, 7, 8), True)]
+    one = Landmarks(points, [*"abcdefghi"], curves)
+    two = Landmarks(2 * points, [*"abcdefghi"], curves)
+    write_specimens(tmp_path / "s.tps", {"one": one, "t=wo": two})
+    counts, sizes, arrays, names = read_tps((tmp_path / "s.tps").read_text())
+    order = [0, 4, 1, 2, 3, 5, 6, 7, 8]
+    assert (counts, sizes, names) == ([2, 2], [3, 4, 3, 4], ["one", "t=wo"])
+    np.testing.assert_array_equal(arrays, [points[order], 2 * points[order]])
+    with (tmp_path / "s_sliders.csv").open() as file:
+        sliders = [tuple(map(int, row.values())) for row in csv.DictReader(file)]
+    assert sliders == [(3, 4, 5), (6, 7, 8), (7, 8, 9), (8, 9, 6)]
+
+    write_specimens(tmp_path / "s.csv", {"one": one, "two": two})
+    with (tmp_path / "s.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[:7] == ["specimen", "a_X", "a_Y", "a_Z", "e_X", "e_Y", "e_Z"]
+    assert rows[0]["a_X"] == "NA"
+    assert float(rows[1]["i_Z"]) == 2 * points[8, 2]
+    with pytest.raises(LandmarkError, match="two has other landmarks than one"):
+        write_specimens(tmp_path / "s.csv", {"one": one, "two": Landmarks(points)})
+
+
+def test_the_median_withstands_one_wrong_template():
+    truth = on_faces(SPHERE, 20)
+    wrong = Landmarks(-truth, [f"p{i}" for i in range(20)])
+    near = [Landmarks(truth, wrong.names), Landmarks(truth + 1e-9, wrong.names)]
+    found = median_landmarks([wrong, *near], SPHERE)
+    np.testing.assert_allclose(found.positions, truth, atol=1e-8)
+    np.testing.assert_allclose(found.spread, 2 * np.linalg.norm(truth, axis=1) / 3, atol=1e-6)
+
+
+def test_the_median_of_three_points_is_that_of_fermat():
+    """In an equilateral triangle the centre, and at an angle beyond 120° the corner."""
+    plane = flat_grid(3, 3)
+    corners = [[[0.2, 0.2, 0]], [[1.8, 0.2, 0]], [[1.0, 0.2 + 0.8 * 3**0.5, 0]]]
+    found = median_landmarks([Landmarks(each) for each in corners], plane)
+    np.testing.assert_allclose(found.positions, [[1.0, 0.2 + 0.8 / 3**0.5, 0]], atol=1e-9)
+    flat = [[[0.2, 0.2, 0]], [[1.8, 0.2, 0]], [[1.0, 0.3, 0]]]
+    assert median_landmarks([Landmarks(each) for each in flat], plane).positions.tolist() == [[1.0, 0.3, 0]]
+
+
+def test_medians_are_joined_by_name_and_leave_out_what_is_missing(caplog):
+    a, b, c = on_faces(SPHERE, 3)
+    several = [Landmarks([a, b], ["a", "b"]), Landmarks([b, a, c], ["b", "a", "c"]), Landmarks([a], ["a"])]
+    found = median_landmarks(several, SPHERE)
+    assert found.names == ("a", "b")
+    np.testing.assert_allclose(found.positions, [a, b], atol=1e-12)
+    assert "not in all templates: c" in caplog.text
+    nowhere = Landmarks([[np.nan] * 3, b], ["a", "b"])
+    np.testing.assert_allclose(
+        median_landmarks([nowhere, nowhere], SPHERE).positions, [[np.nan] * 3, b], atol=1e-12
+    )
+    with pytest.raises(LandmarkError, match="give each a name of its own"):
+        median_landmarks([Landmarks([a, b], ["x", "x"]), Landmarks([a, b], ["y", "y"])], SPHERE)
+    with pytest.raises(LandmarkError, match="at least one template"):
+        median_landmarks([], SPHERE)
