@@ -152,7 +152,7 @@ def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
         words.append(unused_name(look.name, words))
     files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names)
     former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
-    document = ObjDocument((f"{stem}.mtl",), former.elements, files)
+    document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, looks.of_triangle, tuple(words)), document=document)
 
 

@@ -115,16 +115,16 @@ def transfer(
             with replaced(picture) as file:
                 file.write(baked.png)
         tell("done", 1.0)
+    told = [f"{path}: {note}" for path, given in zip((source, target), assets) for note in given.notes]
     record = {
         "files": [str(path) for path in (output, *beside, picture) if path],
         "to": to,
         "carried": [name for name in names if name not in left],
         "left_out": left,
         **counts,
-        **({"notes": list(notes)} if notes else {}),
     }
-    if notes := [f"{path}: {note}" for path, given in zip((source, target), assets) for note in given.notes]:
-        record["notes"] = notes
+    if told or notes:
+        record["notes"] = [*told, *notes]
     talk.result(record, lambda: _summary(record, output.suffix))
 
 
