@@ -101,5 +101,5 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
         Attribute("flow", "point", "vector", np.eye(3)),
     )
     write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
-    write_wrapped(tmp_path / "b.glb", tmp_path / "a.glb", Wrapped(made, 0, 0, 0), np.zeros(3))
+    write_wrapped(tmp_path / "b.glb", *2 * (tmp_path / "a.glb",), Wrapped(made, 0, 0, 0), np.zeros(3))
     assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]

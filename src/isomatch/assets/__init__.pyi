@@ -3,6 +3,7 @@ from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.files import read_asset, read_mesh, read_point_cloud, write_asset, write_mesh
 from isomatch.assets.formats.gltf_looks import base_colours, with_materials_of, with_skin_of, with_texture
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
+from isomatch.assets.frame import Frame
 from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.parts import Part
 from isomatch.assets.pictures import pixels_of, png_of
@@ -16,6 +17,7 @@ __all__ = [
     "Asset",
     "Attribute",
     "Domain",
+    "Frame",
     "Kind",
     "MeshFormat",
     "Part",

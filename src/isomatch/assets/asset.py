@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
+from isomatch.assets.frame import Frame
 from isomatch.assets.parts import Part, placed, turned, unplaced
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import DescriptorError, MeshError, some
@@ -36,6 +37,8 @@ class Asset:
         The meshes of a file that has several or puts them somewhere; empty otherwise.
     document : object, optional
         What else the format holds, for writing the same format again.
+    frame : Frame, optional
+        The space of the coordinates, where the file tells it.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Asset:
     attributes: tuple[Attribute, ...] = ()
     parts: tuple[Part, ...] = ()
     document: object = None
+    frame: Frame | None = None
 
     def __post_init__(self) -> None:
         points = numbers_of(self.points, "points", MeshError)

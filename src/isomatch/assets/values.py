@@ -29,7 +29,7 @@ def _freesurfer(kind: Kind) -> ValuesFormat:
 
 
 VALUES_FORMATS = {
-    ".gii": ValuesFormat(gifti.read_attributes, gifti.write_attribute, gifti.keeps),
+    ".gii": ValuesFormat(gifti.read_attributes, lambda a: gifti.write_attributes([a]), gifti.keeps),
     ".annot": _freesurfer("label"),
     **dict.fromkeys(freesurfer.VALUES, _freesurfer("scalar")),
 }

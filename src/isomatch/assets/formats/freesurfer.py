@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.packages import package
 
@@ -28,23 +30,30 @@ SURFACES = (
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with a number for each point."""
+_PLAIN, _REAL = (np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1))
 
 
 @dataclass(frozen=True)
 class FreeSurferDocument:
-    """Where the surface lies in its volume, and who made it."""
+    """Who made the surface."""
 
-    volume: dict[str, Any] = field(default_factory=dict)
     stamp: str = "created by isomatch"
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in millimetres of its own coordinates."""
     freesurfer = _package()
-    with reading(name, "a FreeSurfer surface"), on_disk(data, "") as path:
+    plain = data.replace(_REAL, _PLAIN)  # nibabel skips the volume of surfaces in coordinates of the scanner
+    with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
-        document = FreeSurferDocument(volume, stamp)
-        return Asset(points, Polygons.of_triangles(np.asarray(faces, dtype=np.int64)), document=document)
+        if plain != data:
+            volume["head"] = np.array([2, 1, 20], dtype=np.int32)
+        return Asset(
+            points,
+            Polygons.of_triangles(np.asarray(faces, dtype=np.int64)),
+            document=FreeSurferDocument(stamp),
+            frame=Frame.of_volume(volume) if volume else None,
+        )
 
 
 def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
@@ -63,14 +72,18 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
 
 
 def write(asset: Asset) -> bytes:
-    """Write a surface, in single precision."""
+    """Write a surface, in single precision, with the volume that its coordinates belong to."""
     freesurfer = _package()
     document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
-    with on_disk(b"", "") as path:
-        freesurfer.write_geometry(
-            path, asset.points, asset.polygons.triangles, document.stamp, document.volume or None
-        )
+    volume = asset.frame.in_volume if asset.frame else None
+    with on_disk(b"", "") as path, warnings.catch_warnings(action="ignore"):
+        freesurfer.write_geometry(path, asset.points, asset.polygons.triangles, document.stamp, volume)
         return path.read_bytes()
+
+
+def keeps_frame(frame: Frame) -> bool:
+    """Whether a FreeSurfer file can tell all of a frame."""
+    return frame.is_in_volume
 
 
 def write_attribute(attribute: Attribute) -> bytes:

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind
+from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
+from isomatch.values.arrays import AnyArray
 
-_POINTS, _TRIANGLES, _LABEL, _SHAPE, _VECTOR, _RGB, _RGBA = 1008, 1009, 1002, 2005, 1007, 2002, 2003
+_LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
+_NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+_AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
+_VOLUME = {
+    "volume": ("Width", "Height", "Depth"),
+    "voxelsize": ("Xsize", "Ysize", "Zsize"),
+    **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXES.items()},
+}
+"""Meta data by which FreeSurfer tells its volume, each beginning with VolGeom."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +38,18 @@ class GiftiDocument:
     arrays: tuple[tuple[Attribute, Any], ...]
 
 
+@dataclass(frozen=True)
+class GiftiPlace:
+    """What a GIFTI file says of its points."""
+
+    coordsys: Any
+    meta: Any
+
+
 def read_asset(data: bytes, name: str) -> Asset:
     """Read points, triangles and all values on the points."""
-    image, attributes = _read(data, name)
-    found = {array.intent: array.data for array in reversed(image.darrays)}
+    image = _image(data, name)
+    found = {array.intent: array for array in reversed(image.darrays)}
     for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
         if intent not in found:
             raise FormatError(
@@ -37,24 +57,31 @@ def read_asset(data: bytes, name: str) -> Asset:
                 "it by read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
+        points = found[_POINTS].data
+        attributes = _values(image, len(points), "values")
         return Asset(
-            found[_POINTS],
-            Polygons.of_triangles(found[_TRIANGLES]),
+            points,
+            Polygons.of_triangles(found[_TRIANGLES].data),
             tuple(attribute for attribute, _ in attributes),
-            document=GiftiDocument(image, attributes),
+            document=GiftiDocument(image, tuple((a, array) for a, array in attributes if array is not None)),
+            frame=_frame(found[_POINTS]),
         )
 
 
-def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
     """Read the values on points, as in ``.shape.gii``, ``.func.gii`` and ``.label.gii`` files."""
-    return tuple(attribute for attribute, _ in _read(data, name)[1])
+    image = _image(data, name)
+    with reading(name, "values of a GIFTI file"):
+        stem = Path(name).name.partition(".")[0]
+        return tuple(attribute for attribute, _ in _values(image, n_points, stem))
 
 
-def write_attribute(attribute: Attribute) -> bytes:
+def write_attributes(attributes: Sequence[Attribute]) -> bytes:
     """Write values on points without a surface."""
     gifti = _package()
-    image = gifti.GiftiImage(darrays=[_array(gifti, attribute)])
-    image.labeltable = _table(gifti, [attribute.coded] if attribute.kind == "label" else [])
+    one_table = _numbered(attributes)
+    image = gifti.GiftiImage(darrays=[_array(gifti, attribute) for attribute in one_table])
+    image.labeltable = _table(gifti, [a for a in one_table if a.kind == "label"])
     return bytes(image.to_xml())
 
 
@@ -68,16 +95,18 @@ def write(asset: Asset) -> bytes:
     gifti = _package()
     document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument(None, ())
     image = gifti.GiftiImage()
-    given: dict[int, Any] = {}
+    of_points, of_triangles = _described(gifti, asset.frame), {}
     if document.image is not None:
         image.meta = document.image.meta
         given = {array.intent: array for array in reversed(document.image.darrays)}
-    for intent, values in (
-        (_POINTS, asset.points.astype(np.float32)),
-        (_TRIANGLES, asset.polygons.triangles.astype(np.int32)),
+        of_triangles = {"coordsys": given[_TRIANGLES].coordsys, "meta": given[_TRIANGLES].meta}
+        if not isinstance(of_points["meta"], gifti.GiftiMetaData):
+            anatomy = {key: word for key, word in given[_POINTS].meta.items() if "VolGeom" not in key}
+            of_points["meta"] = anatomy | of_points["meta"]
+    for intent, values, described in (
+        (_POINTS, asset.points.astype(np.float32), of_points),
+        (_TRIANGLES, asset.polygons.triangles.astype(np.int32), of_triangles),
     ):
-        array = given.get(intent)
-        described = {} if array is None else {"coordsys": array.coordsys, "meta": array.meta}
         image.add_gifti_data_array(gifti.GiftiDataArray(values, intent, **described))
     same = {id(attribute): array for attribute, array in document.arrays}
     attributes = sorted(asset.attributes, key=lambda attribute: id(attribute) not in same)
@@ -88,30 +117,91 @@ def write(asset: Asset) -> bytes:
     return bytes(image.to_xml())
 
 
-def _read(data: bytes, name: str) -> tuple[Any, tuple[tuple[Attribute, Any], ...]]:
-    gifti = _package()
+def _image(data: bytes, name: str) -> Any:
     with reading(name, "a GIFTI file"):
-        image = gifti.GiftiImage.from_bytes(data)
-        table = {label.key: label for label in image.labeltable.labels}
-        names = {key: str(label.label) for key, label in table.items()}
-        colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
-        found: list[tuple[Attribute, Any]] = []
-        for i, array in enumerate(image.darrays):
-            if array.intent in (_POINTS, _TRIANGLES):
-                continue
-            title = str(array.meta.get("Name") or f"values_{i}")
-            while any(title == attribute.name for attribute, _ in found):
-                title += "_"
-            values = np.asarray(array.data)
-            if array.intent == _LABEL:
-                attribute = Attribute(title, "point", "label", values, names=names, colors=colors)
-            elif array.intent in (_RGB, _RGBA):
-                attribute = Attribute(title, "point", "colour", values)
-            else:
-                kind = guessed_kind(title, values)
-                attribute = Attribute(title, "point", "scalar" if kind == "label" else kind, values)
-            found.append((attribute, array))
-    return image, tuple(found)
+        return _package().GiftiImage.from_bytes(data)
+
+
+def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribute, Any]]:
+    """Read all values, and the array that can be written again for each; of some points alone there is none."""
+    table = {label.key: label for label in image.labeltable.labels}
+    names = {key: str(label.label) for key, label in table.items()}
+    colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
+    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES)]
+    nodes = [a for a in arrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
+    given = [a for a in arrays if a not in nodes]
+    found: list[Attribute] = []
+    for i, array in enumerate(given):
+        values = np.asarray(array.data)
+        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+        name = str(array.meta.get("Name") or (f"{title}_{i}" if len(given) > 1 else title))
+        if array.intent == _LABEL:
+            attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
+        elif array.intent in (_RGB, _RGBA):
+            attribute = Attribute(name, "point", "colour", values)
+        else:
+            kind = guessed_kind(name, values)
+            attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
+        found.append(_at_nodes(attribute, nodes[0].data, n_points) if nodes else attribute)
+    return [(each, None if nodes else array) for each, array in zip(told_apart(found), given)]
+
+
+def _at_nodes(attribute: Attribute, nodes: AnyArray, n_points: int | None) -> Attribute:
+    """Give the values of some points to all; the others have nan, the label −1, or black."""
+    nodes = np.ravel(nodes).astype(np.int64)
+    values = attribute.values
+    none: float = 0 if attribute.kind == "colour" else -1 if attribute.kind == "label" else np.nan
+    kind = np.float64 if np.isnan(none) and values.dtype.kind != "f" else values.dtype
+    total = nodes.max(initial=-1) + 1 if n_points is None else n_points
+    everywhere = np.full((total, *values.shape[1:]), none, dtype=kind)
+    everywhere[nodes] = values
+    return attribute.with_values(everywhere)
+
+
+def _frame(points: Any) -> Frame:
+    """Read the frame of points; FreeSurfer may tell it in meta data alone."""
+    place = GiftiPlace(points.coordsys, points.meta)
+    said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
+    volume = None
+    if all(None not in numbers for numbers in said.values()):
+        kinds = {key: int if key == "volume" else float for key in said}
+        volume = {
+            "head": np.array([2, 0, 20], dtype=np.int32),
+            "valid": "1  # volume info valid",
+            "filename": str(points.meta.get("VolGeomFname", "none")),
+            **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
+        }
+    system = points.coordsys
+    if system is None:
+        return Frame(volume=volume, details=place)
+    spaces = [_space(code) for code in (system.dataspace, system.xformspace)]
+    frame = Frame(*spaces, np.array(system.xform, dtype=np.float64), volume, place)
+    if volume is not None and not frame.is_told:
+        return replace(Frame.of_volume(volume), details=place)
+    return frame
+
+
+def _described(gifti: Any, frame: Frame | None) -> dict[str, Any]:
+    """Return what an array of points says of its frame, and no meta data of nibabel where it was none of GIFTI."""
+    if frame is None:
+        return {"meta": {}}
+    if isinstance(frame.details, GiftiPlace):
+        return {"coordsys": frame.details.coordsys, "meta": frame.details.meta}
+    codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
+    meta = {}
+    if frame.volume is not None and frame.is_told:
+        meta = {
+            f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
+            for key, words in _VOLUME.items()
+            for word, number in zip(words, frame.volume[key])
+        }
+    return {"coordsys": gifti.GiftiCoordSystem(*codes, frame.matrix), "meta": meta}
+
+
+def _space(code: Any) -> str:
+    """Return the name of a space of NIfTI, in small letters."""
+    codes = package("nibabel.nifti1", "io", "a GIFTI file").xform_codes
+    return str(codes.niistring[code]).removeprefix("NIFTI_XFORM_").lower()
 
 
 def _array(gifti: Any, attribute: Attribute) -> Any:
@@ -127,7 +217,7 @@ def _array(gifti: Any, attribute: Attribute) -> Any:
     return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
 
 
-def _numbered(attributes: list[Attribute]) -> list[Attribute]:
+def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
     """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
     table: dict[int, str] = {}
     found = []
