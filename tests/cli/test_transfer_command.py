@@ -57,6 +57,7 @@ def test_json_and_force(folder, capsys):
         "to": "source",
         "carried": ["part"],
         "left_out": [],
+        "taken_as_labels": ["part"],
         "n_unmatched": 0,
         "n_across_seams": 0,
     }

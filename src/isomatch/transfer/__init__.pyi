@@ -1,5 +1,5 @@
 from isomatch.transfer.bake import Baked, bake_texture
 from isomatch.transfer.carry import Carried, carry_attributes
-from isomatch.transfer.choices import Labelling, Side
+from isomatch.transfer.choices import Labelling, NumbersAs, Side
 
-__all__ = ["Baked", "Carried", "Labelling", "Side", "bake_texture", "carry_attributes"]
+__all__ = ["Baked", "Carried", "Labelling", "NumbersAs", "Side", "bake_texture", "carry_attributes"]

@@ -56,7 +56,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         )
 
 
-def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
     """Read an annotation, as labels with names and colours, or a curvature, as scalars."""
     freesurfer = _package()
     title = Path(name).suffix[1:].lower()
@@ -67,7 +67,7 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
         labels, table, words = freesurfer.read_annot(path)
         colors = {i: tuple((row[:4] / 255).tolist()) for i, row in enumerate(table)}
         colors = {i: (*color[:3], 1 - color[3]) for i, color in colors.items()}  # which stores transparency
-        names = {i: word.decode(errors="replace") for i, word in enumerate(words)}
+        names = {i: word.decode(errors="surrogateescape") for i, word in enumerate(words)}
         return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
 
 
@@ -106,7 +106,7 @@ def write_attribute(attribute: Attribute) -> bytes:
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)
-        words = [coded.names.get(key, str(key)) for key in keys]
+        words = [coded.names.get(key, str(key)).encode(errors="surrogateescape") for key in keys]
         freesurfer.write_annot(path, numbers, table, words, fill_ctab=True)
         return path.read_bytes()
 

@@ -17,10 +17,11 @@ from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
-from isomatch.values.arrays import AnyArray
 
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
+"""What stands before ``.gii`` in the names of files without a surface."""
 _AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
 _VOLUME = {
     "volume": ("Width", "Height", "Depth"),
@@ -72,8 +73,9 @@ def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tupl
     """Read the values on points, as in ``.shape.gii``, ``.func.gii`` and ``.label.gii`` files."""
     image = _image(data, name)
     with reading(name, "values of a GIFTI file"):
-        stem = Path(name).name.partition(".")[0]
-        return tuple(attribute for attribute, _ in _values(image, n_points, stem))
+        title = Path(Path(name).stem)
+        title = title.with_suffix("") if title.suffix.lower() in VALUES else title
+        return tuple(attribute for attribute, _ in _values(image, n_points, str(title)))
 
 
 def write_attributes(attributes: Sequence[Attribute]) -> bytes:
@@ -142,20 +144,11 @@ def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribut
         else:
             kind = guessed_kind(name, values)
             attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
-        found.append(_at_nodes(attribute, nodes[0].data, n_points) if nodes else attribute)
+        if nodes:
+            rows = np.ravel(nodes[0].data).astype(np.int64)
+            attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
+        found.append(attribute)
     return [(each, None if nodes else array) for each, array in zip(told_apart(found), given)]
-
-
-def _at_nodes(attribute: Attribute, nodes: AnyArray, n_points: int | None) -> Attribute:
-    """Give the values of some points to all; the others have nan, the label −1, or black."""
-    nodes = np.ravel(nodes).astype(np.int64)
-    values = attribute.values
-    none: float = 0 if attribute.kind == "colour" else -1 if attribute.kind == "label" else np.nan
-    kind = np.float64 if np.isnan(none) and values.dtype.kind != "f" else values.dtype
-    total = nodes.max(initial=-1) + 1 if n_points is None else n_points
-    everywhere = np.full((total, *values.shape[1:]), none, dtype=kind)
-    everywhere[nodes] = values
-    return attribute.with_values(everywhere)
 
 
 def _frame(points: Any) -> Frame:
