@@ -9,6 +9,7 @@ from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.parts import Part
 from isomatch.assets.pictures import pixels_of, png_of
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
 from isomatch.assets.to_libraries import to_meshio, to_open3d, to_pyvista, to_trimesh
 from isomatch.assets.values import holds_values, read_attributes, write_attribute, write_attributes
@@ -23,6 +24,7 @@ __all__ = [
     "MeshFormat",
     "Part",
     "Polygons",
+    "Renumbering",
     "SurfaceLike",
     "asset_from",
     "base_colours",

@@ -246,6 +246,8 @@ def write_asset(
         raise _no_option(path, "binary", able)
     if not mesh_format.has_parts:
         asset = asset.placed
+    if any(attribute.domain == "corner" for attribute in asset.attributes):
+        asset.require_points()
     kept: list[Attribute] = []
     left: list[Attribute] = []
     for attribute in asset.attributes:

@@ -73,10 +73,11 @@ def transfer(
     picture = output.with_suffix(".png") if bake else None
     with talk.progress() as tell, claimed_files(output, picture, force=force):
         tell("reading", 0.0)
-        assets = [isomatch.read_asset(source), isomatch.read_asset(target)]
+        ends = [isomatch.read_asset(source), isomatch.read_asset(target)]
         giver = 1 if to == "source" else 0
-        given = told_apart(each for path in values or () for each in read_attributes(path, assets[giver]))
-        assets[giver] = assets[giver].with_attributes(*given)
+        given = told_apart(each for path in values or () for each in read_attributes(path, ends[giver]))
+        ends[giver] = ends[giver].with_attributes(*given)
+        assets = ends[0], ends[1]
         words = (
             [word.strip() for word in data.split(",")] if data else [each.name for each in given] or ["all"]
         )

@@ -15,6 +15,7 @@ from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
 
@@ -37,6 +38,19 @@ class GiftiDocument:
 
     image: Any
     arrays: tuple[tuple[Attribute, Any], ...]
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GiftiDocument:
+        """Take the same rows of the arrays as of the attributes."""
+        gifti, found = _package(), []
+        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        for attribute, array in self.arrays:
+            if id(attribute) in new:
+                values = np.ascontiguousarray(array.data[rows.point_index])
+                same = {"intent": array.intent, "datatype": array.datatype, "meta": array.meta}
+                found.append(
+                    (new[id(attribute)], gifti.GiftiDataArray(values, coordsys=array.coordsys, **same))
+                )
+        return replace(self, arrays=tuple(found))
 
 
 @dataclass(frozen=True)
@@ -168,7 +182,7 @@ def _frame(points: Any) -> Frame:
     if system is None:
         return Frame(volume=volume, details=place)
     spaces = [_space(code) for code in (system.dataspace, system.xformspace)]
-    frame = Frame(*spaces, np.array(system.xform, dtype=np.float64), volume, place)
+    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume, place)
     if volume is not None and not frame.is_told:
         return replace(Frame.of_volume(volume), details=place)
     return frame

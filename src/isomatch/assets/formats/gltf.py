@@ -32,6 +32,7 @@ from isomatch.assets.formats._gltf_scene import (
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.parts import Part
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -48,6 +49,47 @@ class GltfDocument:
     points: FloatArray
     polygons: Polygons
     attributes: tuple[Attribute, ...]
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GltfDocument:
+        """Take the same rows of all that belongs to points, and the triangles that are left."""
+        if before.polygons is not self.polygons:
+            return self
+        gltf = GltfData(copy.deepcopy(self.json), bytearray(self.blob))
+        primitives = []
+        old_point = old_triangle = point = triangle = 0
+        for was, part, places in zip(before.parts, after.parts, self.primitives):
+            own = slice(point, point + part.n_points)
+            index = rows.point_index[own] - old_point
+            counted = []
+            keys: dict[str, int] = {}
+            for mesh, i, n_triangles in places:
+                old_triangle += n_triangles
+                stop = int(np.searchsorted(rows.polygon_index, old_triangle))
+                primitive = gltf.json["meshes"][mesh]["primitives"][i]
+                if not keys:
+                    keys = dict(primitive["attributes"])
+                    gather(gltf, keys, index)
+                    keys["POSITION"] = _add_positions(gltf, after.points[own])
+                for target in primitive.get("targets", []):
+                    gather(gltf, target, index)
+                faces = _outwards(after.polygons.triangles[triangle:stop] - point, part.transform)
+                primitive["attributes"] = keys
+                primitive["indices"] = gltf.add_array(faces.ravel().astype(np.uint32), target=34963)
+                primitive["mode"] = TRIANGLES
+                counted.append((mesh, i, stop - triangle))
+                triangle = stop
+            primitives.append(tuple(counted))
+            point, old_point = own.stop, old_point + was.n_points
+        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        return replace(
+            self,
+            json=gltf.json,
+            blob=bytes(gltf.blob),
+            primitives=tuple(primitives),
+            points=after.points,
+            polygons=after.polygons,
+            attributes=tuple(new.get(id(attribute), attribute) for attribute in self.attributes),
+        )
 
 
 def read_asset(data: bytes, name: str) -> Asset:

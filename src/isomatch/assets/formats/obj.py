@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Kind
 from isomatch.assets.formats._text import NumberRows, TextLines, format_rows, interleaved_lines, read_lines
 from isomatch.assets.polygons import Polygons, triangulate
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -26,6 +27,18 @@ class ObjDocument:
 
     libraries: tuple[str, ...] = ()
     elements: tuple[str, ...] = ()
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> ObjDocument:
+        """Renumber lines and points, without those that lose a point."""
+        found = []
+        for element in self.elements:
+            keyword, *words = element.split()
+            numbers = np.array(words, dtype=np.int64) - 1
+            inside = (numbers >= 0) & (numbers < len(rows.new_point))
+            new = rows.new_point[numbers[inside]] + 1
+            if inside.all() and new.all():
+                found.append(" ".join([keyword, *map(str, new.tolist())]))
+        return replace(self, elements=tuple(found))
 
 
 def read(data: bytes, name: str) -> Mesh:
