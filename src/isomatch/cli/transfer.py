@@ -121,9 +121,11 @@ def _written(output: Path, asset: isomatch.Asset, names: Collection[str]) -> lis
     carried = [attribute for attribute in asset.attributes if attribute.name in names]
     left = [attribute.name for attribute in write_attributes(output, carried)]
     if set(names) <= set(left):
+        reason = (
+            f"a {output.suffix} file has no place for {', '.join(left)}" if left else "nothing was carried"
+        )
         raise isomatch.FormatError(
-            f"{output}: a {output.suffix} file has no place for {', '.join(left) or 'nothing'}; name what to carry "
-            "with --data or --values, or write another format"
+            f"{output}: {reason}; name other --data or --values, or write another format"
         )
     return left
 

@@ -106,11 +106,13 @@ def write_table(attributes: Sequence[Attribute]) -> bytes:
 
 
 def _has_header(rows: list[list[str]], n_rows: Collection[int]) -> bool:
-    if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
-        return len(rows) not in n_rows
     first, *others = rows
     if any(_is_number(cell) for cell in first):
         return False
+    if len(first) > 1 and first[0].lower() in _INDEX_NAMES:
+        return True
+    if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
+        return len(rows) not in n_rows
     return bool(others) and (
         any(_is_number(cell) for cell in others[0]) or not any(row == first for row in others)
     )
