@@ -16,7 +16,7 @@ def welded_apart(asset: Asset, survivor: IntArray) -> dict[str, int]:
     rows = np.flatnonzero(survivor != np.arange(len(survivor)))
     counts = {}
     for attribute in asset.attributes:
-        if attribute.domain != "point":
+        if attribute.domain != "point" or not len(rows):
             continue
         differ = _differ(attribute.values, rows, survivor[rows])
         if attribute.joints is not None:

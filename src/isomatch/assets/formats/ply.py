@@ -132,7 +132,7 @@ def _renumbered(
     kept = np.ones(n_rows, dtype=bool)
     changed = []
     for each in written:
-        if each.declared.name in _ENDS and each.values.dtype.kind in "iu":
+        if each.declared.name in _ENDS and each.declared.type.kind in "iu":
             points = each.values.astype(np.int64)
             inside = (points >= 0) & (points < len(new_point))
             new = np.where(inside, new_point[np.where(inside, points, 0)] if len(new_point) else -1, -1)
