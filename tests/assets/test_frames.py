@@ -208,3 +208,38 @@ def test_the_frame_of_a_volume_is_its_centre():
     np.testing.assert_allclose(frame.matrix, shift(OFFSETS[0]))
     assert str(frame) == "c_ras 5 -20 30, the offset to scanner_anat"
     assert not Frame.of_volume(volume(OFFSETS[0]) | {"valid": "0  # volume info invalid"}).is_told
+
+
+def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
+    for name, words in (("a", "comment unit: mm\ncomment SPACE=LPS\n"), ("b", "comment units = metres\n")):
+        write_asset(tmp_path / f"{name}.ply", Asset.of_mesh(SHAPES[0]), binary=False)
+        text = (tmp_path / f"{name}.ply").read_text()
+        (tmp_path / f"{name}.ply").write_text(
+            text.replace("element", f"comment by {name}\n{words}element", 1)
+        )
+    wrapped = Wrapped(SHAPES[0], 0, 0, 0)
+    errors = np.zeros(SHAPES[0].n_vertices)
+    write_wrapped(tmp_path / "c.ply", tmp_path / "a.ply", tmp_path / "b.ply", wrapped, errors)
+    header = (tmp_path / "c.ply").read_text().partition("element")[0].splitlines()
+    assert header[2:] == ["comment by a", "comment units = metres"]
+    record = write_wrapped(tmp_path / "c.glb", tmp_path / "a.ply", tmp_path / "b.ply", wrapped, errors)
+    assert record["left_out"] == ["the frame of the coordinates (comment units = metres)"]
+    write_asset(tmp_path / "d.ply", read_asset(tmp_path / "a.ply"))
+    assert (tmp_path / "d.ply").read_text() == (tmp_path / "a.ply").read_text()
+
+
+def test_nodes_that_move_and_scale(tmp_path):
+    """In glTF the nodes of the source stay, and what they put in place is the target."""
+    for name, scale in (("a", [0.001] * 3), ("b", [1, 2, 1])):
+        write_asset(tmp_path / f"{name}.gltf", Asset.of_mesh(SHAPES[name == "b"]))
+        text = (tmp_path / f"{name}.gltf").read_text()
+        assert text.count('"mesh": 0') == 1
+        (tmp_path / f"{name}.gltf").write_text(
+            text.replace('"mesh": 0', f'"mesh": 0, "scale": {scale}, "translation": [1, 2, 3]')
+        )
+    target = read_mesh(tmp_path / "b.gltf")
+    wrapped = Wrapped(read_asset(tmp_path / "b.gltf").mesh, 0, 0, 0)
+    paths = [tmp_path / f"{name}.gltf" for name in "cab"]
+    assert write_wrapped(*paths, wrapped, np.zeros(target.n_vertices))["left_out"] == []
+    np.testing.assert_allclose(read_mesh(tmp_path / "c.gltf").vertices, target.vertices, rtol=1e-5, atol=1e-5)
+    assert read_asset(tmp_path / "c.gltf").parts[0].transform[0][0] == 0.001

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
 from isomatch.assets.frame import Frame
 from isomatch.assets.parts import Part, placed, turned, unplaced
 from isomatch.assets.polygons import Polygons
-from isomatch.assets.renumbering import RenumberedDocument, Renumbering
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
@@ -234,3 +235,12 @@ class Asset:
         """(n,) index of the part of each point; 0 where the file does not have several."""
         counts = [part.n_points for part in self.parts] or [len(self.points)]
         return np.repeat(np.arange(len(counts)), counts)
+
+
+@runtime_checkable
+class RenumberedDocument(Protocol):
+    """The document of a format that refers to points or polygons by their numbers."""
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> object:
+        """Return the document of the asset after, of which the attributes correspond to those before, in order."""
+        ...

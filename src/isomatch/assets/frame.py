@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,8 @@ class Frame:
         It is multiplied by columns x, y, z, 1.
     volume : mapping, optional
         The volume of which FreeSurfer made the surface, in the words of nibabel.
+    words : tuple of str
+        Lines in which the file tells its unit or space, such as comments of PLY.
     details : object, optional
         What else the format says about the coordinates, for writing the same format again.
     """
@@ -41,6 +43,7 @@ class Frame:
     to: str = UNKNOWN
     matrix: FloatArray = field(default_factory=lambda: np.eye(4))
     volume: Mapping[str, Any] | None = None
+    words: tuple[str, ...] = ()
     details: object = None
 
     @classmethod
@@ -59,6 +62,11 @@ class Frame:
     @property
     def is_told(self) -> bool:
         """Whether it says anything."""
+        return self.has_space or bool(self.words)
+
+    @property
+    def has_space(self) -> bool:
+        """Whether it names a space or has a matrix."""
         return self.space != UNKNOWN or self.to != UNKNOWN or not self._is_identity
 
     @property
@@ -66,7 +74,7 @@ class Frame:
         """A volume of FreeSurfer whose centre is the origin of these coordinates; None if there can be none."""
         if self.volume is not None:
             own = Frame.of_volume(self.volume)
-            if not self.is_told or ((own.space, own.to) == (self.space, self.to) and self._is_like(own)):
+            if not self.has_space or ((own.space, own.to) == (self.space, self.to) and self._is_like(own)):
                 return self.volume
         matrix = self.matrix if self.to == SCANNER else np.eye(4)
         turn = matrix[:3, :3]
@@ -85,13 +93,13 @@ class Frame:
     @property
     def is_in_volume(self) -> bool:
         """Whether a volume of FreeSurfer tells all of it."""
-        return not self.is_told or (self.to in (UNKNOWN, SCANNER) and self.in_volume is not None)
-
-    def without_details(self) -> Frame:
-        """Return the same without what only one format says."""
-        return replace(self, volume=None, details=None)
+        if self.words:
+            return False
+        return not self.has_space or (self.to in (UNKNOWN, SCANNER) and self.in_volume is not None)
 
     def __str__(self) -> str:
+        if self.words:
+            return ", ".join(self.words)
         if self._is_identity:
             return f"in {self.to if self.space == UNKNOWN else self.space}"
         if np.allclose(self.matrix[:3, :3], np.eye(3), atol=_CLOSE):

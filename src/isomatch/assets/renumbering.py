@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
 from isomatch.assets.polygons import Polygons, spans
 from isomatch.values.arrays import BoolArray, IntArray
-
-if TYPE_CHECKING:
-    from isomatch.assets.asset import Asset
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +57,3 @@ class Renumbering:
         corner_index = corners[spans((np.cumsum(sizes) - sizes)[order], sizes[order])]
         made = Polygons(new_point[polygons.corners[corner_index]], sizes[order])
         return cls(point_index, new_point, made, index[order], corner_index)
-
-
-@runtime_checkable
-class RenumberedDocument(Protocol):
-    """The document of a format that refers to points or polygons by their numbers."""
-
-    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> object:
-        """Return the document of the asset after, of which the attributes correspond to those before, in order."""
-        ...

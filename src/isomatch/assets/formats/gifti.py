@@ -106,6 +106,11 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain == "point" and attribute.kind != "weights"
 
 
+def keeps_frame(frame: Frame) -> bool:
+    """Whether GIFTI can tell all of a frame."""
+    return not frame.words
+
+
 def write(asset: Asset) -> bytes:
     """Write a surface; what was read and did not change is written as it was."""
     gifti = _package()
@@ -182,8 +187,8 @@ def _frame(points: Any) -> Frame:
     if system is None:
         return Frame(volume=volume, details=place)
     spaces = [_space(code) for code in (system.dataspace, system.xformspace)]
-    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume, place)
-    if volume is not None and not frame.is_told:
+    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume, details=place)
+    if volume is not None and not frame.has_space:
         return replace(Frame.of_volume(volume), details=place)
     return frame
 
@@ -196,7 +201,7 @@ def _described(gifti: Any, frame: Frame | None) -> dict[str, Any]:
         return {"coordsys": frame.details.coordsys, "meta": frame.details.meta}
     codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
     meta = {}
-    if frame.volume is not None and frame.is_told:
+    if frame.volume is not None and frame.has_space:
         meta = {
             f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
             for key, words in _VOLUME.items()

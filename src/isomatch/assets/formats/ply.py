@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +15,7 @@ from isomatch.assets.formats._ply_body import Table, read_tables
 from isomatch.assets.formats._ply_header import Header, Property, read_header
 from isomatch.assets.formats._ply_rows import Cells, cells, holds, write_rows
 from isomatch.assets.formats._text import is_whole
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons, triangulate
 from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError, MeshError
@@ -86,7 +88,24 @@ def read_asset(data: bytes, name: str) -> Asset:
         face,
         others,
     )
-    return Asset(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
+    words = _of_place(header.comments)
+    return Asset(
+        points,
+        Polygons(corners, sizes),
+        vertex.attributes + face.attributes,
+        document=document,
+        frame=Frame(words=words) if words else None,
+    )
+
+
+def _of_place(comments: Iterable[str]) -> tuple[str, ...]:
+    """Return the comments that tell the unit or the space of the coordinates."""
+    return tuple(line for line in comments if re.search(r"\bunits?\b|\bspace\s*=\s*[rlaips]{3}\b", line, re.IGNORECASE))
+
+
+def keeps_frame(frame: Frame) -> bool:
+    """Whether PLY can tell a frame: in words."""
+    return not frame.has_space
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -118,7 +137,10 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         *document.elements,
     ]
     encoding = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[byte_order]
-    header = ["ply", f"format {encoding} 1.0", *document.comments]
+    comments, words = document.comments, asset.frame.words if asset.frame else ()
+    if _of_place(comments) != words:
+        comments = (*(line for line in comments if line not in _of_place(comments)), *words)
+    header = ["ply", f"format {encoding} 1.0", *comments]
     for name, written, n_rows in elements:
         header += [f"element {name} {n_rows}", *(column.declaration for column in written)]
     body = [write_rows(list(written), n_rows, byte_order) for _, written, n_rows in elements]

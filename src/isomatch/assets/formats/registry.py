@@ -113,7 +113,7 @@ FORMATS: dict[str, MeshFormat] = {
         has_names=True,
         has_opacity=False,
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY),
     ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
     ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True),
@@ -121,7 +121,7 @@ FORMATS: dict[str, MeshFormat] = {
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
     ".gii": _with_attributes(
-        gifti.read_asset, gifti.write, gifti.keeps, has_names=True, keeps_frame=lambda frame: True
+        gifti.read_asset, gifti.write, gifti.keeps, has_names=True, keeps_frame=gifti.keeps_frame
     ),
     **dict.fromkeys(
         freesurfer.SURFACES,
