@@ -100,7 +100,9 @@ def read_asset(data: bytes, name: str) -> Asset:
 
 def _of_place(comments: Iterable[str]) -> tuple[str, ...]:
     """Return the comments that tell the unit or the space of the coordinates."""
-    return tuple(line for line in comments if re.search(r"\bunits?\b|\bspace\s*=\s*[rlaips]{3}\b", line, re.IGNORECASE))
+    return tuple(
+        line for line in comments if re.search(r"\bunits?\b|\bspace\s*=\s*[rlaips]{3}\b", line, re.IGNORECASE)
+    )
 
 
 def keeps_frame(frame: Frame) -> bool:
