@@ -55,7 +55,9 @@ def test_colours_are_read(tmp_path, width, kind):
     for each in (found, alone):
         assert each.kind == "colour"
         np.testing.assert_array_equal(each.values, colours)
-    assert alone.name == "paint"
+    assert found.name == alone.name == "color"
+    write_asset(tmp_path / "a.ply", read_asset(tmp_path / "a.surf.gii"))
+    assert read_asset(tmp_path / "a.ply").attribute("color").kind == "colour"
 
 
 @pytest.mark.parametrize(("width", "intent"), [(3, "RGB"), (4, "RGBA")])

@@ -159,6 +159,20 @@ def test_names_that_are_not_utf_8_stay_different(tmp_path):
     assert nibabel.freesurfer.read_annot(tmp_path / "b.annot")[2] == names
 
 
+def test_an_annotation_keeps_its_colour_table(folder):
+    """Also a black label, which is that of points without any."""
+    nibabel = pytest.importorskip("nibabel")
+    table = np.array([[0, 0, 0, 0, 0], [25, 100, 40, 0, 0], [125, 100, 160, 0, 0]])
+    labels = np.where(REGION[ORDER] < 3, -1, 1 + REGION[ORDER] % 2)
+    words = [b"Unknown", b"G_front", b"S_central"]
+    nibabel.freesurfer.write_annot(folder / "lh.a2009s.annot", labels, table, words)
+    assert transfer(folder, "out.annot", "--values", str(folder / "lh.a2009s.annot")) == 0
+    found = nibabel.freesurfer.read_annot(folder / "out.annot")
+    np.testing.assert_array_equal(found[0], np.where(REGION < 3, -1, 1 + REGION % 2))
+    np.testing.assert_array_equal(found[1][:, :4], table[:, :4])
+    assert found[2] == words
+
+
 def test_what_is_left_of_several(tmp_path):
     given = [
         Attribute("area", "point", "label", [0, 1, 1], names={0: "a", 1: "b"}),

@@ -94,14 +94,19 @@ def write_attribute(attribute: Attribute) -> bytes:
             freesurfer.write_morph_data(path, attribute.values)
             return path.read_bytes()
         coded = attribute.coded
-        keys = sorted(set(coded.names) | set(coded.values[coded.values >= 0].tolist()))
+        used = set(coded.values[coded.values >= 0].tolist())
+        keys = sorted(set(coded.names) | used)
         table = np.zeros((len(keys), 5), dtype=np.int64)
         for row, key in enumerate(keys):
             color = coded.colors.get(key, (*_spread(row), 1.0))
             table[row, :3] = np.rint(255 * np.array(color[:3]))
             other = row
-            while not table[row, :3].any() or (table[:row, :3] == table[row, :3]).all(axis=1).any():
-                table[row, :3] = np.rint(255 * np.array(_spread(other)))  # a colour of its own, and not black
+            while (key in used and not table[row, :3].any()) or (table[:row, :3] == table[row, :3]).all(
+                axis=1
+            ).any():
+                table[row, :3] = np.rint(
+                    255 * np.array(_spread(other))
+                )  # a colour of its own; black is that of no label
                 other += len(keys)
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))

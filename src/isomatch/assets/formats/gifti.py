@@ -155,7 +155,10 @@ def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribut
     for i, array in enumerate(given):
         values = np.asarray(array.data)
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
-        name = str(array.meta.get("Name") or (f"{title}_{i}" if len(given) > 1 else title))
+        name = str(array.meta.get("Name") or "")
+        if not name and array.intent in (_RGB, _RGBA):
+            name = "color"
+        name = name or (f"{title}_{i}" if len(given) > 1 else title)
         if array.intent == _LABEL:
             attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
         elif array.intent in (_RGB, _RGBA):
