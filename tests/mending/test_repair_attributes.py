@@ -126,6 +126,16 @@ def test_normals_of_faces_turned_over_are_turned_too():
         np.testing.assert_allclose(found, SOUND.vertex_normals, atol=1e-12)
 
 
+def test_meshes_of_other_libraries_keep_their_arrays():
+    trimesh = pytest.importorskip("trimesh")
+    bad = damaged()
+    colors = np.random.default_rng(0).integers(0, 256, (bad.n_vertices, 4)).astype(np.uint8)
+    given = trimesh.Trimesh(bad.vertices, bad.faces[:-1], vertex_colors=colors, process=False)
+    mended = repair(given)
+    found = mended.asset.attribute("color").values
+    np.testing.assert_array_equal(found, colors[mended.vertex_index])
+
+
 def test_a_sound_asset_is_the_same_object():
     asset = Asset.of_mesh(SOUND, painted(SOUND))
     assert repair(asset).asset is asset
@@ -163,6 +173,16 @@ def test_texture_coordinates_of_a_file_with_wild_faces(tmp_path):
     assert [line for line in lines if line.startswith(("usemtl", "mtllib"))] == [
         "mtllib a.mtl", "usemtl a", "usemtl b"
     ]  # fmt: skip
+
+
+def test_attributes_that_cannot_be_read_do_not_keep_the_mesh_from_being_mended(tmp_path, capsys):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nvt 0 0\nf 1/1 2/7 3/1\n")
+    assert main(["repair", str(tmp_path / "a.obj"), "-o", str(tmp_path / "b.obj")]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[0].startswith("left out all but points and faces, as ")
+    assert "expected indices of the 1 vt lines, found '1/1 2/7 3/1'" in told[0]
+    assert told[1] == "removed 1 vertex that no face used"
+    assert len(read_asset(tmp_path / "b.obj").points) == 3
 
 
 PLY = """ply

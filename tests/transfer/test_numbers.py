@@ -50,6 +50,14 @@ def test_regions_of_faces_and_corners(domain, values):
     assert set(np.unique(found.asset.attribute("region", domain).values)) <= set(NUMBERS)
 
 
+def test_they_are_chosen_with_the_labels():
+    region = Attribute("region", "point", "scalar", OCTANT.astype(float))
+    depth = Attribute("depth", "point", "scalar", MESH.vertices[:, 2])
+    giver = Asset.of_mesh(MESH, [region, depth])
+    for words, names in (("labels", ("region",)), ("scalars", ("region", "depth"))):
+        assert carry_attributes(between(), Asset.of_mesh(MESH), giver, words).names == names
+
+
 def test_two_atlases_in_one_array():
     both = np.stack([OCTANT, OCTANT // 7], axis=1).astype(np.float32)
     found = carried(Attribute("atlases", "point", "vector", both))

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_from, read_asset
+from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
+from isomatch.errors import FormatError
 from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import MeshReport
@@ -129,12 +130,12 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
-    asset = _asset_of(mesh)
+    asset, lost = _asset_of(mesh)
     mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)
     if report and not any(len(getattr(report, defect)) for defect in MENDED):
         same = None if asset is None else np.arange(len(asset.polygons))
-        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), (), asset, same)
+        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), lost, asset, same)
     places = mesh.vertices
     if asset is not None and len(asset.parts) > 1:
         places = np.column_stack([places, asset.part_of_point])
@@ -172,7 +173,7 @@ def repair(
         ("removed {} that no face used", "vertex", unused),
         ("rewound {}", "face", rewound),
     )
-    changes = tuple(
+    changes = lost + tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
     if asset is None or not changes:
@@ -185,15 +186,18 @@ def repair(
     return Repair(mended, vertex_index, new_index, face_index, changes + told, whole, rows.polygon_index)
 
 
-def _asset_of(given: SurfaceLike) -> Asset | None:
-    """Return what has attributes; None for bare meshes."""
+def _asset_of(given: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
+    """Return what has attributes, None for bare meshes; and what is lost of a file whose attributes cannot be read."""
     if isinstance(given, Asset):
-        return given
+        return given, ()
     if isinstance(given, str | os.PathLike):
-        return read_asset(given, sound=False)
+        try:
+            return read_asset(given, sound=False), ()
+        except FormatError as error:
+            return Asset.of_mesh(read_mesh(given)), (f"left out all but points and faces, as {error}",)
     if isinstance(given, Mesh | PointCloud | tuple):
-        return None
-    return asset_from(given, sound=False)
+        return None, ()
+    return asset_from(given, sound=False), ()
 
 
 def _told(asset: Asset, name: str, n: int) -> str:

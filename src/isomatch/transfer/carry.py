@@ -159,7 +159,11 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     for word in words:
         kind = word.lower().removesuffix("s")
         kind = "weights" if kind == "weight" else _SYNONYMS.get(kind, kind)
-        those = [a for a in asset.attributes if word == a.name or kind == a.kind]
+        those = [
+            a
+            for a in asset.attributes
+            if word == a.name or kind == a.kind or (kind == "label" and a.seems_labels)
+        ]
         if not those:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
