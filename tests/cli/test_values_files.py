@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, read_asset, write_asset
-from isomatch.assets import Attribute, holds_values, read_attributes, write_attribute, write_attributes
+from isomatch.assets import (
+    Attribute,
+    Polygons,
+    holds_values,
+    read_attributes,
+    write_attribute,
+    write_attributes,
+)
 from isomatch.cli import main
 from shapes import icosphere
 
@@ -136,6 +143,9 @@ def test_what_does_not_fit_is_told(folder, capsys):
         (",area\n0,left\n2,right\n", {"area": ["left", "", "right"]}),
         ("# made by hand\nside\n#1\n#2\n#1\n", {"side": ["#1", "#2", "#1"]}),
         ("left\nright\nleft\n", {"t": ["left", "right", "left"]}),
+        ("1_2\n1_0\n2_0\n", {"t": ["1_2", "1_0", "2_0"]}),
+        ("left front\nback\nback\n", {"t": ["left front", "back", "back"]}),
+        ("# by hand\nregion,depth\n1,2\n1,2\n1,4\n", {"region": [1, 1, 1], "depth": [2, 2, 4]}),
         ("0.5\t1\n0.25\t2\n0.5\t1\n", {"t_0": [0.5, 0.25, 0.5], "t_1": [1, 2, 1]}),
     ],
 )
@@ -146,6 +156,22 @@ def test_tables_of_many_kinds(tmp_path, text, expected):
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values)
+
+
+def test_a_table_of_some_vertices_of_quads(tmp_path):
+    """There are fewer polygons than points, and the rows are of points."""
+    points = [[x, y, 0.0] for y in range(3) for x in range(3)]
+    quads = Polygons([0, 1, 4, 3, 1, 2, 5, 4, 3, 4, 7, 6, 4, 5, 8, 7], [4, 4, 4, 4])
+    (tmp_path / "t.csv").write_text("vertex,depth\n2,0.5\n0,1.5\n")
+    (found,) = read_attributes(tmp_path / "t.csv", Asset(points, quads))
+    np.testing.assert_array_equal(found.values, [1.5, np.nan, 0.5, *[np.nan] * 6])
+
+
+@pytest.mark.parametrize(("name", "mark"), [("a.csv", ","), ("a.tsv", "\t"), ("a.txt", "\t")])
+def test_marks_between_columns(tmp_path, name, mark):
+    flow = Attribute("flow", "point", "vector", np.eye(3))
+    write_attribute(tmp_path / name, flow)
+    assert (tmp_path / name).read_text().splitlines()[0].split(mark) == ["flow_0", "flow_1", "flow_2"]
 
 
 def test_names_that_are_not_utf_8_stay_different(tmp_path):

@@ -291,6 +291,22 @@ def test_a_gltf_file_keeps_its_scene(tmp_path, suffix):
     np.testing.assert_allclose(found_uv, given_uv, atol=1e-6)
 
 
+def test_parts_are_welded_where_the_output_has_none(tmp_path):
+    square = {"attributes": {"POSITION": 0}, "indices": 1}
+    path = tmp_path / "a.gltf"
+    write_asset(path, Asset.of_mesh(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])))
+    document = json.loads(path.read_text())
+    document["meshes"].append({"primitives": [square]})
+    document["nodes"].append({"mesh": 1, "scale": [-1, 1, 1]})
+    document["scenes"][0]["nodes"].append(1)
+    path.write_text(json.dumps(document))
+    for name, n_points in (("b.ply", 4), ("b.glb", 6)):
+        assert main(["repair", str(path), "-o", str(tmp_path / name), "--force"]) == 0
+        found = read_asset(tmp_path / name)
+        assert len(found.points) == n_points
+        assert check(found.mesh).ok
+
+
 def test_parts_stay_apart():
     """Two parts that touch are not welded, as each has its own points in the file."""
     points = np.vstack([np.eye(3), np.eye(3), [[5, 5, 5]]])

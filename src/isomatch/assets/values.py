@@ -70,7 +70,13 @@ def _freesurfer(kind: Kind) -> ValuesFormat:
     )
 
 
-_TABLE = ValuesFormat(_read_table, tables.write_table, lambda attribute: attribute.domain != "corner")
+def _table(mark: str) -> ValuesFormat:
+    return ValuesFormat(
+        _read_table,
+        lambda attributes: tables.write_table(attributes, mark),
+        lambda attribute: attribute.domain != "corner",
+    )
+
 
 VALUES_FORMATS = {
     ".gii": _gifti(),
@@ -84,7 +90,9 @@ VALUES_FORMATS = {
         lambda attribute: attribute.domain != "corner",
         is_single=True,
     ),
-    **dict.fromkeys((".csv", ".tsv", ".txt"), _TABLE),
+    ".csv": _table(","),
+    ".tsv": _table("\t"),
+    ".txt": _table("\t"),
 }
 
 

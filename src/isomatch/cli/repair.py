@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, cast
 
 from cyclopts import Parameter
 
 import isomatch
+from isomatch.assets import FORMATS
 from isomatch.cli.outputs import claimed_files, say_left_out
 from isomatch.cli.terminal import say
 from isomatch.storage.array_file import write_arrays
@@ -40,7 +42,7 @@ def repair(
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        repaired = isomatch.repair(file)
+        repaired = isomatch.repair(_whole(file, output))
         asset = cast(isomatch.Asset, repaired.asset)
         indices = {"vertex_index": repaired.vertex_index, "new_index": repaired.new_index}
         write_arrays(index, indices | {"face_index": cast(IntArray, repaired.polygon_index)})
@@ -49,3 +51,11 @@ def repair(
         say(change)
     say_left_out(left, output)
     say(f"wrote {output}, {index}")
+
+
+def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
+    """Return the file, or its parts as one surface if the output has no parts, so that they are welded too."""
+    mesh_format = FORMATS.get(output.suffix.lower())
+    if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
+        return file
+    return replace(isomatch.read_asset(file, sound=False).placed, parts=(), document=None)

@@ -15,6 +15,7 @@ from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.packages import package
+from isomatch.values.arrays import IntArray
 
 SURFACES = (
     ".pial",
@@ -56,7 +57,7 @@ def read_asset(data: bytes, name: str) -> Asset:
         )
 
 
-def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
     """Read an annotation, as labels with names and colours, or a curvature, as scalars."""
     freesurfer = _package()
     title = Path(name).suffix[1:].lower()
@@ -101,12 +102,9 @@ def write_attribute(attribute: Attribute) -> bytes:
             color = coded.colors.get(key, (*_spread(row), 1.0))
             table[row, :3] = np.rint(255 * np.array(color[:3]))
             other = row
-            while (key in used and not table[row, :3].any()) or (table[:row, :3] == table[row, :3]).all(
-                axis=1
-            ).any():
-                table[row, :3] = np.rint(
-                    255 * np.array(_spread(other))
-                )  # a colour of its own; black is that of no label
+            # points are told by colours: each label has its own, and black is that of points without a label
+            while _is_taken(table[:row, :3], table[row, :3]) or (key in used and not table[row, :3].any()):
+                table[row, :3] = np.rint(255 * np.array(_spread(other)))
                 other += len(keys)
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
@@ -114,6 +112,10 @@ def write_attribute(attribute: Attribute) -> bytes:
         words = [coded.names.get(key, str(key)).encode(errors="surrogateescape") for key in keys]
         freesurfer.write_annot(path, numbers, table, words, fill_ctab=True)
         return path.read_bytes()
+
+
+def _is_taken(colors: IntArray, color: IntArray) -> bool:
+    return bool((colors == color).all(axis=1).any())
 
 
 def _spread(row: int) -> tuple[float, float, float]:

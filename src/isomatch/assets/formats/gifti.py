@@ -121,7 +121,7 @@ def write(asset: Asset) -> bytes:
         image.meta = document.image.meta
         given = {array.intent: array for array in reversed(document.image.darrays)}
         of_triangles = {"coordsys": given[_TRIANGLES].coordsys, "meta": given[_TRIANGLES].meta}
-        if not isinstance(of_points["meta"], gifti.GiftiMetaData):
+        if asset.frame is None or not isinstance(asset.frame.details, GiftiPlace):
             anatomy = {key: word for key, word in given[_POINTS].meta.items() if "VolGeom" not in key}
             of_points["meta"] = anatomy | of_points["meta"]
     for intent, values, described in (
@@ -197,7 +197,7 @@ def _frame(points: Any) -> Frame:
 
 
 def _described(gifti: Any, frame: Frame | None) -> dict[str, Any]:
-    """Return what an array of points says of its frame, and no meta data of nibabel where it was none of GIFTI."""
+    """Return what an array of points says of its frame."""
     if frame is None:
         return {"meta": {}}
     if isinstance(frame.details, GiftiPlace):

@@ -25,6 +25,11 @@ from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
 _ENDS = ("vertex1", "vertex2", *_INDEX_LISTS)
 """Properties of other elements, such as edges, that are numbers of points."""
+_PLACE = re.compile(
+    r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)|\bspace\s*=\s*[rlaips]{3}\b",
+    re.I,
+)
+"""Comments that tell the unit or the space of the coordinates."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +105,7 @@ def read_asset(data: bytes, name: str) -> Asset:
 
 def _of_place(comments: Iterable[str]) -> tuple[str, ...]:
     """Return the comments that tell the unit or the space of the coordinates."""
-    return tuple(
-        line for line in comments if re.search(r"\bunits?\b|\bspace\s*=\s*[rlaips]{3}\b", line, re.IGNORECASE)
-    )
+    return tuple(line for line in comments if _PLACE.search(line))
 
 
 def keeps_frame(frame: Frame) -> bool:

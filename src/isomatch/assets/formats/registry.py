@@ -14,6 +14,10 @@ from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
 
 
+def _tells_nothing(frame: Frame) -> bool:
+    return not frame.is_told
+
+
 @dataclass(frozen=True)
 class MeshFormat:
     """How one format is read and written.
@@ -51,7 +55,7 @@ class MeshFormat:
     has_parts: bool = False
     has_names: bool = False
     has_opacity: bool = True
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.is_told
+    keeps_frame: Callable[[Frame], bool] = _tells_nothing
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
@@ -73,7 +77,7 @@ def _with_attributes(
     options: frozenset[str] = frozenset(),
     has_parts: bool = False,
     has_names: bool = False,
-    keeps_frame: Callable[[Frame], bool] = lambda frame: not frame.is_told,
+    keeps_frame: Callable[[Frame], bool] = _tells_nothing,
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 

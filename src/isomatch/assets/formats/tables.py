@@ -16,17 +16,7 @@ from isomatch.assets.formats._reading import reading
 from isomatch.errors import FormatError
 from isomatch.values.arrays import AnyArray
 
-_INDEX_NAMES = {
-    "",
-    "index",
-    "vertex",
-    "vertices",
-    "vertex_index",
-    "vertex index",
-    "point",
-    "node",
-    "unnamed: 0",
-}
+_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
 _MARKS = ",;\t"
 _BLANK = {"", "nan", "na", "n/a", "none", "null"}
 
@@ -53,17 +43,15 @@ def write_array(attributes: Sequence[Attribute]) -> bytes:
     return file.getvalue()
 
 
-def read_table(data: bytes, name: str, n_rows: Collection[int] = ()) -> tuple[Attribute, ...]:
+def read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attribute, ...]:
     """Read columns of a text; those without a header are named by the file.
 
     A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
     vertex, index or nothing that has different whole numbers says which point a row is of.
     """
     text = data.decode("utf-8-sig", errors="surrogateescape")
-    mark = next((each for each in _MARKS if each in text.partition("\n")[0]), None)
-    lines = csv.reader(StringIO(text), delimiter=mark) if mark else map(str.split, text.splitlines())
-    rows = [[cell.strip() for cell in line] for line in lines if any(line)]
-    rows = list(dropwhile(lambda row: row[0] == "#" or row[0].startswith("# "), rows))
+    with reading(name, "columns of text"):
+        rows = _rows(text)
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         raise FormatError(
             f"{name}: expected columns of one row for each point, found "
@@ -84,13 +72,13 @@ def read_table(data: bytes, name: str, n_rows: Collection[int] = ()) -> tuple[At
     ]
     if index is not None:
         total = int(index.max(initial=-1)) + 1
-        fits = [n for n in n_rows if n >= total]
-        found = [each.spread(index, min(fits, default=total)) for each in found]
+        n = next((n for n in n_rows if n >= total), total)
+        found = [each.spread(index, n) for each in found]
     return told_apart(found)
 
 
-def write_table(attributes: Sequence[Attribute]) -> bytes:
-    """Write a line of names, and a row for each point, separated by commas."""
+def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
+    """Write a line of names, and a row for each point, with a mark between the columns."""
     names, columns = [], []
     for attribute in attributes:
         values = attribute.values if attribute.kind == "label" else attribute.plain
@@ -99,10 +87,24 @@ def write_table(attributes: Sequence[Attribute]) -> bytes:
         names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
         columns += [column.tolist() for column in table.T]
     file = StringIO()
-    writer = csv.writer(file, lineterminator="\n")
+    writer = csv.writer(file, delimiter=mark, lineterminator="\n")
     writer.writerow(names)
     writer.writerows(zip(*columns))
     return file.getvalue().encode("utf-8", "surrogateescape")
+
+
+def _rows(text: str) -> list[list[str]]:
+    """Split lines at the mark of the first one, or at blanks; lines at the beginning may be comments."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
+    mark = next((each for each in _MARKS if lines and each in lines[0]), None)
+    if mark:
+        return [
+            [cell.strip() for cell in row] for row in csv.reader(StringIO("\n".join(lines)), delimiter=mark)
+        ]
+    rows = [line.split() for line in lines]
+    is_table = all(len(row) == len(rows[0]) for row in rows)
+    return rows if is_table else [[line.strip()] for line in lines]
 
 
 def _has_header(rows: list[list[str]], n_rows: Collection[int]) -> bool:
@@ -123,11 +125,13 @@ def _is_number(cell: str) -> bool:
         float(cell)
     except ValueError:
         return False
-    return True
+    return "_" not in cell  # which Python takes for a separator of digits
 
 
 def _column(cells: list[str]) -> AnyArray:
     """Return whole numbers, numbers with nan for blanks, or texts."""
+    if any("_" in cell for cell in cells):
+        return np.array(cells)
     try:
         return np.array([int(cell) for cell in cells], dtype=np.int64)
     except (ValueError, OverflowError):
