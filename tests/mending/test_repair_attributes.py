@@ -307,6 +307,25 @@ def test_parts_are_welded_where_the_output_has_none(tmp_path):
         assert check(found.mesh).ok
 
 
+def test_a_part_of_which_nothing_is_left_goes(tmp_path):
+    """A mesh that a node shrinks to a point; those before and after it keep their numbers of points."""
+    path = tmp_path / "a.gltf"
+    write_asset(path, Asset.of_mesh(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])))
+    document = json.loads(path.read_text())
+    mesh = document["meshes"][0]
+    document["meshes"] = [{**mesh, "name": name} for name in "abc"]
+    document["nodes"] = [{"mesh": 0}, {"mesh": 1, "scale": [0, 0, 0]}, {"mesh": 2, "translation": [0, 0, 4]}]
+    document["scenes"][0]["nodes"] = [0, 1, 2]
+    path.write_text(json.dumps(document))
+    mended = repair(path)
+    write_asset(tmp_path / "b.glb", mended.asset)
+    found = read_asset(tmp_path / "b.glb")
+    for parts in (mended.asset.parts, found.parts):
+        assert [(part.name, part.n_points, part.n_polygons) for part in parts] == [("a", 3, 1), ("c", 3, 1)]
+    np.testing.assert_array_equal(found.mesh.vertices, mended.asset.mesh.vertices)
+    assert [node.get("mesh") for node in found.document.json["nodes"]] == [0, None, 1]
+
+
 def test_parts_stay_apart():
     """Two parts that touch are not welded, as each has its own points in the file."""
     points = np.vstack([np.eye(3), np.eye(3), [[5, 5, 5]]])

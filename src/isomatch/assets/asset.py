@@ -167,7 +167,9 @@ class Asset:
             n_points = np.bincount(self.part_of_point[rows.point_index], minlength=len(parts)).tolist()
             n_polygons = np.bincount(part_of_polygon[rows.polygon_index], minlength=len(parts)).tolist()
             parts = tuple(
-                replace(part, n_points=n, n_polygons=m) for part, n, m in zip(parts, n_points, n_polygons)
+                replace(part, n_points=n, n_polygons=m)
+                for part, n, m in zip(parts, n_points, n_polygons)
+                if n
             )
         after = replace(
             self,
