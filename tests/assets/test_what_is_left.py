@@ -18,7 +18,7 @@ from isomatch import (
     write_asset,
     write_mesh,
 )
-from isomatch.assets import Attribute, Polygons, asset_from
+from isomatch.assets import Attribute, Polygons, asset_from, to_pyvista
 from isomatch.assets.formats import _gltf_data
 
 REGION = Attribute("words", "point", "label", ["a", "b", "a", "c", "a", "a", "b"])
@@ -120,7 +120,8 @@ def test_polygons_of_points_that_are_not_there(tmp_path):
         lambda: asset_from(bad),
         lambda: Asset.of_mesh(bad).mesh,
         lambda: Asset.of_mesh(bad).vertex_of_corner,
-        lambda: Asset.of_mesh(bad, [uv]),
+        lambda: write_asset(tmp_path / "a.obj", Asset.of_mesh(bad, [uv])),
+        lambda: to_pyvista(Asset.of_mesh(bad, [uv])),
         lambda: write_mesh(tmp_path / "a.glb", bad),
     ):
         with pytest.raises(

@@ -1,12 +1,13 @@
 """``isomatch transfer`` and ``match --as-mesh``, by exit code and artefact."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, Wrapped, match, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute, Polygons
+from isomatch.assets import Attribute, Frame, Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
@@ -57,6 +58,7 @@ def test_json_and_force(folder, capsys):
         "to": "source",
         "carried": ["part"],
         "left_out": [],
+        "taken_as_labels": ["part"],
         "n_unmatched": 0,
         "n_across_seams": 0,
     }
@@ -70,7 +72,8 @@ def test_a_map_of_other_files_is_refused(folder, capsys):
 
 def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
     for name, creature in zip(("source.obj", "target.ply"), example_pair()):
-        write_asset(tmp_path / name, Asset.of_mesh(creature.mesh))
+        frame = Frame(words=("comment unit: mm",)) if name == "target.ply" else None
+        write_asset(tmp_path / name, replace(Asset.of_mesh(creature.mesh), frame=frame))
     quick = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
     (tmp_path / "quick.toml").write_text(quick)
     words = [
@@ -91,6 +94,7 @@ def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, caps
     assert record["inverted"] <= record["inverted_before"]
     shared, source = read_mesh(tmp_path / "shared.ply"), read_mesh(tmp_path / "source.obj")
     np.testing.assert_array_equal(shared.faces, source.faces)
+    assert read_asset(tmp_path / "shared.ply").frame.words == ("comment unit: mm",)
 
 
 def test_directions_of_the_former_shape_are_left_out(tmp_path):
@@ -101,7 +105,7 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
         Attribute("flow", "point", "vector", np.eye(3)),
     )
     write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
-    write_wrapped(tmp_path / "b.glb", tmp_path / "a.glb", Wrapped(made, 0, 0, 0), np.zeros(3))
+    write_wrapped(tmp_path / "b.glb", *2 * (tmp_path / "a.glb",), Wrapped(made, 0, 0, 0), np.zeros(3))
     assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]
 
 

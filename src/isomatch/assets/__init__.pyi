@@ -1,6 +1,7 @@
 from isomatch.assets.appearance import looks_of, unread_files, with_looks_of, with_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain, Kind
+from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.files import (
     files_beside,
     read_asset,
@@ -13,20 +14,23 @@ from isomatch.assets.formats.gltf import with_key_weights_of
 from isomatch.assets.formats.gltf_looks import base_colours
 from isomatch.assets.formats.gltf_skins import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
+from isomatch.assets.frame import Frame
 from isomatch.assets.from_libraries import asset_from
 from isomatch.assets.looks import Layer, Look, Looks, Picture
 from isomatch.assets.parts import Part
 from isomatch.assets.pictures import pixels_of, png_of, sampled, unread
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.assets.surface_from import SurfaceLike, mesh_from, surface_from
 from isomatch.assets.to_libraries import to_meshio, to_open3d, to_pyvista, to_trimesh
-from isomatch.assets.values import read_attributes, write_attribute
+from isomatch.assets.values import holds_values, read_attributes, write_attribute, write_attributes
 
 __all__ = [
     "FORMATS",
     "Asset",
     "Attribute",
     "Domain",
+    "Frame",
     "Kind",
     "Layer",
     "Look",
@@ -35,11 +39,13 @@ __all__ = [
     "Part",
     "Picture",
     "Polygons",
+    "Renumbering",
     "SurfaceLike",
     "animation_channels",
     "asset_from",
     "base_colours",
     "files_beside",
+    "holds_values",
     "is_posed",
     "looks_of",
     "mesh_from",
@@ -55,6 +61,7 @@ __all__ = [
     "to_open3d",
     "to_pyvista",
     "to_trimesh",
+    "told_apart",
     "unread",
     "unread_files",
     "with_key_weights_of",
@@ -63,5 +70,6 @@ __all__ = [
     "with_texture",
     "write_asset",
     "write_attribute",
+    "write_attributes",
     "write_mesh",
 ]

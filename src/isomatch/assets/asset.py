@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.assets.attribute import Attribute, Domain, Kind, require_lengths
+from isomatch.assets.frame import Frame
 from isomatch.assets.parts import Part, placed, turned, unplaced
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import DescriptorError, MeshError, some
 from isomatch.surfaces import Mesh, welded
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
@@ -38,12 +41,14 @@ class Asset:
         What else the format holds, for writing the same format again.
     notes : tuple of str
         What a reader left out, supposed or replaced, a sentence for each.
+    frame : Frame, optional
+        The space of the coordinates, where the file tells it.
 
     Raises
     ------
     MeshError
-        If the positions have the wrong shape, the parts do not add up, or a polygon refers to no point. Without values of
-        corners, only the mesh and what belongs to it refuse such polygons, as a `Mesh` may have them too.
+        If the positions have the wrong shape, or the parts do not add up. Polygons that refer to no point are refused by
+        the mesh and what belongs to it, and `repair` removes them.
     DescriptorError
         If an attribute has another number of rows, or two have the same name.
 
@@ -61,6 +66,7 @@ class Asset:
     parts: tuple[Part, ...] = ()
     document: object = None
     notes: tuple[str, ...] = ()
+    frame: Frame | None = None
 
     def __post_init__(self) -> None:
         points = numbers_of(self.points, "points", MeshError)
@@ -79,8 +85,6 @@ class Asset:
             self.attributes,
             {"point": len(points), "corner": len(self.polygons.corners), "face": len(self.polygons)},
         )
-        if any(attribute.domain == "corner" for attribute in self.attributes):
-            self.require_points()
 
     def __repr__(self) -> str:
         names = ", ".join(attribute.name for attribute in self.attributes) or "no attributes"
@@ -167,6 +171,30 @@ class Asset:
                 f"0…{len(self.points) - 1}; remove them, or export the file again"
             )
 
+    def renumbered(self, rows: Renumbering) -> Asset:
+        """Return other points and polygons made of those that there are, with all values on them."""
+        index = {"point": rows.point_index, "corner": rows.corner_index, "face": rows.polygon_index}
+        parts = self.parts
+        if parts:
+            part_of_polygon = np.repeat(np.arange(len(parts)), [part.n_polygons for part in parts])
+            n_points = np.bincount(self.part_of_point[rows.point_index], minlength=len(parts)).tolist()
+            n_polygons = np.bincount(part_of_polygon[rows.polygon_index], minlength=len(parts)).tolist()
+            parts = tuple(
+                replace(part, n_points=n, n_polygons=m)
+                for part, n, m in zip(parts, n_points, n_polygons)
+                if n
+            )
+        after = replace(
+            self,
+            points=self.points[rows.point_index],
+            polygons=rows.polygons,
+            attributes=tuple(attribute.at(index[attribute.domain]) for attribute in self.attributes),
+            parts=parts,
+        )
+        if isinstance(self.document, RenumberedDocument):
+            return replace(after, document=self.document.renumbered(self, after, rows))
+        return after
+
     def moved(self, vertices: ArrayLike) -> Asset:
         """Return the same asset with the vertices of its mesh at other positions; all else stays.
 
@@ -223,3 +251,12 @@ class Asset:
         """(n,) index of the part of each point; 0 where the file does not have several."""
         counts = [part.n_points for part in self.parts] or [len(self.points)]
         return np.repeat(np.arange(len(counts)), counts)
+
+
+@runtime_checkable
+class RenumberedDocument(Protocol):
+    """The document of a format that refers to points or polygons by their numbers."""
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> object:
+        """Return the document of the asset after, of which the attributes correspond to those before, in order."""
+        ...

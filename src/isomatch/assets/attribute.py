@@ -116,6 +116,22 @@ class Attribute:
         joints = None if self.joints is None else self.joints[index]
         return replace(self, domain=domain or self.domain, values=self.values[index], joints=joints)
 
+    def spread(self, rows: IntArray, n: int) -> Attribute:
+        """Return n rows, of which some have the values; the others have nan, the label −1, an empty text, or 0."""
+        values = self.values
+        none = {"label": -1, "scalar": np.nan, "vector": np.nan}.get(self.kind, 0)
+        if values.dtype.kind == "U":
+            everywhere = np.full(n, "", dtype=values.dtype)
+        else:
+            kind = (
+                values.dtype
+                if self.kind not in ("label", "scalar", "vector")
+                else np.result_type(values, none)
+            )
+            everywhere = np.full((n, *values.shape[1:]), none, dtype=kind)
+        everywhere[rows] = values
+        return self.with_values(everywhere)
+
     @property
     def note_of_missing(self) -> str:
         """A sentence about rows that are nan, empty if there are none."""
@@ -145,6 +161,25 @@ class Attribute:
     def is_tangent(self) -> bool:
         """Whether these are tangents, along which the first texture coordinate rises."""
         return self.kind == "vector" and self.name.startswith("tangent")
+
+    @property
+    def seems_labels(self) -> bool:
+        """Whether these are labels, or numbers like those of regions: whole, at most half as many as rows; nan is none.
+
+        Examples
+        --------
+        >>> Attribute("region", "point", "scalar", [1000.0, 1000.0, 39.0, 39.0, np.nan]).seems_labels
+        True
+        >>> Attribute("depth", "point", "scalar", [0.5, 0.5, 0.25, 0.25]).seems_labels
+        False
+        """
+        if self.kind not in ("scalar", "vector") or self.is_tangent:
+            return self.kind == "label"
+        none = np.isnan(self.values)
+        known = self.values[~(none.any(axis=1) if none.ndim > 1 else none)]
+        if not (known == np.rint(known)).all():
+            return False
+        return 2 * len(np.unique(known, axis=0 if known.ndim > 1 else None)) <= len(known)
 
     @property
     def full(self) -> float:

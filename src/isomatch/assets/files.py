@@ -100,13 +100,15 @@ def read_point_cloud(path: str | os.PathLike[str], n_neighbours: int = 30) -> Po
     return PointCloud(read_mesh(path).vertices, n_neighbours)
 
 
-def read_asset(path: str | os.PathLike[str]) -> Asset:
+def read_asset(path: str | os.PathLike[str], *, sound: bool = True) -> Asset:
     r"""Read a surface file with its attributes and all else that it carries.
 
     Parameters
     ----------
     path : path_like
         File as for `read_mesh`.
+    sound : bool
+        Whether every polygon must refer to points of the file; `repair` removes those that do not.
 
     Returns
     -------
@@ -137,7 +139,8 @@ def read_asset(path: str | os.PathLike[str]) -> Asset:
         if mesh_format.read_asset is None:
             return Asset.of_mesh(mesh_format.read(data, name))
         asset = mesh_format.read_asset(data, name)
-        asset.require_points()
+        if sound:
+            asset.require_points()
         return asset.with_note_of_uncut
 
     with opened(path) as file:
@@ -225,7 +228,8 @@ def write_asset(
     Returns
     -------
     tuple of Attribute
-        What is not in the file, because the format has no place for it: attributes, or "names of" or "opacity of" one.
+        What is not in the file, because the format has no place for it: attributes, "names of" or "opacity of" one, or
+        the frame of the coordinates, with its matrix as the values.
 
     Raises
     ------
@@ -247,6 +251,8 @@ def write_asset(
     if not mesh_format.has_parts:
         document = asset.document
         asset = replace(asset.placed, document=document)
+    if any(attribute.domain == "corner" for attribute in asset.attributes):
+        asset.require_points()
     kept: list[Attribute] = []
     left: list[Attribute] = []
     for attribute in asset.attributes:
@@ -262,6 +268,9 @@ def write_asset(
         else:
             kept.append(place)
             left += mesh_format.missing(place)
+    if asset.frame is not None and not mesh_format.keeps_frame(asset.frame):
+        lost = f"the frame of the coordinates ({asset.frame})"
+        left.append(Attribute(lost, "point", "vector", asset.frame.matrix))
     data = mesh_format.write(
         replace(asset, attributes=told_apart(kept)), **({} if binary is None else {"binary": binary})
     )

@@ -40,7 +40,7 @@ def geometry_of(given: object) -> Geometry:
     return geometry(given, points, cells)
 
 
-def asset_from(given: object) -> Asset:
+def asset_from(given: object, *, sound: bool = True) -> Asset:
     """Make an asset of a mesh of another library, with its attributes, and its texture if it has just one.
 
     Parameters
@@ -48,6 +48,8 @@ def asset_from(given: object) -> Asset:
     given : object
         A ``trimesh.Trimesh``, ``pyvista.PolyData``, ``meshio.Mesh``, or a ``TriangleMesh`` of Open3D; or a
         ``PointCloud`` of trimesh or Open3D.
+    sound : bool
+        Whether every polygon must refer to points; `repair` removes those that do not.
 
     Raises
     ------
@@ -55,7 +57,8 @@ def asset_from(given: object) -> Asset:
         If it is none of these, has no polygons but other cells, or a polygon refers to no point.
     """
     asset, texture = held_by(given), texture_on(given)
-    asset.require_points()
+    if sound:
+        asset.require_points()
     asset = asset.with_note_of_uncut
     if texture is None or not asset.of_kind("uv"):
         return asset

@@ -135,6 +135,8 @@ def to_open3d(asset: Asset) -> Any:
 def _at_points(asset: Asset) -> Asset:
     """Return the same with values of corners at points, of which there are more at seams; equal names are numbered."""
     asset = asset.placed
+    if any(attribute.domain == "corner" for attribute in asset.attributes):
+        asset.require_points()
     split = split_at_seams(asset.polygons, len(asset.points), asset.attributes)
     return Asset(
         asset.points[split.source],

@@ -101,7 +101,8 @@ def match(
     report : bool
         Whether to write report.html.
     as_mesh : Path
-        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target.
+        Surface file to write: the source, with its faces and all that its file carries, in the shape of the target, in
+        the target's coordinates and frame.
     seed : int
         Seed of the sampling and of the eigensolver.
     force : bool
@@ -182,7 +183,7 @@ def match(
             record = folder.write(*drawn, result, titles=titles, more=more, back=back, **shown)
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
-                record["as_mesh"] = write_wrapped(as_mesh, source, wrapped, result.expected_error)
+                record["as_mesh"] = write_wrapped(as_mesh, source, target, wrapped, result.expected_error)
                 write_text(folder.result, json_text(record))
         tell("done", 1.0)
 

@@ -178,15 +178,17 @@ def say_result(result: isomatch.MatchResult) -> None:
 
 
 def write_wrapped(
-    path: Path, source: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
+    path: Path, source: Path, target: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
 ) -> dict[str, Any]:
     """Write the source in the shape of the target, and count what was mended.
 
-    All that its file carries is written too, shape keys turned with the surface, but no normals and tangents. Where the
-    format takes scalars, the expected error (n_source,) of each vertex is added.
+    All that its file carries is written too, shape keys turned with the surface, but no normals and tangents; the frame
+    of the coordinates is that of the target. Where the format takes scalars, the expected error (n_source,) of each
+    vertex is added.
     """
     asset = isomatch.read_asset(source)
-    moved = asset.moved(wrapped.mesh.vertices[asset.point_of_vertex])
+    frame = isomatch.read_asset(target, sound=False).frame
+    moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
         moved = isomatch.carry_attributes(unmoved, moved, asset, "keys").asset
@@ -194,9 +196,10 @@ def write_wrapped(
         attribute.name for attribute in moved.attributes if attribute.kind == "normal" or attribute.is_tangent
     ]
     errors = Attribute("expected_error", "point", "scalar", expected_error)
-    isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(errors))
+    left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(errors))
     counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
-    return {"file": str(path), **counts, "extended": wrapped.extended}
+    names = [attribute.name for attribute in left if attribute is not errors]
+    return {"file": str(path), **counts, "extended": wrapped.extended, "left_out": names}
 
 
 def require_writable(path: Path) -> None:
@@ -214,6 +217,13 @@ def say_wrapped(record: dict[str, Any]) -> None:
     )
     if record["extended"]:
         say(f"{record['extended']} vertices have no image and continue those around them")
+    say_left_out(record["left_out"], record["file"])
+
+
+def say_left_out(names: list[str], file: str | Path) -> None:
+    """Print what the format of a file has no place for."""
+    if names:
+        say(f"a {Path(file).suffix} file has no place for {', '.join(names)}")
 
 
 def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:

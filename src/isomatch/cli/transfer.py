@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.assets import files_beside
+from isomatch.assets import files_beside, holds_values, read_attributes, told_apart, write_attributes
 from isomatch.cli.inputs import naming_files
-from isomatch.cli.outputs import claimed_files
+from isomatch.cli.outputs import claimed_files, say_left_out
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.cli.transfer_landmarks import transfer_landmarks
 from isomatch.storage.files import replaced
-from isomatch.transfer import Labelling, Side
+from isomatch.transfer import Labelling, NumbersAs, Side
 
 
 def transfer(
@@ -24,16 +25,18 @@ def transfer(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    data: str = "all",
+    data: str | None = None,
+    values: list[Path] | None = None,
     to: Side | None = None,
     labels: Labelling = "nearest",
+    numbers_as: Annotated[NumbersAs | None, Parameter(name="--as")] = None,
     bake: int | None = None,
     landmarks: Path | None = None,
     curve_points: int | None = None,
     force: bool = False,
     talk: Talk = TALK,
 ) -> None:
-    """Carry what one file holds to the other: labels, colours, textures, normals, weights, shape keys, landmarks.
+    """Carry what one file holds, or files of its values, to the other: labels, colours, textures, weights, landmarks.
 
     Polygons, seams, transforms and units of the file that receives stay as they are.
 
@@ -47,14 +50,21 @@ def transfer(
     target : Path
         Mesh that the map goes to.
     output : Path
-        Surface file to write: what receives, with the data of the other. Its own format keeps everything.
+        Surface file to write: what receives, with the data of the other. Its own format keeps everything. Or a file for
+        the data alone: .annot, .label.gii, .func.gii, .shape.gii, lh.thickness, .npy, .csv.
     data : str
         What to carry, separated by commas: labels, colours, scalars, vectors, normals, uv, weights, keys, names of
-        attributes, or all (default).
+        attributes, or all (default; with --values, all of these files).
+    values : list[Path]
+        File of labels or numbers of the mesh that gives, one for each point or face, in the formats of --output. Repeat
+        it for several.
     to : str
         Which of the two receives: source or target. By default the source, and of landmarks the target.
     labels : str
         Labels of points: nearest (default), or majority of the area around each.
+    numbers_as : str
+        Take numbers for labels, which are never averaged, or for values. By default integers and few distinct whole
+        numbers are labels.
     bake : int
         Instead, paint a texture of this width and height for the texture coordinates of the file that receives, from the
         texture (of a glTF or OBJ file) or the colours of the other. It is written beside the output as a PNG file too.
@@ -71,9 +81,9 @@ def transfer(
     if landmarks is None and curve_points is not None:
         raise isomatch.SettingError("--curve-points needs --landmarks with a curve")
     if landmarks is not None:
-        if data != "all" or bake:
+        if data is not None or values or bake:
             raise isomatch.SettingError(
-                "--landmarks are carried alone; run again without them for --data or --bake"
+                "--landmarks are carried alone; run again without them for --data, --values or --bake"
             )
         transfer_landmarks(
             map_file,
@@ -91,11 +101,19 @@ def transfer(
     picture = output.with_suffix(".png") if bake else None
     with talk.progress() as tell, claimed_files(output, picture, force=force):
         tell("reading", 0.0)
-        assets = isomatch.read_asset(source), isomatch.read_asset(target)
+        ends = [isomatch.read_asset(source), isomatch.read_asset(target)]
+        giver = 1 if to == "source" else 0
+        given = told_apart(each for path in values or () for each in read_attributes(path, ends[giver]))
+        ends[giver] = ends[giver].with_attributes(*given)
+        assets = ends[0], ends[1]
+        words = (
+            [word.strip() for word in data.split(",")] if data else [each.name for each in given] or ["all"]
+        )
         n_target = None if map_file.suffix == ".npz" else len(assets[1].points)
         correspondence = isomatch.Correspondence.load(map_file, n_target)
         tell("carrying", 0.3)
         names: tuple[str, ...]
+        taken: tuple[str, ...] = ()
         counts: dict[str, int]
         with naming_files(source=source, target=target):
             if bake:
@@ -103,14 +121,18 @@ def transfer(
                 asset, names, notes = baked.asset, ("texture",), baked.notes
                 counts = {"n_unmatched_texels": baked.unmatched}
             else:
-                words = [word.strip() for word in data.split(",")]
-                carried = isomatch.carry_attributes(correspondence, *assets, words, to=to, labels=labels)
+                carried = isomatch.carry_attributes(
+                    correspondence, *assets, words, to=to, labels=labels, numbers_as=numbers_as
+                )
                 asset, names, notes = carried.asset, carried.names, carried.notes
+                taken = carried.taken_as_labels
                 counts = {"n_unmatched": carried.unmatched, "n_across_seams": carried.across_seams}
         tell("writing", 0.8)
-        beside = [path for path in files_beside(output, asset) if path != picture]
+        beside = (
+            [] if holds_values(output) else [each for each in files_beside(output, asset) if each != picture]
+        )
         with claimed_files(*beside, force=force):
-            left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+            left = _written(output, asset, names)
         if picture:
             with replaced(picture) as file:
                 file.write(baked.png)
@@ -121,17 +143,37 @@ def transfer(
         "to": to,
         "carried": [name for name in names if name not in left],
         "left_out": left,
+        "taken_as_labels": list(taken),
         **counts,
     }
     if told or notes:
         record["notes"] = [*told, *notes]
-    talk.result(record, lambda: _summary(record, output.suffix))
+    talk.result(record, lambda: _summary(record, output))
 
 
-def _summary(record: dict[str, Any], suffix: str) -> None:
+def _written(output: Path, asset: isomatch.Asset, names: Collection[str]) -> list[str]:
+    """Write the asset, or what was carried alone; return the names of what has no place there."""
+    if not holds_values(output):
+        return [attribute.name for attribute in isomatch.write_asset(output, asset)]
+    carried = [attribute for attribute in asset.attributes if attribute.name in names]
+    left = [attribute.name for attribute in write_attributes(output, carried)]
+    if set(names) <= set(left):
+        reason = (
+            f"a {output.suffix} file has no place for {', '.join(left)}" if left else "nothing was carried"
+        )
+        raise isomatch.FormatError(
+            f"{output}: {reason}; name other --data or --values, or write another format"
+        )
+    return left
+
+
+def _summary(record: dict[str, Any], output: Path) -> None:
     say(f"carried to the {record['to']}: {', '.join(record['carried']) or 'nothing'}")
-    if record["left_out"]:
-        say(f"a {suffix} file has no place for {', '.join(record['left_out'])}")
+    if record["taken_as_labels"]:
+        say(
+            f"taken for labels, which are not averaged: {', '.join(record['taken_as_labels'])}; --as values interpolates"
+        )
+    say_left_out(record["left_out"], output)
     for count, meaning in (
         ("n_unmatched", "vertices are unmatched and have no value"),
         ("n_unmatched_texels", "texels are unmatched and grey"),

@@ -141,7 +141,8 @@ class Correspondence:
         """Pull values back from the target to the source.
 
         Real and complex floats are interpolated at the precise images. Integers, booleans and texts are labels, and
-        never averaged: each source vertex takes that of its target vertex, ``vertices``.
+        never averaged: each source vertex takes that of its target vertex, ``vertices``. Region numbers that are
+        stored as floats are interpolated unless made integers; `carry_attributes` tells them.
 
         Parameters
         ----------

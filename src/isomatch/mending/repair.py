@@ -1,15 +1,18 @@
-"""Repair of a mesh without moving vertices, with index maps for every vertex and face."""
+"""Repair of a mesh without moving vertices, with index maps for every vertex and face, by which attributes are kept."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
+from isomatch.errors import FormatError
+from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import MeshReport
-from isomatch.surfaces import Mesh, first_equal, unsound_faces
+from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
 from isomatch.values.arrays import IntArray
 
 MENDED = (
@@ -41,6 +44,11 @@ class Repair:
         Original face of each new face.
     changes : tuple of str
         What was changed, with counts, one phrase for each kind of change; empty if nothing was changed.
+    asset : Asset, optional
+        Unless a mesh was given: what was, mended, with all its values and the rest of its document. A polygon that loses
+        a triangle, or of which some are turned over, becomes its triangles.
+    polygon_index : (p_new,) array of int, optional
+        Original polygon of each of its polygons.
     """
 
     mesh: Mesh
@@ -48,6 +56,8 @@ class Repair:
     new_index: IntArray
     face_index: IntArray
     changes: tuple[str, ...]
+    asset: Asset | None = None
+    polygon_index: IntArray | None = None
 
     def __repr__(self) -> str:
         return f"Repair({self.mesh!r}, changes={list(self.changes)})"
@@ -77,11 +87,12 @@ def repair(
 
     Parameters
     ----------
-    mesh : Mesh, path_like, tuple or object
-        Anything that `mesh_from` takes; its arrays may contain anything.
+    mesh : Mesh, Asset, path_like, tuple or object
+        An asset, or anything that `mesh_from` takes; its arrays may contain anything.
     weld : bool
         Whether to weld coincident vertices, such as the seams of texture maps. Two sheets that touch at a vertex are
-        joined there.
+        joined there. Of values that differ the first is kept, but texture coordinates become those of corners. The parts
+        of an asset stay apart.
     remove_duplicates : bool
         Whether to remove faces with the vertices of an earlier face. Where sheets are glued together, such faces are of
         both sheets; see `separate_sheets`.
@@ -119,11 +130,16 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
-    mesh = mesh_from(mesh)
+    asset, lost = _asset_of(mesh)
+    mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)
     if report and not any(len(getattr(report, defect)) for defect in MENDED):
-        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), ())
-    survivor = first_equal(mesh.vertices) if weld else identity
+        same = None if asset is None else np.arange(len(asset.polygons))
+        return Repair(mesh, identity, identity, np.arange(mesh.n_faces), lost, asset, same)
+    places = mesh.vertices
+    if asset is not None and len(asset.parts) > 1:
+        places = np.column_stack([places, asset.part_of_point])
+    survivor = first_equal(places) if weld else identity
     in_range = ((mesh.faces >= 0) & (mesh.faces < mesh.n_vertices)).all(axis=1)
     faces = mesh.faces.copy()
     faces[in_range] = survivor[faces[in_range]]
@@ -157,12 +173,40 @@ def repair(
         ("removed {} that no face used", "vertex", unused),
         ("rewound {}", "face", rewound),
     )
-    changes = tuple(
+    changes = lost + tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
-    return Repair(mended if changes else mesh, vertex_index, new_index, face_index, changes)
+    if asset is None or not changes:
+        same = None if asset is None else np.arange(len(asset.polygons))
+        return Repair(mended if changes else mesh, vertex_index, new_index, face_index, changes, asset, same)
+    apart = welded_apart(asset, survivor)
+    rows = Renumbering.of(asset.polygons, vertex_index, new_index, face_index, rewound)
+    whole = turned_over(kept_at_corners(asset, apart).renumbered(rows), asset, rows, face_index[rewound])
+    told = tuple(_told(asset, name, n) for name, n in apart.items())
+    return Repair(mended, vertex_index, new_index, face_index, changes + told, whole, rows.polygon_index)
+
+
+def _asset_of(given: SurfaceLike) -> tuple[Asset | None, tuple[str, ...]]:
+    """Return what has attributes, None for bare meshes; and what is lost of a file whose attributes cannot be read."""
+    if isinstance(given, Asset):
+        return given, ()
+    if isinstance(given, str | os.PathLike):
+        try:
+            return read_asset(given, sound=False), ()
+        except FormatError as error:
+            return Asset.of_mesh(read_mesh(given)), (f"left out all but points and faces, as {error}",)
+    if isinstance(given, Mesh | PointCloud | tuple):
+        return None, ()
+    return asset_from(given, sound=False), ()
+
+
+def _told(asset: Asset, name: str, n: int) -> str:
+    welded = _count(n, "welded vertex")
+    if goes_to_corners(asset, asset.attribute(name, "point")):
+        return f"kept {name} at corners, as it differs at {welded}"
+    return f"kept the first value of {name} at {welded} where it differs"
 
 
 def _count(number: int, noun: str) -> str:
-    plural = {"vertex": "vertices", "face": "faces"}
+    plural = {"vertex": "vertices", "face": "faces", "welded vertex": "welded vertices"}
     return f"{number} {noun if number == 1 else plural[noun]}"

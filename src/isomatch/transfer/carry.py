@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from isomatch.assets import (
     Asset,
@@ -24,8 +23,9 @@ from isomatch.assets import (
 from isomatch.correspondence import Correspondence
 from isomatch.errors import DescriptorError, SettingError
 from isomatch.transfer.bridge import Bridge, columns
-from isomatch.transfer.choices import Labelling, Side
+from isomatch.transfer.choices import Labelling, NumbersAs, Side
 from isomatch.transfer.corner_values import interpolated_at_corners, is_seamless
+from isomatch.transfer.patches import Patches
 from isomatch.transfer.rotations import growth, rotations
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
@@ -57,6 +57,9 @@ class Carried:
     notes : tuple of str
         What does not go along or stay: pictures that cannot be read, animations of joints that are gone; and a skeleton
         that is posed.
+    taken_as_labels : tuple of str
+        Attributes of numbers of which the file does not say whether they are labels, and that were carried as such,
+        because they are integers, or few and whole.
     """
 
     asset: Asset
@@ -64,6 +67,7 @@ class Carried:
     unmatched: int
     across_seams: int
     notes: tuple[str, ...] = ()
+    taken_as_labels: tuple[str, ...] = ()
 
 
 def carry_attributes(
@@ -74,6 +78,7 @@ def carry_attributes(
     *,
     to: Side = "source",
     labels: Labelling = "nearest",
+    numbers_as: NumbersAs | None = None,
 ) -> Carried:
     """Carry attributes from one asset to the other.
 
@@ -81,8 +86,9 @@ def carry_attributes(
     weights are interpolated at the precise images. As many weights are kept as the other asset has, and they sum to 1.
     Normals are turned with the surface; so are shape keys, which also grow with it if it is larger. Values that differ at
     the corners of one point, such as texture coordinates at a seam, are carried to corners, and a polygon takes all its
-    corners from one side. Labels are never averaged; other values of polygons are averaged by area. With texture
-    coordinates go materials and pictures, with weights the joints instead of those that the receiver had.
+    corners from one side. Labels are never averaged, nor are few distinct whole numbers; other values of polygons are
+    averaged by area. With texture coordinates go materials and pictures, with weights the joints instead of those that
+    the receiver had.
 
     Parameters
     ----------
@@ -98,6 +104,9 @@ def carry_attributes(
     labels : {"nearest", "majority"}
         Labels of points: that of the nearest vertex, or the one with most area around the point. Polygons always have
         that of most area.
+    numbers_as : {"labels", "values"}, optional
+        Whether numbers are carried as labels or interpolated. By default those that are named or declared as labels,
+        integers, and floats of `Attribute.seems_labels` are labels. Labels that have names, or are texts, always are.
 
     Returns
     -------
@@ -121,23 +130,30 @@ def carry_attributes(
     >>> carry_attributes(half_turn, square, named).asset.attribute("side").values.tolist()
     ['right', 'left', 'left', 'right']
     """
-    for name, value, options in (("to", to, Side), ("labels", labels, Labelling)):
-        if value not in get_args(options):
+    for name, value, options in (
+        ("to", to, Side),
+        ("labels", labels, Labelling),
+        ("numbers_as", numbers_as, NumbersAs),
+    ):
+        if value not in get_args(options) and not (value is None and options is NumbersAs):
             raise SettingError(f"{name} = {value!r} is unknown; use one of {', '.join(get_args(options))}")
     receiver, giver = (source, target) if to == "source" else (target, source)
     chosen = selected(giver.placed, data)
     bridge = Bridge.between(correspondence, source, target, to_source=to == "source")
     asset, across = receiver.without_attributes(*(attribute.name for attribute in chosen)), 0
     keys = _keys([attribute for attribute in chosen if attribute.kind == "key"], bridge)
-    for attribute in chosen:
-        if attribute.kind == "label" or attribute.domain == "face":
-            new = _on_patches(attribute, bridge, labels)
+    as_labels = [_is_label(attribute, numbers_as) for attribute in chosen]
+    for attribute, is_label in zip(chosen, as_labels):
+        if is_label:
+            new = _labels(attribute, bridge, labels)
+        elif attribute.domain == "face":
+            new = _means(_as_values(attribute), bridge)
         elif attribute.kind == "weights":
             new = _weights(attribute, bridge)
         elif attribute.kind == "key":
             new = keys[attribute.name]
         else:
-            new, torn = _interpolated(attribute, bridge)
+            new, torn = _interpolated(_as_values(attribute), bridge)
             across = max(across, torn)
         asset = asset.with_attributes(receiver.from_placed(new))
     names = tuple(attribute.name for attribute in chosen)
@@ -162,7 +178,13 @@ def carry_attributes(
     if animation_channels(asset) < animation_channels(receiver):
         notes.append("animations of joints and shape keys that the receiver had before are left out")
     names = tuple(name for name in names if any(name == attribute.name for attribute in asset.attributes))
-    return Carried(asset, names, int((~bridge.at_vertices.found).sum()), across, tuple(notes))
+    taken = tuple(
+        attribute.name
+        for attribute, is_label in zip(chosen, as_labels)
+        if is_label and numbers_as is None and not _is_declared(attribute)
+    )
+    unmatched = int((~bridge.at_vertices.found).sum())
+    return Carried(asset, names, unmatched, across, tuple(notes), taken)
 
 
 def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
@@ -174,7 +196,11 @@ def selected(asset: Asset, data: str | Iterable[str]) -> tuple[Attribute, ...]:
     for word in words:
         kind = word.lower().removesuffix("s")
         kind = _SYNONYMS.get(kind.replace("_", " ").replace("-", " "), kind)
-        those = [a for a in asset.attributes if word == a.name or kind == a.kind]
+        those = [
+            a
+            for a in asset.attributes
+            if word == a.name or kind == a.kind or (kind == "label" and a.seems_labels)
+        ]
         if not those:
             available = ", ".join(f"{a.name} ({a.kind})" for a in asset.attributes) or "nothing"
             raise DescriptorError(
@@ -235,48 +261,58 @@ def _weights(attribute: Attribute, bridge: Bridge) -> Attribute:
     return Attribute(attribute.name, "point", "weights", weights, joints, attribute.names)
 
 
-def _on_patches(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
-    """Carry labels and values of polygons to the same domain, by the area around each row unless by nearest."""
+def _is_declared(attribute: Attribute) -> bool:
+    """Whether these are labels in any case."""
+    return attribute.kind == "label" and (bool(attribute.names) or attribute.values.dtype.kind not in "iu")
+
+
+def _is_label(attribute: Attribute, numbers_as: NumbersAs | None) -> bool:
+    if _is_declared(attribute):
+        return True
+    is_number = attribute.kind in ("label", "scalar", "vector") and not attribute.is_tangent
+    return is_number and (attribute.seems_labels if numbers_as is None else numbers_as == "labels")
+
+
+def _as_values(attribute: Attribute) -> Attribute:
+    return replace(attribute, kind="scalar") if attribute.kind == "label" else attribute
+
+
+def _labels(attribute: Attribute, bridge: Bridge, labels: Labelling) -> Attribute:
+    """Carry labels to the same domain, by the area around each row unless by nearest."""
     receiver = bridge.receiver
     if attribute.domain == "point" and labels == "nearest":
         places = bridge.at_vertices
         return attribute.with_values(
             _or_none(attribute.values[places.nearest_rows(attribute)], places.found)[receiver.vertex_of_point]
         )
-    triangles = receiver.polygons.corner_of_triangle.ravel()
-    owner, owner_of_row = {
-        "point": (receiver.mesh.faces.ravel(), receiver.vertex_of_point),
-        "corner": (triangles, np.arange(len(receiver.polygons.corners))),
-        "face": (receiver.polygons.of_corner[triangles], np.arange(len(receiver.polygons))),
-    }[attribute.domain]
-    n_owners = int(owner_of_row.max(initial=-1)) + 1
-    places = bridge.at_thirds
-    area = np.repeat(receiver.mesh.face_areas, 3)[places.found] + np.finfo(float).tiny
-    owner, rows = owner[places.found], places.nearest_rows(attribute)[places.found]
-    if attribute.kind == "label":
-        distinct, code = np.unique(attribute.values, return_inverse=True)
-        votes = csr_array((area, (owner, code[rows])), shape=(n_owners, len(distinct)))
-        voted = np.bincount(owner, minlength=n_owners) > 0
-        values = _or_none(distinct[votes.argmax(axis=1)], voted)
-    else:
-        sums = csr_array((area, (owner, rows)), shape=(n_owners, len(attribute)))
-        with np.errstate(invalid="ignore"):
-            means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
-        if attribute.kind == "normal":
-            polygons = receiver.polygons
-            means = _turned(bridge, means, receiver.vertex_of_corner[polygons.starts])
-        values = _in_type(means, attribute)
-    return attribute.with_values(values[owner_of_row])
+    patches = Patches.of(attribute, bridge)
+    rows = attribute.values
+    distinct, code = np.unique(rows, axis=0 if rows.ndim > 1 else None, return_inverse=True)
+    votes = patches.sums(code.ravel()[patches.rows], len(distinct))
+    voted = np.bincount(patches.owner, minlength=patches.n_owners) > 0
+    return attribute.with_values(_or_none(distinct[votes.argmax(axis=1)], voted)[patches.owner_of_row])
+
+
+def _means(attribute: Attribute, bridge: Bridge) -> Attribute:
+    """Carry values of polygons to the same domain, as the mean by area."""
+    patches = Patches.of(attribute, bridge)
+    sums = patches.sums(patches.rows, len(attribute))
+    with np.errstate(invalid="ignore"):
+        means = sums @ columns(attribute) / sums.sum(axis=1)[:, None]
+    if attribute.kind == "normal":
+        receiver = bridge.receiver
+        means = _turned(bridge, means, receiver.vertex_of_corner[receiver.polygons.starts])
+    return attribute.with_values(_in_type(means, attribute)[patches.owner_of_row])
 
 
 def _or_none(labels: AnyArray, known: BoolArray) -> AnyArray:
-    """Put −1, False or an empty text where nothing is known; unsigned integers become signed ones for that."""
+    """Put −1, False, nan or an empty text where nothing is known; unsigned integers become signed ones for that."""
     if known.all():
         return labels
     if labels.dtype.kind == "u":
         labels = labels.astype(np.int64)
     labels = labels.copy()
-    labels[~known] = {"i": -1, "b": False, "U": ""}[labels.dtype.kind]
+    labels[~known] = {"i": -1, "b": False, "f": np.nan, "U": ""}[labels.dtype.kind]
     return labels
 
 

@@ -3,4 +3,5 @@
 from typing import Literal
 
 Labelling = Literal["nearest", "majority"]
+NumbersAs = Literal["labels", "values"]
 Side = Literal["source", "target"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from dataclasses import dataclass, field
 from mimetypes import guess_type
 from pathlib import Path
@@ -87,7 +88,7 @@ class GltfData:
     def add_array(self, values: AnyArray, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
         kind = values.dtype.newbyteorder("<")
-        rows = np.ascontiguousarray(values.reshape(len(values), -1), kind)
+        rows = np.ascontiguousarray(values.reshape(len(values), math.prod(values.shape[1:])), kind)
         width = rows.shape[1] if rows.ndim == 2 else 1
         octets = rows.view(np.uint8).reshape(len(rows), width * kind.itemsize)
         view: dict[str, object] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from isomatch.assets.parts import product
 from isomatch.values.arrays import FloatArray, IntArray
 
 Matrix = tuple[tuple[float, ...], ...]
+Place = tuple[int, int]
+"""A mesh, and one of its primitives."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
@@ -123,3 +125,28 @@ def joint_names(document: dict[str, Any]) -> dict[int, str]:
     for i, node in enumerate(nodes):
         found[node] = unused_name(str(document["nodes"][node].get("name", f"joint_{i}")), found.values())
     return found
+
+
+def without_primitives(document: dict[str, Any], emptied: Collection[Place]) -> dict[Place, Place]:
+    """Remove primitives, and meshes that have none left; return where each that stays is now."""
+    now: dict[Place, Place] = {}
+    meshes: list[dict[str, Any]] = []
+    number: dict[int, int] = {}
+    for mesh, given in enumerate(document.get("meshes", [])):
+        kept = [i for i in range(len(given["primitives"])) if (mesh, i) not in emptied]
+        now |= {(mesh, i): (len(meshes), k) for k, i in enumerate(kept)}
+        if kept:
+            number[mesh] = len(meshes)
+            meshes.append({**given, "primitives": [given["primitives"][i] for i in kept]})
+    document["meshes"] = meshes
+    if not meshes:
+        del document["meshes"]
+    for node in document.get("nodes", []):
+        if "mesh" in node:
+            mesh = node.pop("mesh")
+            if mesh in number:
+                node["mesh"] = number[mesh]
+            else:
+                node.pop("skin", None)
+                node.pop("weights", None)
+    return now

@@ -132,7 +132,9 @@ def _members(attribute: Attribute, values: AnyArray, taken: Collection[str]) -> 
         standard = [(_CORNER_UV,)] if attribute.kind == "uv" else []
     else:
         standard = [
-            members for name, _, members in _GROUPS if (name, len(members)) == (attribute.name, width)
+            members
+            for name, kind, members in _GROUPS
+            if len(members) == width and (name == attribute.name or kind == attribute.kind == "colour")
         ]
     for members in standard:
         if not any(member in taken for member in members):

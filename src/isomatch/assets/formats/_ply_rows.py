@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from isomatch.assets.fans import spans
 from isomatch.assets.formats._ply_header import Property
 from isomatch.assets.formats._text import interleaved, interleaved_lines, numbered
 from isomatch.values.arrays import AnyArray, IntArray
@@ -23,6 +24,15 @@ class Cells:
     declared: Property
     values: AnyArray
     counts: IntArray | None = None
+
+    def at(self, rows: IntArray) -> Cells:
+        """Return the values of some rows, in this order."""
+        if self.counts is None:
+            return replace(self, values=self.values[rows])
+        starts = np.cumsum(self.counts) - self.counts
+        return replace(
+            self, values=self.values[spans(starts[rows], self.counts[rows])], counts=self.counts[rows]
+        )
 
     @property
     def declaration(self) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.packages import package
+from isomatch.values.arrays import IntArray
 
 SURFACES = (
     ".pial",
@@ -28,23 +31,30 @@ SURFACES = (
 """Ends of the names of surfaces, such as ``lh.pial``."""
 VALUES = (".curv", ".sulc", ".thickness", ".area", ".volume", ".avg_curv")
 """Ends of the names of files with a number for each point."""
+_PLAIN, _REAL = (np.array([2, real, 20], dtype=">i4").tobytes() + b"valid" for real in (0, 1))
 
 
 @dataclass(frozen=True)
 class FreeSurferDocument:
-    """Where the surface lies in its volume, and who made it."""
+    """Who made the surface."""
 
-    volume: dict[str, Any] = field(default_factory=dict)
     stamp: str = "created by isomatch"
 
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read the points and triangles of a surface, in millimetres of its own coordinates."""
     freesurfer = _package()
-    with reading(name, "a FreeSurfer surface"), on_disk(data, "") as path:
+    plain = data.replace(_REAL, _PLAIN)  # nibabel skips the volume of surfaces in coordinates of the scanner
+    with reading(name, "a FreeSurfer surface"), on_disk(plain, "") as path:
         points, faces, volume, stamp = freesurfer.read_geometry(path, read_metadata=True, read_stamp=True)
-        document = FreeSurferDocument(volume, stamp)
-        return Asset(points, Polygons.of_triangles(np.asarray(faces, dtype=np.int64)), document=document)
+        if plain != data:
+            volume["head"] = np.array([2, 1, 20], dtype=np.int32)
+        return Asset(
+            points,
+            Polygons.of_triangles(np.asarray(faces, dtype=np.int64)),
+            document=FreeSurferDocument(stamp),
+            frame=Frame.of_volume(volume) if volume else None,
+        )
 
 
 def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
@@ -58,19 +68,23 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
         labels, table, words = freesurfer.read_annot(path)
         colors = {i: tuple((row[:4] / 255).tolist()) for i, row in enumerate(table)}
         colors = {i: (*color[:3], 1 - color[3]) for i, color in colors.items()}  # which stores transparency
-        names = {i: word.decode(errors="replace") for i, word in enumerate(words)}
+        names = {i: word.decode(errors="surrogateescape") for i, word in enumerate(words)}
         return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
 
 
 def write(asset: Asset) -> bytes:
-    """Write a surface, in single precision."""
+    """Write a surface, in single precision, with the volume that its coordinates belong to."""
     freesurfer = _package()
     document = asset.document if isinstance(asset.document, FreeSurferDocument) else FreeSurferDocument()
-    with on_disk(b"", "") as path:
-        freesurfer.write_geometry(
-            path, asset.points, asset.polygons.triangles, document.stamp, document.volume or None
-        )
+    volume = asset.frame.in_volume if asset.frame else None
+    with on_disk(b"", "") as path, warnings.catch_warnings(action="ignore"):
+        freesurfer.write_geometry(path, asset.points, asset.polygons.triangles, document.stamp, volume)
         return path.read_bytes()
+
+
+def keeps_frame(frame: Frame) -> bool:
+    """Whether a FreeSurfer file can tell all of a frame."""
+    return frame.is_in_volume
 
 
 def write_attribute(attribute: Attribute) -> bytes:
@@ -81,21 +95,27 @@ def write_attribute(attribute: Attribute) -> bytes:
             freesurfer.write_morph_data(path, attribute.values)
             return path.read_bytes()
         coded = attribute.coded
-        keys = sorted(set(coded.names) | set(coded.values[coded.values >= 0].tolist()))
+        used = set(coded.values[coded.values >= 0].tolist())
+        keys = sorted(set(coded.names) | used)
         table = np.zeros((len(keys), 5), dtype=np.int64)
         for row, key in enumerate(keys):
             color = coded.colors.get(key, (*_spread(row), 1.0))
             table[row, :3] = np.rint(255 * np.array(color[:3]))
             other = row
-            while not table[row, :3].any() or (table[:row, :3] == table[row, :3]).all(axis=1).any():
-                table[row, :3] = np.rint(255 * np.array(_spread(other)))  # a colour of its own, and not black
+            # points are told by colours: each label has its own, and black is that of points without a label
+            while _is_taken(table[:row, :3], table[row, :3]) or (key in used and not table[row, :3].any()):
+                table[row, :3] = np.rint(255 * np.array(_spread(other)))
                 other += len(keys)
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)
-        words = [coded.names.get(key, str(key)) for key in keys]
+        words = [coded.names.get(key, str(key)).encode(errors="surrogateescape") for key in keys]
         freesurfer.write_annot(path, numbers, table, words, fill_ctab=True)
         return path.read_bytes()
+
+
+def _is_taken(colors: IntArray, color: IntArray) -> bool:
+    return bool((colors == color).all(axis=1).any())
 
 
 def _spread(row: int) -> tuple[float, float, float]:

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.attribute_names import guessed_kind
+from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
 
-_POINTS, _TRIANGLES, _LABEL, _SHAPE, _VECTOR, _RGB, _RGBA = 1008, 1009, 1002, 2005, 1007, 2002, 2003
+_LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
+_NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
+VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
+"""What stands before ``.gii`` in the names of files without a surface."""
+_AXES = {"xras": "X", "yras": "Y", "zras": "Z", "cras": "C"}
+_VOLUME = {
+    "volume": ("Width", "Height", "Depth"),
+    "voxelsize": ("Xsize", "Ysize", "Zsize"),
+    **{key: tuple(f"{axis}_{way}" for way in "RAS") for key, axis in _AXES.items()},
+}
+"""Meta data by which FreeSurfer tells its volume, each beginning with VolGeom."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +39,32 @@ class GiftiDocument:
     image: Any
     arrays: tuple[tuple[Attribute, Any], ...]
 
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GiftiDocument:
+        """Take the same rows of the arrays as of the attributes."""
+        gifti, found = _package(), []
+        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        for attribute, array in self.arrays:
+            if id(attribute) in new:
+                values = np.ascontiguousarray(array.data[rows.point_index])
+                same = {"intent": array.intent, "datatype": array.datatype, "meta": array.meta}
+                found.append(
+                    (new[id(attribute)], gifti.GiftiDataArray(values, coordsys=array.coordsys, **same))
+                )
+        return replace(self, arrays=tuple(found))
+
+
+@dataclass(frozen=True)
+class GiftiPlace:
+    """What a GIFTI file says of its points."""
+
+    coordsys: Any
+    meta: Any
+
 
 def read_asset(data: bytes, name: str) -> Asset:
     """Read points, triangles and all values on the points."""
-    image, attributes = _read(data, name)
-    found = {array.intent: array.data for array in reversed(image.darrays)}
+    image = _image(data, name)
+    found = {array.intent: array for array in reversed(image.darrays)}
     for intent, what in ((_POINTS, "points"), (_TRIANGLES, "triangles")):
         if intent not in found:
             raise FormatError(
@@ -37,24 +72,32 @@ def read_asset(data: bytes, name: str) -> Asset:
                 "it by read_attributes"
             )
     with reading(name, "points and triangles of a GIFTI surface"):
+        points = found[_POINTS].data
+        attributes = _values(image, len(points), "values")
         return Asset(
-            found[_POINTS],
-            Polygons.of_triangles(found[_TRIANGLES]),
+            points,
+            Polygons.of_triangles(found[_TRIANGLES].data),
             tuple(attribute for attribute, _ in attributes),
-            document=GiftiDocument(image, attributes),
+            document=GiftiDocument(image, tuple((a, array) for a, array in attributes if array is not None)),
+            frame=_frame(found[_POINTS]),
         )
 
 
-def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
+def read_attributes(data: bytes, name: str, n_points: int | None = None) -> tuple[Attribute, ...]:
     """Read the values on points, as in ``.shape.gii``, ``.func.gii`` and ``.label.gii`` files."""
-    return tuple(attribute for attribute, _ in _read(data, name)[1])
+    image = _image(data, name)
+    with reading(name, "values of a GIFTI file"):
+        title = Path(Path(name).stem)
+        title = title.with_suffix("") if title.suffix.lower() in VALUES else title
+        return tuple(attribute for attribute, _ in _values(image, n_points, str(title)))
 
 
-def write_attribute(attribute: Attribute) -> bytes:
+def write_attributes(attributes: Sequence[Attribute]) -> bytes:
     """Write values on points without a surface."""
     gifti = _package()
-    image = gifti.GiftiImage(darrays=[_array(gifti, attribute)])
-    image.labeltable = _table(gifti, [attribute.coded] if attribute.kind == "label" else [])
+    one_table = _numbered(attributes)
+    image = gifti.GiftiImage(darrays=[_array(gifti, attribute) for attribute in one_table])
+    image.labeltable = _table(gifti, [a for a in one_table if a.kind == "label"])
     return bytes(image.to_xml())
 
 
@@ -63,21 +106,28 @@ def keeps(attribute: Attribute) -> bool:
     return attribute.domain == "point" and attribute.kind != "weights"
 
 
+def keeps_frame(frame: Frame) -> bool:
+    """Whether GIFTI can tell all of a frame."""
+    return not frame.words
+
+
 def write(asset: Asset) -> bytes:
     """Write a surface; what was read and did not change is written as it was."""
     gifti = _package()
     document = asset.document if isinstance(asset.document, GiftiDocument) else GiftiDocument(None, ())
     image = gifti.GiftiImage()
-    given: dict[int, Any] = {}
+    of_points, of_triangles = _described(gifti, asset.frame), {}
     if document.image is not None:
         image.meta = document.image.meta
         given = {array.intent: array for array in reversed(document.image.darrays)}
-    for intent, values in (
-        (_POINTS, asset.points.astype(np.float32)),
-        (_TRIANGLES, asset.polygons.triangles.astype(np.int32)),
+        of_triangles = {"coordsys": given[_TRIANGLES].coordsys, "meta": given[_TRIANGLES].meta}
+        if asset.frame is None or not isinstance(asset.frame.details, GiftiPlace):
+            anatomy = {key: word for key, word in given[_POINTS].meta.items() if "VolGeom" not in key}
+            of_points["meta"] = anatomy | of_points["meta"]
+    for intent, values, described in (
+        (_POINTS, asset.points.astype(np.float32), of_points),
+        (_TRIANGLES, asset.polygons.triangles.astype(np.int32), of_triangles),
     ):
-        array = given.get(intent)
-        described = {} if array is None else {"coordsys": array.coordsys, "meta": array.meta}
         image.add_gifti_data_array(gifti.GiftiDataArray(values, intent, **described))
     same = {id(attribute): array for attribute, array in document.arrays}
     attributes = sorted(asset.attributes, key=lambda attribute: id(attribute) not in same)
@@ -88,30 +138,85 @@ def write(asset: Asset) -> bytes:
     return bytes(image.to_xml())
 
 
-def _read(data: bytes, name: str) -> tuple[Any, tuple[tuple[Attribute, Any], ...]]:
-    gifti = _package()
+def _image(data: bytes, name: str) -> Any:
     with reading(name, "a GIFTI file"):
-        image = gifti.GiftiImage.from_bytes(data)
-        table = {label.key: label for label in image.labeltable.labels}
-        names = {key: str(label.label) for key, label in table.items()}
-        colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
-        found: list[tuple[Attribute, Any]] = []
-        for i, array in enumerate(image.darrays):
-            if array.intent in (_POINTS, _TRIANGLES):
-                continue
-            title = str(array.meta.get("Name") or f"values_{i}")
-            while any(title == attribute.name for attribute, _ in found):
-                title += "_"
-            values = np.asarray(array.data)
-            if array.intent == _LABEL:
-                attribute = Attribute(title, "point", "label", values, names=names, colors=colors)
-            elif array.intent in (_RGB, _RGBA):
-                attribute = Attribute(title, "point", "colour", values)
-            else:
-                kind = guessed_kind(title, values)
-                attribute = Attribute(title, "point", "scalar" if kind == "label" else kind, values)
-            found.append((attribute, array))
-    return image, tuple(found)
+        return _package().GiftiImage.from_bytes(data)
+
+
+def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribute, Any]]:
+    """Read all values, and the array that can be written again for each; of some points alone there is none."""
+    table = {label.key: label for label in image.labeltable.labels}
+    names = {key: str(label.label) for key, label in table.items()}
+    colors = {key: tuple(label.rgba) for key, label in table.items() if None not in label.rgba}
+    arrays = [a for a in image.darrays if a.intent not in (_POINTS, _TRIANGLES)]
+    nodes = [a for a in arrays if a.intent == _NODES and np.size(a.data) == len(a.data)]
+    given = [a for a in arrays if a not in nodes]
+    found: list[Attribute] = []
+    for i, array in enumerate(given):
+        values = np.asarray(array.data)
+        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+        name = str(array.meta.get("Name") or "")
+        if not name and array.intent in (_RGB, _RGBA):
+            name = "color"
+        name = name or (f"{title}_{i}" if len(given) > 1 else title)
+        if array.intent == _LABEL:
+            attribute = Attribute(name, "point", "label", values, names=names, colors=colors)
+        elif array.intent in (_RGB, _RGBA):
+            attribute = Attribute(name, "point", "colour", values)
+        else:
+            kind = guessed_kind(name, values)
+            attribute = Attribute(name, "point", "scalar" if kind == "label" else kind, values)
+        if nodes:
+            rows = np.ravel(nodes[0].data).astype(np.int64)
+            attribute = attribute.spread(rows, n_points or int(rows.max(initial=-1)) + 1)
+        found.append(attribute)
+    return [(each, None if nodes else array) for each, array in zip(told_apart(found), given)]
+
+
+def _frame(points: Any) -> Frame:
+    """Read the frame of points; FreeSurfer may tell it in meta data alone."""
+    place = GiftiPlace(points.coordsys, points.meta)
+    said = {key: [points.meta.get(f"VolGeom{word}") for word in words] for key, words in _VOLUME.items()}
+    volume = None
+    if all(None not in numbers for numbers in said.values()):
+        kinds = {key: int if key == "volume" else float for key in said}
+        volume = {
+            "head": np.array([2, 0, 20], dtype=np.int32),
+            "valid": "1  # volume info valid",
+            "filename": str(points.meta.get("VolGeomFname", "none")),
+            **{key: np.array(numbers).astype(kinds[key]) for key, numbers in said.items()},
+        }
+    system = points.coordsys
+    if system is None:
+        return Frame(volume=volume, details=place)
+    spaces = [_space(code) for code in (system.dataspace, system.xformspace)]
+    frame = Frame(spaces[0], spaces[1], np.array(system.xform, dtype=np.float64), volume, details=place)
+    if volume is not None and not frame.has_space:
+        return replace(Frame.of_volume(volume), details=place)
+    return frame
+
+
+def _described(gifti: Any, frame: Frame | None) -> dict[str, Any]:
+    """Return what an array of points says of its frame."""
+    if frame is None:
+        return {"meta": {}}
+    if isinstance(frame.details, GiftiPlace):
+        return {"coordsys": frame.details.coordsys, "meta": frame.details.meta}
+    codes = [f"NIFTI_XFORM_{space.upper()}" for space in (frame.space, frame.to)]
+    meta = {}
+    if frame.volume is not None and frame.has_space:
+        meta = {
+            f"VolGeom{word}": f"{number:g}" if key == "volume" else f"{number:.6f}"
+            for key, words in _VOLUME.items()
+            for word, number in zip(words, frame.volume[key])
+        }
+    return {"coordsys": gifti.GiftiCoordSystem(*codes, frame.matrix), "meta": meta}
+
+
+def _space(code: Any) -> str:
+    """Return the name of a space of NIfTI, in small letters."""
+    codes = package("nibabel.nifti1", "io", "a GIFTI file").xform_codes
+    return str(codes.niistring[code]).removeprefix("NIFTI_XFORM_").lower()
 
 
 def _array(gifti: Any, attribute: Attribute) -> Any:
@@ -127,7 +232,7 @@ def _array(gifti: Any, attribute: Attribute) -> Any:
     return gifti.GiftiDataArray(values, intent, datatype=kind, meta={"Name": attribute.name})
 
 
-def _numbered(attributes: list[Attribute]) -> list[Attribute]:
+def _numbered(attributes: Sequence[Attribute]) -> list[Attribute]:
     """Give new numbers to labels that have the number of another of an attribute before: a file has one table."""
     table: dict[int, str] = {}
     found = []

@@ -30,10 +30,12 @@ from isomatch.assets.formats._gltf_scene import (
     surfaces,
     transforms,
     triangles,
+    without_primitives,
 )
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.parts import Part
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
@@ -62,6 +64,50 @@ class GltfDocument:
         found = np.empty_like(values)
         found[self.order] = values
         return found
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> GltfDocument:
+        """Take the same rows of all that belongs to points, and the triangles that are left."""
+        if before.polygons is not self.polygons:
+            return self
+        gltf = GltfData(copy.deepcopy(self.json), bytearray(self.blob))
+        n_points = np.bincount(before.part_of_point[rows.point_index], minlength=len(before.parts)).tolist()
+        left: list[list[tuple[int, int, int]]] = []
+        emptied = set()
+        old_point = old_triangle = point = triangle = 0
+        for part, n, places in zip(before.parts, n_points, self.primitives):
+            index = rows.point_index[point : point + n] - old_point
+            keys = dict(gltf.json["meshes"][places[0][0]]["primitives"][places[0][1]]["attributes"])
+            gather(gltf, keys, index)
+            keys["POSITION"] = _add_positions(gltf, after.points[point : point + n])
+            left.append([])
+            for mesh, i, n_triangles in places:
+                old_triangle += n_triangles
+                stop = int(np.searchsorted(rows.polygon_index, old_triangle))
+                primitive = gltf.json["meshes"][mesh]["primitives"][i]
+                for target in primitive.get("targets", []):
+                    gather(gltf, target, index)
+                faces = _outwards(after.polygons.triangles[triangle:stop] - point, part.transform)
+                primitive["attributes"] = keys
+                primitive["indices"] = gltf.add_array(faces.ravel().astype(np.uint32), target=34963)
+                primitive["mode"] = TRIANGLES
+                if n:
+                    left[-1].append((mesh, i, stop - triangle))
+                else:
+                    emptied.add((mesh, i))
+                triangle = stop
+            point, old_point = point + n, old_point + part.n_points
+        place = without_primitives(gltf.json, emptied)
+        primitives = [tuple((*place[mesh, i], n) for mesh, i, n in each) for each in left if each]
+        new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        return replace(
+            self,
+            json=gltf.json,
+            blob=bytes(gltf.blob),
+            primitives=tuple(primitives),
+            points=after.points,
+            polygons=after.polygons,
+            attributes=tuple(new.get(id(attribute), attribute) for attribute in self.attributes),
+        )
 
 
 def read_asset(data: bytes, name: str) -> Asset:

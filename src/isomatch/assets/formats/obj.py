@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from isomatch.assets.formats._text import (
 )
 from isomatch.assets.formats.mtl import read_libraries
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import MeshError, some
 from isomatch.storage.files import encoding_of
 from isomatch.surfaces import Mesh, welded
@@ -45,6 +46,18 @@ class ObjDocument:
     elements: tuple[str, ...] = ()
     encoding: str = "utf-8"
     files: Mapping[str, bytes] = field(default_factory=dict)
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> ObjDocument:
+        """Renumber lines and points, without those that lose a point."""
+        found = []
+        for element in self.elements:
+            keyword, *words = element.split()
+            numbers = np.array(words, dtype=np.int64) - 1
+            inside = (numbers >= 0) & (numbers < len(rows.new_point))
+            new = rows.new_point[numbers[inside]] + 1
+            if inside.all() and new.all():
+                found.append(" ".join([keyword, *map(str, new.tolist())]))
+        return replace(self, elements=tuple(found))
 
 
 def read(data: bytes, name: str) -> Mesh:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,12 +15,21 @@ from isomatch.assets.formats._ply_body import Table, read_tables
 from isomatch.assets.formats._ply_header import Header, Property, read_header
 from isomatch.assets.formats._ply_rows import Cells, cells, holds, write_rows
 from isomatch.assets.formats._text import is_whole
+from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
+from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError, MeshError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
+_ENDS = ("vertex1", "vertex2", *_INDEX_LISTS)
+"""Properties of other elements, such as edges, that are numbers of points."""
+_PLACE = re.compile(
+    r"\bunits?\s*([:=]|in\b|is\b|are\b|(milli|centi|micro)?met|[mc]?m\b|inch)|\bspace\s*=\s*[rlaips]{3}\b",
+    re.I,
+)
+"""Comments that tell the unit or the space of the coordinates."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,13 @@ class PlyDocument:
     vertex: Columns = field(default_factory=Columns)
     face: Columns = field(default_factory=Columns)
     elements: tuple[tuple[str, tuple[Cells, ...], int], ...] = ()
+
+    def renumbered(self, before: Asset, after: Asset, rows: Renumbering) -> PlyDocument:
+        """Take the same rows of lists, and renumber the points of edges, without those that lose one."""
+        vertex = replace(self.vertex, others=tuple(each.at(rows.point_index) for each in self.vertex.others))
+        face = replace(self.face, others=tuple(each.at(rows.polygon_index) for each in self.face.others))
+        elements = tuple(_renumbered(*element, rows.new_point) for element in self.elements)
+        return replace(self, vertex=vertex, face=face, elements=elements)
 
 
 def read(data: bytes, name: str) -> Mesh:
@@ -77,7 +94,24 @@ def read_asset(data: bytes, name: str) -> Asset:
         face,
         others,
     )
-    return Asset(points, Polygons(corners, sizes), vertex.attributes + face.attributes, document=document)
+    words = _of_place(header.comments)
+    return Asset(
+        points,
+        Polygons(corners, sizes),
+        vertex.attributes + face.attributes,
+        document=document,
+        frame=Frame(words=words) if words else None,
+    )
+
+
+def _of_place(comments: Iterable[str]) -> tuple[str, ...]:
+    """Return the comments that tell the unit or the space of the coordinates."""
+    return tuple(line for line in comments if _PLACE.search(line))
+
+
+def keeps_frame(frame: Frame) -> bool:
+    """Whether PLY can tell a frame: in words."""
+    return not frame.has_space
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -109,11 +143,33 @@ def write(asset: Asset, binary: bool | None = None) -> bytes:
         *document.elements,
     ]
     encoding = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[byte_order]
-    header = ["ply", f"format {encoding} 1.0", *document.comments]
+    comments, words = document.comments, asset.frame.words if asset.frame else ()
+    if _of_place(comments) != words:
+        comments = (*(line for line in comments if line not in _of_place(comments)), *words)
+    header = ["ply", f"format {encoding} 1.0", *comments]
     for name, written, n_rows in elements:
         header += [f"element {name} {n_rows}", *(column.declaration for column in written)]
     body = [write_rows(list(written), n_rows, byte_order) for _, written, n_rows in elements]
     return b"".join(["\n".join([*header, "end_header\n"]).encode("latin-1"), *body])
+
+
+def _renumbered(
+    name: str, written: tuple[Cells, ...], n_rows: int, new_point: IntArray
+) -> tuple[str, tuple[Cells, ...], int]:
+    """Renumber the points of an element; rows that lose one are left out."""
+    kept = np.ones(n_rows, dtype=bool)
+    changed = []
+    for each in written:
+        if each.declared.name in _ENDS and each.declared.type.kind in "iu":
+            points = each.values.astype(np.int64)
+            inside = (points >= 0) & (points < len(new_point))
+            new = np.where(inside, new_point[np.where(inside, points, 0)] if len(new_point) else -1, -1)
+            row = np.repeat(np.arange(n_rows), 1 if each.counts is None else each.counts)
+            kept[row[new < 0]] = False
+            each = replace(each, values=np.maximum(new, 0).astype(each.values.dtype))
+        changed.append(each)
+    rows = np.flatnonzero(kept)
+    return name, tuple(each.at(rows) for each in changed), len(rows)
 
 
 def _tables(data: bytes, name: str, header: Header) -> dict[str, Table]:

@@ -9,8 +9,13 @@ from pathlib import Path
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.formats import freesurfer, gifti, gltf, obj, off, ply, stl, vtk
+from isomatch.assets.frame import Frame
 from isomatch.errors import FormatError, InputError
 from isomatch.surfaces import Mesh
+
+
+def _tells_nothing(frame: Frame) -> bool:
+    return not frame.is_told
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,8 @@ class MeshFormat:
         Whether it stores the names of labels.
     has_opacity : bool
         Whether its colours may have an opacity.
+    keeps_frame : callable
+        Whether the format can tell a frame of coordinates; by default it tells none.
     """
 
     read: Callable[[bytes, str], Mesh]
@@ -48,6 +55,7 @@ class MeshFormat:
     has_parts: bool = False
     has_names: bool = False
     has_opacity: bool = True
+    keeps_frame: Callable[[Frame], bool] = _tells_nothing
 
     def missing(self, attribute: Attribute) -> list[Attribute]:
         """Return what has no place of an attribute that has one."""
@@ -69,6 +77,7 @@ def _with_attributes(
     options: frozenset[str] = frozenset(),
     has_parts: bool = False,
     has_names: bool = False,
+    keeps_frame: Callable[[Frame], bool] = _tells_nothing,
 ) -> MeshFormat:
     """Make a format whose meshes are read with all that the file holds."""
 
@@ -76,7 +85,16 @@ def _with_attributes(
         asset = checked(read_asset, data, name)
         return Mesh(asset.placed_points, asset.polygons.triangles)
 
-    return MeshFormat(read, write, options, read_asset, keeps, has_parts=has_parts, has_names=has_names)
+    return MeshFormat(
+        read,
+        write,
+        options,
+        read_asset,
+        keeps,
+        has_parts=has_parts,
+        has_names=has_names,
+        keeps_frame=keeps_frame,
+    )
 
 
 _BINARY = frozenset({"binary"})
@@ -99,15 +117,20 @@ FORMATS: dict[str, MeshFormat] = {
         has_names=True,
         has_opacity=False,
     ),
-    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps),
+    ".ply": MeshFormat(ply.read, ply.write, _BINARY, ply.read_asset, ply.keeps, keeps_frame=ply.keeps_frame),
     ".stl": MeshFormat(stl.read, stl.write, _BINARY, stl.read_asset),
     ".glb": _with_attributes(gltf.read_asset, gltf.write_glb, gltf.keeps, has_parts=True, has_names=True),
     ".gltf": _with_attributes(gltf.read_asset, gltf.write_gltf, gltf.keeps, has_parts=True, has_names=True),
     ".vtk": _with_attributes(vtk.read_vtk, vtk.write_vtk, vtk.keeps, _BINARY),
     ".vtp": _with_attributes(vtk.read_vtp, vtk.write_vtp, vtk.keeps, _BINARY),
     ".vtu": _with_attributes(vtk.read_vtu, vtk.write_vtu, vtk.keeps, _BINARY),
-    ".gii": _with_attributes(gifti.read_asset, gifti.write, gifti.keeps, has_names=True),
-    **dict.fromkeys(freesurfer.SURFACES, _with_attributes(freesurfer.read_asset, freesurfer.write)),
+    ".gii": _with_attributes(
+        gifti.read_asset, gifti.write, gifti.keeps, has_names=True, keeps_frame=gifti.keeps_frame
+    ),
+    **dict.fromkeys(
+        freesurfer.SURFACES,
+        _with_attributes(freesurfer.read_asset, freesurfer.write, keeps_frame=freesurfer.keeps_frame),
+    ),
 }
 """The format of each suffix, in lower case and with its dot. To add a format, add an entry."""
 

@@ -1,0 +1,146 @@
+"""Tables of values on points: NumPy arrays, and text of columns between commas, semicolons, tabs or blanks."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Sequence
+from io import BytesIO, StringIO
+from itertools import dropwhile
+from pathlib import Path
+
+import numpy as np
+
+from isomatch.assets.attribute import Attribute
+from isomatch.assets.attribute_names import guessed_kind, told_apart
+from isomatch.assets.formats._reading import reading
+from isomatch.errors import FormatError
+from isomatch.values.arrays import AnyArray
+
+_INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
+_MARKS = ",;\t"
+_BLANK = {"", "nan", "na", "n/a", "none", "null"}
+
+
+def read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
+    """Read a ``.npy`` file of one row, number or text for each point."""
+    with reading(name, "a .npy file of numbers or texts, without pickled objects"):
+        values = np.load(BytesIO(data), allow_pickle=False)
+    if not isinstance(values, np.ndarray) or values.ndim not in (1, 2) or values.dtype.kind not in "fiubUS":
+        raise FormatError(
+            f"{name}: expected an array (n,) or (n, k) of numbers or texts, one row for each point"
+        )
+    values = np.char.decode(values, "utf-8", "surrogateescape") if values.dtype.kind == "S" else values
+    values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    title = Path(name).stem
+    return (Attribute(title, "point", guessed_kind(title, values), values),)
+
+
+def write_array(attributes: Sequence[Attribute]) -> bytes:
+    """Write the values of one attribute as a ``.npy`` file."""
+    file = BytesIO()
+    (attribute,) = attributes
+    np.save(file, attribute.values if attribute.kind == "label" else attribute.plain, allow_pickle=False)
+    return file.getvalue()
+
+
+def read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attribute, ...]:
+    """Read columns of a text; those without a header are named by the file.
+
+    A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
+    vertex, index or nothing that has different whole numbers says which point a row is of.
+    """
+    text = data.decode("utf-8-sig", errors="surrogateescape")
+    with reading(name, "columns of text"):
+        rows = _rows(text)
+    if not rows or any(len(row) != len(rows[0]) for row in rows):
+        raise FormatError(
+            f"{name}: expected columns of one row for each point, found "
+            + ("rows of different lengths" if rows else "nothing")
+            + "; export it again"
+        )
+    has_header = _has_header(rows, n_rows)
+    titles = rows.pop(0) if has_header else []
+    stem = Path(name).stem
+    columns = [_column(list(cells)) for cells in zip(*rows)]
+    titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
+    index = None
+    if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and _is_index(columns[0]):
+        index, columns, titles = columns[0], columns[1:], titles[1:]
+    found = [
+        Attribute(title or f"{stem}_{i}", "point", guessed_kind(title, column), column)
+        for i, (title, column) in enumerate(zip(titles, columns))
+    ]
+    if index is not None:
+        total = int(index.max(initial=-1)) + 1
+        n = next((n for n in n_rows if n >= total), total)
+        found = [each.spread(index, n) for each in found]
+    return told_apart(found)
+
+
+def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
+    """Write a line of names, and a row for each point, with a mark between the columns."""
+    names, columns = [], []
+    for attribute in attributes:
+        values = attribute.values if attribute.kind == "label" else attribute.plain
+        table = values.reshape(len(values), -1)
+        single = table.shape[1] == 1
+        names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
+        columns += [column.tolist() for column in table.T]
+    file = StringIO()
+    writer = csv.writer(file, delimiter=mark, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(zip(*columns))
+    return file.getvalue().encode("utf-8", "surrogateescape")
+
+
+def _rows(text: str) -> list[list[str]]:
+    """Split lines at the mark of the first one, or at blanks; lines at the beginning may be comments."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
+    mark = next((each for each in _MARKS if lines and each in lines[0]), None)
+    if mark:
+        return [
+            [cell.strip() for cell in row] for row in csv.reader(StringIO("\n".join(lines)), delimiter=mark)
+        ]
+    rows = [line.split() for line in lines]
+    is_table = all(len(row) == len(rows[0]) for row in rows)
+    return rows if is_table else [[line.strip()] for line in lines]
+
+
+def _has_header(rows: list[list[str]], n_rows: Collection[int]) -> bool:
+    first, *others = rows
+    if any(_is_number(cell) for cell in first):
+        return False
+    if len(first) > 1 and first[0].lower() in _INDEX_NAMES:
+        return True
+    if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
+        return len(rows) not in n_rows
+    return bool(others) and (
+        any(_is_number(cell) for cell in others[0]) or not any(row == first for row in others)
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # which Python takes for a separator of digits
+
+
+def _column(cells: list[str]) -> AnyArray:
+    """Return whole numbers, numbers with nan for blanks, or texts."""
+    if any("_" in cell for cell in cells):
+        return np.array(cells)
+    try:
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    except (ValueError, OverflowError):
+        pass
+    try:
+        return np.array([np.nan if cell.lower() in _BLANK else float(cell) for cell in cells])
+    except ValueError:
+        return np.array(cells)
+
+
+def _is_index(column: AnyArray) -> bool:
+    return column.dtype.kind == "i" and column.min(initial=0) >= 0 and len(np.unique(column)) == len(column)
