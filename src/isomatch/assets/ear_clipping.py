@@ -226,7 +226,8 @@ def _should_flip(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> 
     beyond_b, before_c = bx * dy - by * dx, dx * cy - dy * cx
     b2, c2, d2 = bx * bx + by * by, cx * cx + cy * cy, dx * dx + dy * dy
     inside = b2 * (cx * dy - cy * dx) - c2 * (bx * dy - by * dx) + d2 * (bx * cy - by * cx)
-    return min(beyond_b, before_c) > COCIRCULAR and inside < -COCIRCULAR
+    flip: bool = min(beyond_b, before_c) > COCIRCULAR and inside < -COCIRCULAR
+    return flip
 
 
 def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:
