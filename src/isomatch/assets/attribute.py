@@ -33,9 +33,9 @@ class Attribute:
     values : (k,) or (k, d) array_like
         One row for each point, corner or face, in the type of the file. Colours have 3 or 4 columns, as integers from 0
         to the largest of 8 or 16 bits, as floats from 0 to 1, or from 0 to 255 in any other type; nan where there is
-        none. Labels are (k,)
-        integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or (k, 3), from the
-        lower left of the picture, with nan at corners that have none. Shape keys are (k, 3) displacements.
+        none. Labels are (k,) integers or strings, scalars (k,) numbers, normals (k, 3), texture coordinates (k, 2) or
+        (k, 3), from the lower left of the picture, with nan at corners that have none. Shape keys are (k, 3)
+        displacements.
     joints : (k, d) array_like of int, optional
         For skinning weights of few joints: the joint that each weight belongs to. Without it, column j is joint j.
     names : mapping of int to str

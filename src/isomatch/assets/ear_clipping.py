@@ -11,9 +11,7 @@ from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDING = 16 * np.finfo(np.float64).eps  # of a corner, relative to the largest coordinate
-COCIRCULAR = (
-    1e-12  # an area below which corners are on one line, and its square on one circle; the polygon is about 1
-)
+COCIRCULAR = 1e-12  # below this, in a polygon of size 1, corners count as on one line or circle
 OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corners may cover twice
 
 
@@ -139,11 +137,18 @@ def _ears(points: FloatArray, corners: IntArray) -> IntArray | None:
     flat, rounding = _flattened(points, corners)
     n = len(corners)
     order = np.roll(np.arange(n), -np.lexsort(points[corners].T)[0])  # whichever corner is the first
-    clipped = triangulate_float64(flat[order].astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3)
-    found = clipped.tolist() if len(clipped) == n - 2 else _with_every_corner(clipped.tolist(), n)
-    triangles = order[np.array(found, dtype=np.int64).reshape(-1, 3)]
-    side = _side(flat, triangles, rounding) if len(found) == n - 2 else 0
-    return _delaunay(flat, np.ascontiguousarray(triangles[:, ::side])) if side else None
+    triangles = order[
+        triangulate_float64(flat[order].astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3)
+    ]
+    if len(triangles) < n - 2 and _side(flat, triangles, rounding):
+        triangles = np.array(_with_every_corner(triangles.tolist(), n))
+    side = _side(flat, triangles, rounding) if len(triangles) == n - 2 else 0
+    if not side:
+        return None
+    triangles = _delaunay(flat, np.ascontiguousarray(triangles[:, ::side]))
+    from_least = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    triangles = np.take_along_axis(triangles, from_least, axis=1)
+    return triangles[np.lexsort(triangles.T[::-1])]
 
 
 @compiled()
@@ -221,7 +226,8 @@ def _should_flip(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> 
     beyond_b, before_c = bx * dy - by * dx, dx * cy - dy * cx
     b2, c2, d2 = bx * bx + by * by, cx * cx + cy * cy, dx * dx + dy * dy
     inside = b2 * (cx * dy - cy * dx) - c2 * (bx * dy - by * dx) + d2 * (bx * cy - by * cx)
-    return min(beyond_b, before_c) > COCIRCULAR and inside < -COCIRCULAR
+    flip: bool = min(beyond_b, before_c) > COCIRCULAR and inside < -COCIRCULAR
+    return flip
 
 
 def _with_every_corner(triangles: list[list[int]], n: int) -> list[list[int]]:

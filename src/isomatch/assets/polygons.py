@@ -39,7 +39,7 @@ class Polygons:
     [[0, 1, 2], [0, 2, 3], [3, 2, 4]]
     >>> arrow = np.array([[0, 0, 0], [2, 1, 0], [0, 2, 0], [1, 1, 0]])
     >>> Polygons([0, 1, 2, 3], [4], arrow).triangles.tolist()
-    [[1, 2, 3], [3, 0, 1]]
+    [[0, 1, 3], [1, 2, 3]]
     """
 
     corners: IntArray

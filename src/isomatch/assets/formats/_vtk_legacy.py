@@ -58,7 +58,7 @@ def _walk(file: _Sections, version: int) -> None:
                 n_rows = int(count)
             case ["SCALARS", _, kind, *width]:
                 before = file.at
-                if file.line()[:1] != ["LOOKUP_TABLE"]:
+                if "".join(file.line()[:1]).upper() != "LOOKUP_TABLE":
                     file.at = before
                 file.values(n_rows * int((width or ["1"])[0]), kind)
             case ["COLOR_SCALARS", _, width]:
