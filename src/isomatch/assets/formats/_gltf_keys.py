@@ -56,13 +56,14 @@ def write_keys(
     ``parts`` are the primitives of each and how far the new keys move their points. A key that moves none of them is left
     out, unless ``still``.
     """
-    each = gltf.json["meshes"][mesh]
-    had = _names(each)[: max(len(p.get("targets", [])) for p in each["primitives"])]
+    all_primitives = gltf.json["meshes"][mesh]["primitives"]
+    had = _names(gltf.json["meshes"][mesh])[: max(len(p.get("targets", [])) for p in all_primitives)]
     new = [name for name in parts[0][1] if still or any(moves[name].any() for _, moves in parts)]
     names = [name for name in dict.fromkeys([*had, *new]) if name in new or name not in gone]
     for primitives, moves in parts:
         old = dict(zip(had, primitives[0].get("targets", [])))
-        targets = [{"POSITION": _add(gltf, moves[name])} if name in new else old[name] for name in names]
+        added = {name: {"POSITION": _add(gltf, moves[name])} for name in new}
+        targets = [each for name in names if (each := added.get(name, old.get(name)))]
         for primitive in primitives:
             primitive.pop("targets", None)
             if targets:
