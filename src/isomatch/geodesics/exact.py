@@ -65,7 +65,7 @@ def _by_windows(mesh: Mesh) -> Solver:
 
     def distances_from(source: int) -> FloatArray:
         bound = along_edges.distances_from([source])[0]
-        return windows_from(unfolded, mesh.vertices, source, bound).distance
+        return np.minimum(windows_from(unfolded, mesh.vertices, source, bound).distance, bound)
 
     return distances_from
 
