@@ -84,8 +84,8 @@ def geodesic_path(
     Raises
     ------
     MeshError
-        If a coordinate is not finite, a point is not of the surface, no path leads from one to the other, or faces between
-        them have no area.
+        If a coordinate is not finite, a point is not of the surface, no path leads from one to the other, or faces
+        between them have no area.
     MemoryBudgetError
         If there are too many windows.
 

@@ -16,7 +16,7 @@ TIE = 1e-14  # of a distance; a vertex is reached anew only by what is shorter b
 LOSS = 1e-12  # of a distance; a window is dropped only if what beats it is shorter by more
 GRAZE = 1e-9  # of an edge; a ray so far beside a window is of it, which makes a path too short by the square of that
 FLAT = 1e-12  # of an angle; rays do not bend around a vertex whose angle is larger by no more
-BYTES = 110  # for each window
+BYTES = 270  # for each window, while arrays grow
 NARROW = 1e-15  # of an edge; windows so narrow are of rounding
 THINNEST = 1e-13  # height of a face over a side, in sides
 
@@ -137,7 +137,7 @@ def windows_from(
     and Han's algorithm on the discrete geodesic problem*, TOG 2009. At a corner only the window that reaches it first
     goes on at both sides of it; a window is dropped where a path through a corner of its face is shorter; and on the way
     to a target the queue is in the order of the shortest path that a window may still be part of. O(n²) windows in the
-    worst case; about 110 bytes for each.
+    worst case; at most 270 bytes for each.
     """
     most = memory_budget() // BYTES
     distance, reached, numbers, values = _propagate(*unfolded, points, source, target, bound.copy(), most)
