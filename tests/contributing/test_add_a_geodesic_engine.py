@@ -25,7 +25,7 @@ class ToyColumns(ColumnEngine):
 
     def __init__(self, mesh):
         self.n_points = mesh.n_vertices
-        self._engine = distance_engine(mesh)
+        self._engine = distance_engine(mesh, weld=False)
 
     def _columns(self, sources):
         return self._engine.distances_from(sources)
@@ -37,7 +37,7 @@ class ToyComponents(ComponentEngine):
     name = "toy_components"
 
     def _solver(self, component):
-        engine = distance_engine(component)
+        engine = distance_engine(component, weld=False)
         return lambda source: engine.distances_from([source])[0]
 
 

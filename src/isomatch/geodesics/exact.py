@@ -65,7 +65,8 @@ def _by_windows(mesh: Mesh) -> Solver:
 
     def distances_from(source: int) -> FloatArray:
         bound = along_edges.distances_from([source])[0]
-        return windows_from(unfolded, mesh.vertices, source, bound).distance
+        found: FloatArray = np.minimum(windows_from(unfolded, mesh.vertices, source, bound).distance, bound)
+        return found
 
     return distances_from
 

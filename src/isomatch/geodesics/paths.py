@@ -21,6 +21,7 @@ from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
+ROUNDING = 1e-9  # of a length
 SHORTEST = 1e-12  # of a path; shorter segments are of rounding, where it passes through a vertex
 
 
@@ -83,12 +84,15 @@ def geodesic_path(
     Raises
     ------
     MeshError
-        If a coordinate is not finite, a point is not of the surface, or no path leads from one to the other.
+        If a coordinate is not finite, a point is not of the surface, no path leads from one to the other, or faces
+        between them have no area.
+    MemoryBudgetError
+        If there are too many windows.
 
     Notes
     -----
-    The path is that of the windows of `windows_from`, and no local minimum. 2 ms for neighbours, and 0.1 to 1 s across a
-    mesh of 30 000 vertices.
+    The path is traced back through windows of straight rays, and no local minimum. With 10 000 vertices 0.25 s to set up,
+    and 0.1 s for a path between random points; opposite ends of a sphere, which many paths join, take 3 s.
 
     Examples
     --------
@@ -185,6 +189,10 @@ class _Ways:
                 "no path leads from the source to the target, which are in different components; look at check(mesh)"
             )
         windows = windows_from(self.unfolded, self.mesh.vertices, source, bound, target)
+        if not windows.distance[target] <= bound[target] * (1 + ROUNDING):
+            raise MeshError(
+                "rays between the source and the target are lost in faces without area; look at check(mesh), and remesh"
+            )
         stops = self._stops(windows, source, target)[::-1]
         places = np.array([self._place(stop) for stop in stops]).reshape(-1, 3)
         steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
@@ -198,10 +206,11 @@ class _Ways:
             np.array([self.points.corners[i], *(row[0] for row in rows), self.points.corners[j]]),
             np.array([self.points.barycentric[i], *(row[1] for row in rows), self.points.barycentric[j]]),
         )
-        positions = points.interpolated(self.original.vertices)
-        length = float(np.linalg.norm(np.diff(positions / self.unit, axis=0), axis=1).sum()) * self.unit
+        origin = self.original.vertices[points.corners[0, 0]]  # near it, coordinates have more digits
+        relative = points.interpolated((self.original.vertices - origin) / self.unit)
+        length = float(np.linalg.norm(np.diff(relative, axis=0), axis=1).sum()) * self.unit
         index = self.mended.face_index[np.array(within, dtype=np.int64)]
-        return GeodesicPath(points, index, positions, length)
+        return GeodesicPath(points, index, points.interpolated(self.original.vertices), length)
 
     def _stops(self, windows: Windows, source: int, target: int) -> list[_Stop]:
         """List the points of the path, from the target back; each knows the face of the segment after it."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isomatch.loading.compiled import compiled
+from isomatch.runtime.memory import memory_budget, require_memory
 from isomatch.surfaces import Mesh, fans, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
@@ -15,6 +16,7 @@ TIE = 1e-14  # of a distance; a vertex is reached anew only by what is shorter b
 LOSS = 1e-12  # of a distance; a window is dropped only if what beats it is shorter by more
 GRAZE = 1e-9  # of an edge; a ray so far beside a window is of it, which makes a path too short by the square of that
 FLAT = 1e-12  # of an angle; rays do not bend around a vertex whose angle is larger by no more
+BYTES = 270  # for each window, while arrays grow
 NARROW = 1e-15  # of an edge; windows so narrow are of rounding
 THINNEST = 1e-13  # height of a face over a side, in sides
 
@@ -135,9 +137,15 @@ def windows_from(
     and Han's algorithm on the discrete geodesic problem*, TOG 2009. At a corner only the window that reaches it first
     goes on at both sides of it; a window is dropped where a path through a corner of its face is shorter; and on the way
     to a target the queue is in the order of the shortest path that a window may still be part of. O(n²) windows in the
-    worst case; about 110 bytes for each.
+    worst case; at most 270 bytes for each.
     """
-    distance, reached, numbers, values = _propagate(*unfolded, points, source, target, bound.copy())
+    most = memory_budget() // BYTES
+    distance, reached, numbers, values = _propagate(*unfolded, points, source, target, bound.copy(), most)
+    require_memory(
+        float(BYTES) * len(numbers),
+        "the windows of exact distances",
+        "many faces without area may be the reason: look at check(mesh); or use engine 'fast_marching'",
+    )
     side, before, parent, root = numbers.T
     return Windows(distance, reached, root, parent, side, before, values[:, 2:4])
 
@@ -276,8 +284,12 @@ def _propagate(
     source: int,
     target: int,
     bound: FloatArray,
+    limit: int,
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Return distances, how each vertex is reached, and the windows: (w, 4) numbers and (w, 5) values; see `_add`."""
+    """Return distances, how each vertex is reached, and the windows: (w, 4) numbers and (w, 5) values; see `_add`.
+
+    It gives up when there are more windows than a limit.
+    """
     n = len(bends)
     distance = np.full(n, np.inf)
     reached = np.full(n, -1, np.int64)
@@ -298,7 +310,7 @@ def _propagate(
     distance[source] = 0.0
     bound[source] = 0.0
     _push(keys, items, count, 0.0, -1 - source)
-    while count[1] > 0:
+    while count[1] > 0 and count[0] <= limit:
         key, at = _pop(keys, items, count)
         if target >= 0 and key > bound[target] * (1.0 + LOSS):
             break
@@ -374,6 +386,8 @@ def _propagate(
             begin = _share(near, ax, y, sx, py)
             end = _share(far, ax, y, sx, py) if far < (full - ray if j == 1 else ray) else 1.0
             reach = length[own]
+            if reach == 0.0:
+                continue
             along = (sx * ax + py * y) / reach  # from that end
             height = abs(sx * y - py * ax) / reach
             if j == 1:

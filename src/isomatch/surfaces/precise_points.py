@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from isomatch.loading.compiled import compiled
 from isomatch.values.arrays import FloatArray, IntArray
@@ -48,11 +48,11 @@ class PrecisePoints(NamedTuple):
         total[rows] = np.where(weights[rows, :, None] == 0, 0, parts).sum(axis=1)
         return total
 
-    def interpolation(self, n_vertices: int) -> csr_array:
+    def interpolation(self, n_vertices: int) -> scipy.sparse.csr_array:
         """(m, n) matrix whose product with values at the n vertices interpolates them at the points."""
         rows = np.repeat(np.arange(len(self.corners)), 3)
         entries = (self.barycentric.ravel(), (rows, self.corners.ravel()))
-        return csr_array(entries, shape=(len(self.corners), n_vertices))
+        return scipy.sparse.csr_array(entries, shape=(len(self.corners), n_vertices))
 
 
 @compiled(inline="always")
