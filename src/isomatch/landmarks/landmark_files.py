@@ -122,7 +122,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}:{getattr(error, 'lineno', 1)}: is not JSON ({error})") from None
-    points = []
+    points: list[MarkedPoint] = []
     try:
         for number, markup in enumerate(content["markups"], start=1):
             system = _system(markup.get("coordinateSystem", "LPS"))
