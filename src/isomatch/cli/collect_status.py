@@ -79,13 +79,13 @@ def _say_sides(status: dict[str, Any]) -> None:
     untried = [name for name, reason in status["mirror_images"].items() if reason is None]
     if untried:
         say(
-            f"mirror images of the other shapes, by all appearance: {', '.join(untried)}; run again with --reflect auto, "
+            f"seem to be mirror images of the others: {', '.join(untried)}; run again with --reflect auto, "
             "or with the names of those to reflect",
             "bold red",
         )
     for name, reason in status["mirror_images"].items():
         if reason is not None:
-            say(f"perhaps a mirror image, but not reflected: {name}: {reason}", "bold red")
+            say(f"seems to be a mirror image, but not reflected: {name}: {reason}", "bold red")
 
 
 def told(event: collections.Event) -> tuple[str, float]:
