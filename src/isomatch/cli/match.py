@@ -12,7 +12,6 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
-from isomatch.assets import SurfaceLike
 from isomatch.cli.inputs import naming_files, read_config, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
@@ -188,7 +187,7 @@ def match(
         refuse_outcomes(matched, refused, folder.folder)
 
 
-def _one_way(source: SurfaceLike, target: SurfaceLike, **options: Any) -> tuple[isomatch.MatchResult, None]:
+def _one_way(source: Any, target: Any, **options: Any) -> tuple[isomatch.MatchResult, None]:
     return isomatch.match(source, target, **options), None
 
 
