@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 import isomatch
+import isomatch.landmarks as shape_landmarks
 from isomatch import collections
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.errors import InputError
-from isomatch.landmarks import Landmarks, write_specimens, writer_of
 from isomatch.storage.files import claimed, made_folder
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
@@ -47,10 +47,10 @@ def landmarks(
         Write over files of an earlier run; others in the folder stay.
     """
     suffix = f".{format.removeprefix('.')}"
-    writer_of(Path(f"landmarks{suffix}"))
+    shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
     collection = collections.Collection.open(folder)
     files = _files_of(marks, collection.names)
-    found: dict[str, Landmarks] = {}
+    found: dict[str, isomatch.Landmarks] = {}
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
@@ -62,7 +62,7 @@ def landmarks(
         first = next(iter(found.values()))
         alike = {name: each for name, each in found.items() if each.names == first.names}
         for table in tables:
-            write_specimens(table, alike)
+            shape_landmarks.write_specimens(table, alike)
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
     record: dict[str, Any] = {
         "folder": str(to),

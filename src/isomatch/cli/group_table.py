@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from unicodedata import normalize
 
-from isomatch.assets import FORMATS
+from isomatch import assets
 from isomatch.errors import FormatError
 from isomatch.storage.files import opened
 
@@ -100,4 +100,4 @@ def _stem(name: str) -> str:
     """Name of a shape from that of its file."""
     last = name.replace("\\", "/").rpartition("/")[2]
     suffix = Path(last).suffix
-    return last.removesuffix(suffix) if suffix.lower() in FORMATS else last
+    return last.removesuffix(suffix) if suffix.lower() in assets.FORMATS else last

@@ -12,8 +12,12 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
+<<<<<<< HEAD
 from isomatch.assets import SurfaceLike
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
+=======
+from isomatch.cli.inputs import naming_files, read_config, read_outcomes, read_surface
+>>>>>>> work-marks
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
@@ -202,7 +206,7 @@ def match(
         refuse_outcomes(matched, refused, folder.folder)
 
 
-def _one_way(source: SurfaceLike, target: SurfaceLike, **options: Any) -> tuple[isomatch.MatchResult, None]:
+def _one_way(source: Any, target: Any, **options: Any) -> tuple[isomatch.MatchResult, None]:
     return isomatch.match(source, target, **options), None
 
 

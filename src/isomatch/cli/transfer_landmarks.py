@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import isomatch
+import isomatch.landmarks as shape_landmarks
 from isomatch.cli.inputs import naming_files
 from isomatch.cli.outputs import claimed_files
 from isomatch.cli.terminal import Talk, say
 from isomatch.errors import FormatError, LandmarkError
-from isomatch.landmarks import writer_of
 from isomatch.transfer import Side
 
 
@@ -30,7 +30,7 @@ def transfer_landmarks(
     talk: Talk,
 ) -> None:
     """Carry the landmarks of a file, see `isomatch.carry_landmarks`, write and tell them."""
-    writer_of(output)
+    shape_landmarks.writer_of(output)
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
         shapes = _surface(source), _surface(target)
