@@ -12,12 +12,7 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
-<<<<<<< HEAD
-from isomatch.assets import SurfaceLike
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
-=======
-from isomatch.cli.inputs import naming_files, read_config, read_outcomes, read_surface
->>>>>>> work-marks
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
