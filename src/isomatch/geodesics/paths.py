@@ -35,7 +35,7 @@ class GeodesicPath:
         The points, of the k − 1 segments each in a face that it shares with the next: the ends, and where the path
         crosses edges or passes through vertices.
     faces : (k − 1,) array of int
-        Face in which each segment lies.
+        Face in which each segment lies; none of a path of length 0.
     positions : (k, 3) array of float
         The points in space.
     length : float
