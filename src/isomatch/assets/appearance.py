@@ -196,7 +196,9 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
             changed = {old: new for old, new in names.items() if old != new}
             put(name, mtl.renamed(content, changed) if changed else content)
     lines = tuple(
-        names.get(line) or " ".join(names.get(name, name) for name in line.split())
+        " ".join(names.get(name, name) for name in line.split())
+        if line not in names and names.keys() & set(line.split())
+        else names.get(line, line)
         for line in document.libraries
     )
     return replace(document, libraries=lines), files
