@@ -161,6 +161,8 @@ def test_commands(case, written, tmp_path, capsys, monkeypatch):
         commands["match"] = ["match", file, file, "-o", str(tmp_path / "map")]
     for verb, command in commands.items():
         words = getattr(case, verb)
+        if case.name == "points_without_faces" and verb == "match":  # files of points are matched as clouds
+            words = None
         code = main(command)
         said = capsys.readouterr().err
         assert code == CODES[bool(words)], said

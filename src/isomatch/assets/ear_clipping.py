@@ -16,9 +16,9 @@ OVERLAP = 1e-9  # share of the area of a polygon that triangles of rounded corne
 
 
 def ear_clipped(
-    points: FloatArray, corners: IntArray, sizes: IntArray, fans: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Replace the fans of polygons that are not convex by triangles that cover them.
+    points: FloatArray, corners: IntArray, sizes: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Cut polygons that are not convex into triangles that cover them.
 
     Parameters
     ----------
@@ -28,15 +28,15 @@ def ear_clipped(
         Point of each corner, of all polygons one after another.
     sizes : (p,) array of int
         Number of corners of each polygon, at least 3.
-    fans : (sum of sizes - 2, 3) array of int
-        Corners of the triangles of fans, in the order of the polygons.
 
     Returns
     -------
-    triangles : (sum of sizes - 2, 3) array of int
-        Corners of the triangles.
+    rows : (t,) array of int
+        Which triangles are not those of fans, if all polygons are triangulated in their order.
+    triangles : (t, 3) array of int
+        Their corners.
     left : (l,) array of int
-        Polygons that are still fans though they are not convex, because their outline crosses itself or has no area.
+        Polygons that remain fans though they are not convex, because their outline crosses itself or has no area.
 
     Notes
     -----
@@ -49,16 +49,16 @@ def ear_clipped(
     sound: BoolArray = (corners >= 0) & (corners < len(points))
     finite: BoolArray = np.isfinite(np.abs(points).max(axis=1, initial=0))
     sound[sound] = finite[corners[sound]]
-    triangles, left = np.array(fans), []
+    rows, triangles, left = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)], []
     for polygon in np.flatnonzero(_are_concave(points, corners, sound, starts, sizes)).tolist():
         start, size = int(starts[polygon]), int(sizes[polygon])
         found = _ears(points, corners[start : start + size])
         if found is None:
             left.append(polygon)
         else:
-            first = start - 2 * polygon
-            triangles[first : first + size - 2] = start + found
-    return triangles, np.array(left, dtype=np.int64)
+            rows.append(np.arange(size - 2) + start - 2 * polygon)
+            triangles.append(start + found)
+    return np.concatenate(rows), np.concatenate(triangles), np.array(left, dtype=np.int64)
 
 
 @compiled()
@@ -136,13 +136,15 @@ def _ears(points: FloatArray, corners: IntArray) -> IntArray | None:
     """(k - 2, 3) corners of triangles of one polygon; None if none cover its outline once."""
     flat, rounding = _flattened(points, corners)
     n = len(corners)
+    if _area(flat) <= rounding:
+        return None
     order = np.roll(np.arange(n), -np.lexsort(points[corners].T)[0])  # whichever corner is the first
     triangles = order[
         triangulate_float64(flat[order].astype(np.float64), np.array([n], np.uint32)).reshape(-1, 3)
     ]
-    if len(triangles) < n - 2 and _side(flat, triangles, rounding):
+    if len(triangles) < n - 2 and _side(flat, triangles):
         triangles = np.array(_with_every_corner(triangles.tolist(), n))
-    side = _side(flat, triangles, rounding) if len(triangles) == n - 2 else 0
+    side = _side(flat, triangles) if len(triangles) == n - 2 else 0
     if not side:
         return None
     triangles = _delaunay(flat, np.ascontiguousarray(triangles[:, ::side]))
@@ -152,18 +154,25 @@ def _ears(points: FloatArray, corners: IntArray) -> IntArray | None:
 
 
 @compiled()
-def _side(flat: FloatArray, triangles: IntArray, rounding: float) -> int:
-    """1 if triangles cover an outline once, -1 if they do so from below, 0 if they do not."""
-    total = turned = area = 0.0
+def _area(flat: FloatArray) -> float:
+    """Twice the area of an outline that turns left."""
+    area = 0.0
     for i in range(len(flat)):
         a, b = flat[i], flat[(i + 1) % len(flat)]
         area += a[0] * b[1] - a[1] * b[0]
+    return area
+
+
+@compiled()
+def _side(flat: FloatArray, triangles: IntArray) -> int:
+    """1 if triangles cover an outline once, -1 if they do so from below, 0 if they do not."""
+    total = turned = 0.0
     for i in range(len(triangles)):
         a, b, c = flat[triangles[i, 0]], flat[triangles[i, 1]], flat[triangles[i, 2]]
         each = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
         total += each
         turned += abs(each)
-    if area <= rounding or turned > (1 + OVERLAP) * area:
+    if turned > (1 + OVERLAP) * _area(flat):
         return 0
     return 1 if total > 0 else -1
 

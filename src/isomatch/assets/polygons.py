@@ -13,6 +13,8 @@ from isomatch.errors import MeshError
 from isomatch.values.arrays import FloatArray, IntArray, array_of
 from isomatch.values.cached import cached_property
 
+_UNCUT = (np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64), np.zeros(0, dtype=np.int64))
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Polygons:
@@ -75,31 +77,38 @@ class Polygons:
         return len(self.sizes)
 
     @cached_property
-    def _cut(self) -> tuple[IntArray, IntArray]:
-        fans = triangulate(np.arange(len(self.corners)), self.sizes)
+    def _cut(self) -> tuple[IntArray, IntArray, IntArray]:
+        """What `ear_clipped` cuts otherwise than fans."""
         if self.points is None:
-            return fans, np.zeros(0, dtype=np.int64)
-        return ear_clipped(self.points, self.corners, self.sizes, fans)
+            return _UNCUT
+        return ear_clipped(self.points, self.corners, self.sizes)
 
-    @property
+    @cached_property
     def corner_of_triangle(self) -> IntArray:
         """(m, 3) the corners of the polygons that are those of each triangle.
 
         A convex polygon is a fan around its first corner; of others, ears are clipped, see `uncut`.
         """
-        return self._cut[0]
+        return self._with_ears(np.arange(len(self.corners)))
 
     @property
     def uncut(self) -> IntArray:
         """Polygons that are fans though they are not convex, because their outline crosses itself or has no area."""
-        return self._cut[1]
+        return self._cut[2]
 
     @property
     def triangles(self) -> IntArray:
         """(m, 3) points of each triangle."""
         if (self.sizes == 3).all():
             return self.corners.reshape(-1, 3)
-        return self.corners[self.corner_of_triangle]
+        return self._with_ears(self.corners)
+
+    def _with_ears(self, corners: IntArray) -> IntArray:
+        rows, ears, _ = self._cut
+        triangles = triangulate(corners, self.sizes)
+        if len(rows):
+            triangles[rows] = corners[ears]
+        return triangles
 
     def at(self, points: FloatArray) -> Polygons:
         """Return the same, cut as they lie at these points, unless they have points already."""

@@ -21,7 +21,7 @@ Verb = Literal["distance", "basis", "match"]
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
     "basis": lambda mesh: bases.basis_domain(_welded(mesh), n_columns=N_COLUMNS),
-    "match": lambda mesh: shapes.body_of(mesh, isomatch.Config().preparation),
+    "match": lambda mesh: shapes.body_of(surface_of(mesh), isomatch.Config().preparation),
 }
 
 

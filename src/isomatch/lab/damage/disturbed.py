@@ -115,6 +115,8 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
     partner = np.full(mesh.n_vertices, -1, dtype=np.int64)
     for i, column in enumerate(columns):
         inside = np.flatnonzero(patch == i)
+        if not len(inside):  # two centres at one position
+            continue
         far = np.flatnonzero(column - column[inside].max() >= FAR * np.sqrt(mesh.area))
         if len(far):
             nearest = KDTree(body.vertices[far]).query(body.vertices[inside])[1]
