@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isomatch import match, match_both
+from isomatch import Mesh, match, match_both
 from isomatch.datasets import creature
 from isomatch.errors import DescriptorError
 from isomatch.lab.damage import cut
@@ -66,6 +66,25 @@ def test_values_are_compared_as_they_are_on_both(brick):
     assert with_functions(pair, None) is pair
 
 
+def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
+    """Across a seam of repeated vertices too; a component without any has the mean."""
+    n = brick.n_vertices
+    seam = np.flatnonzero(brick.vertices[:, 0] == brick.vertices[:, 0].max())
+    twin = np.arange(n)
+    twin[seam] = n + np.arange(len(seam))
+    beyond = brick.vertices[brick.faces].mean(axis=1)[:, 0] > brick.vertices[:, 0].max() - 1e-9
+    apart = [[99, 99, 99], [99, 99, 100], [99, 100, 99], [100, 99, 99]]
+    tetrahedron = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]) + n + len(seam)
+    vertices = np.concatenate([brick.vertices, brick.vertices[seam], apart])
+    faces = np.concatenate([np.where(beyond[:, None], twin[brick.faces], brick.faces), tetrahedron])
+    values = np.full(len(vertices), np.nan)
+    values[:n] = np.random.default_rng(0).normal(size=n)
+    pair = prepare_pair(Mesh(vertices, faces), Mesh(vertices, faces))
+    known = with_functions(pair, (values, values)).functions.source[:, 0]
+    np.testing.assert_array_equal(known[n : n + len(seam)], known[seam])
+    np.testing.assert_array_equal(known[-4:], 0)
+
+
 @pytest.mark.parametrize(
     "functions",
     [
@@ -74,6 +93,10 @@ def test_values_are_compared_as_they_are_on_both(brick):
         lambda n: (np.full(n, np.nan), np.zeros(n)),
         lambda n: (np.full(n, np.inf), np.zeros(n)),
         lambda n: (np.array(["a"] * n), np.zeros(n)),
+        lambda n: (np.zeros(n),),
+        lambda n: (np.zeros(n), np.zeros(n), np.zeros(n)),
+        lambda n: (1.0, 2.0),
+        lambda n: ([], []),
     ],
 )
 def test_functions_that_do_not_fit_are_refused(brick, functions):

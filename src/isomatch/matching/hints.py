@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -169,21 +170,19 @@ def checked_initial_map(initial_map: ArrayLike, n_source: int, n_target: int) ->
 
 
 def checked_descriptors(
-    descriptors: tuple[ArrayLike, ArrayLike], n_source: int, n_target: int
+    descriptors: Sequence[ArrayLike], n_source: int, n_target: int, what: str = "initial descriptors"
 ) -> tuple[FloatArray, FloatArray]:
-    """Return initial descriptors as (n_source, q) and (n_target, q) arrays after checking them."""
+    """Return descriptors as (n_source, q) and (n_target, q) arrays after checking them."""
     if len(descriptors) != 2:
-        raise DescriptorError(
-            f"initial descriptors are {len(descriptors)} arrays; expected two, of source and target"
-        )
-    source, target = (numbers_of(values, "initial descriptors", DescriptorError) for values in descriptors)
+        raise DescriptorError(f"{what} are {len(descriptors)} arrays; expected two, of source and target")
+    source, target = (numbers_of(values, what, DescriptorError) for values in descriptors)
     if source.ndim != 2 or target.ndim != 2 or source.shape[1:] != target.shape[1:]:
         raise DescriptorError(
-            f"initial descriptors have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"
+            f"{what} have shapes {source.shape} and {target.shape}; expected (n_source, q), (n_target, q)"
         )
     if not source.shape[1]:
-        raise DescriptorError("initial descriptors have no columns; give at least one function of each shape")
+        raise DescriptorError(f"{what} have no columns; give at least one function of each shape")
     for side, values, n in (("source", source, n_source), ("target", target, n_target)):
         if len(values) != n:
-            raise DescriptorError(f"{side} descriptors have {len(values)} rows for {n} vertices")
+            raise DescriptorError(f"{what} of the {side} have {len(values)} rows for {n} vertices")
     return source, target

@@ -12,8 +12,9 @@ from isomatch.errors import DescriptorError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import checked_descriptors
 from isomatch.matching.pair import ShapePair
+from isomatch.mending import welded_surface
 from isomatch.surfaces import Surface
-from isomatch.values.arrays import FloatArray
+from isomatch.values.arrays import FloatArray, numbers_of
 
 
 def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | None) -> ShapePair:
@@ -29,9 +30,12 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
     """
     if functions is None:
         return pair
-    columns = [np.reshape(values, (len(values), -1)) for values in map(np.asarray, functions)]
+    if len(functions) != 2:
+        raise DescriptorError(f"functions are {len(functions)} arrays; expected two, of source and target")
+    given = (numbers_of(values, "functions", DescriptorError) for values in functions)
+    columns = tuple(values[:, None] if values.ndim == 1 else values for values in given)
     sizes = pair.source.surface.n_vertices, pair.target.surface.n_vertices
-    values = checked_descriptors((columns[0], columns[1]), *sizes)
+    values = checked_descriptors(columns, *sizes, what="functions")
     for side, each in zip(("source", "target"), values):
         if np.isinf(each).any() or np.isnan(each).all(axis=0).any():
             raise DescriptorError(
@@ -49,11 +53,17 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
 
 def _filled(values: FloatArray, surface: Surface) -> FloatArray:
     """Take unknown values (n, q) from the nearest vertices along edges that have one; 0 where none is reached."""
+    if not np.isnan(values).any():
+        return values
+    seams = welded_surface(surface)
+    welded, at = (seams.mesh, seams.new_index) if seams else (surface, np.arange(len(values)))
     filled = values.copy()
     for column in filled.T:
-        unknown = np.isnan(column)
-        if unknown.any():
-            known = np.flatnonzero(~unknown)
-            apart, nearest = distance_along_edges_to_nearest(surface, known)
-            column[unknown] = np.where(np.isfinite(apart), column[nearest], 0.0)[unknown]
+        unknown, known = np.flatnonzero(np.isnan(column)), np.flatnonzero(np.isfinite(column))
+        value_at = np.zeros(welded.n_vertices)
+        value_at[at[known]] = column[known]
+        apart, nearest = distance_along_edges_to_nearest(welded, np.unique(at[known]))
+        reached = np.isfinite(apart)
+        value_at[reached] = value_at[nearest[reached]]
+        column[unknown] = value_at[at[unknown]]
     return filled

@@ -86,9 +86,8 @@ def energy_of(
     if pair.oriented:
         mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
     known = np.abs(pair.known.target[target_vertex] - pair.known.source[source_vertex])
-    mismatch += (
-        known.sum(axis=1).mean() / CURVATURE_WEIGHT
-    )  # as much, against curvature, as in the refinement
+    # as much, against curvature, as in the refinement
+    mismatch += known.sum(axis=1).mean() / CURVATURE_WEIGHT
     return float(residual * mismatch**pair.config.selection.curvature_exponent)
 
 

@@ -8,7 +8,7 @@ from math import isfinite, isnan
 from operator import attrgetter
 from typing import Any
 
-from isomatch.matching import MatchResult, Outcome
+from isomatch.matching import MatchResult
 from isomatch.settings import Config
 
 
@@ -213,7 +213,7 @@ def quality_measures(result: MatchResult) -> Iterator[tuple[Measure, float, bool
         against = not measure.holds(number)
         if field == "orientation":  # a mirror image may be wanted; the outcome considers that
             kept = -number if result.config.orientation == "reverse" else number
-            against = result.outcome is Outcome.LOW_CONFIDENCE and not measure.holds(kept)
+            against = result.outcome.is_doubtful and not measure.holds(kept)
         if not isnan(number):
             yield measure, number, against
 

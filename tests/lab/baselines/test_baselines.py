@@ -233,7 +233,7 @@ def test_hints_that_do_not_fit(copies, method):
         ({"landmarks": [[0, 1], [2, 3]]}, "2 landmarks do not fix"),
         ({"landmarks": [[0, 1], [2, 3], [4, 10**6]]}, "target vertices 1000000, outside"),
         ({"initial_map": [0, 1]}, "initial map has shape"),
-        ({"initial_descriptors": ([[1.0]], [[1.0]])}, "source descriptors have 1 rows"),
+        ({"initial_descriptors": ([[1.0]], [[1.0]])}, "initial descriptors of the source have 1 rows"),
     ):
         with pytest.raises(InputError, match=told):
             method(*shapes, **hint)

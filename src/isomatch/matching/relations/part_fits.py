@@ -22,9 +22,8 @@ from isomatch.matching.search import FromAnchors
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
-STRESS_EXPONENT = (
-    0.25  # cost = misfit × stress to this power; docs/notes/ball_signature.md: 0.15 to 0.4 choose alike
-)
+# cost = misfit × stress to this power; docs/notes/ball_signature.md: 0.15 to 0.4 choose alike
+STRESS_EXPONENT = 0.25
 
 # functions of the whole in the short refinement; chosen on cuts and holes, not one by one
 ROUGH_SIZES = (20, 40, 70)
