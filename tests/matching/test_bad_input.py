@@ -176,7 +176,10 @@ def test_bad_initial_map(shape, initial_map, message):
         (lambda n: (np.ones((n, 2)),), "initial descriptors are 1 arrays"),
         (lambda n: (np.ones((n, 2)), np.ones((n, 3))), "initial descriptors have shapes"),
         (lambda n: (np.ones(n), np.ones(n)), "initial descriptors have shapes"),
-        (lambda n: (np.ones((n, 2)), np.ones((n - 1, 2))), r"initial descriptors of the target have \d+ rows for"),
+        (
+            lambda n: (np.ones((n, 2)), np.ones((n - 1, 2))),
+            r"initial descriptors of the target have \d+ rows for",
+        ),
         (
             lambda n: (np.full((n, 2), np.nan), np.ones((n, 2))),
             "source descriptors hold values .* not finite",

@@ -5,6 +5,7 @@ import pytest
 
 from isomatch import Config, Mesh, Outcome, match
 from isomatch.datasets import creature
+from isomatch.lab.damage import cut
 from shapes import disguised
 
 
@@ -39,3 +40,10 @@ def test_a_body_with_two_like_sides_is_its_own_mirror_image(kind):
     source, target = lopsided(1, kind=kind, symmetric=True), lopsided(2, kind=kind, symmetric=True)
     result = match(source, disguised(reflected(target), seed=1).mesh)
     assert result.outcome in (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS)
+
+
+def test_a_part_of_a_mirror_image():
+    """Its holes are closed on the way; the same part of the body itself is found, and nothing is said of mirrors."""
+    whole, part = lopsided(1), cut(lopsided(2), 0.3, seed=1).mesh
+    assert match(disguised(reflected(part), seed=1).mesh, whole).outcome is Outcome.MIRROR_IMAGE
+    assert match(part, whole).outcome is Outcome.PARTIAL

@@ -1,5 +1,5 @@
 from isomatch.shapes.body import Body, body_of
-from isomatch.shapes.derived import capped_shape, components_of
+from isomatch.shapes.derived import capped_shape, components_of, mirror_image
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
@@ -21,6 +21,7 @@ __all__ = [
     "components_of",
     "describe_symmetries",
     "farthest_rows",
+    "mirror_image",
     "orientation_of",
     "prepare",
 ]

@@ -13,6 +13,7 @@ from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
+from isomatch.surfaces import reflected
 from isomatch.values.cached import cached_method
 
 OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
@@ -35,6 +36,15 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
     on_cap = made.user_vertex >= shape.body.n_vertices
     return replace(made, caps=np.flatnonzero(on_cap))
+
+
+@cached_method
+def mirror_image(shape: PreparedShape) -> PreparedShape:
+    """Return the mirror image of a mesh in space; faces keep their orientation, and by itself it tells the same."""
+    found = replace(shape, body=reflected(shape.mesh_body))
+    kept = (*OF_BODY, "points", "balls", "symmetries")
+    found.__dict__.update({name: value for name, value in vars(shape).items() if name in kept})
+    return found
 
 
 @cached_method

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
-from isomatch.matching.relations.isometry import IsometricMatch, Isometry
+from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.result import Alternative
@@ -59,7 +60,18 @@ class ClosedMatch:
 
     def image_of(self, side: str) -> IntArray:
         """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
-        of_source, of_target = self.found.embedding
+        return self._image(self.found.embedding, side)
+
+    def mirrored_images(self, side: str) -> list[IntArray]:
+        """Return the same by the best maps that reverse the orientation, which the match did not allow."""
+        least = self.pair.config.selection.orientation_threshold
+        turned = [each for each in self.found.eligible if each.orientation < -least]
+        best = sorted(turned, key=attrgetter("energy"))[:MOST_MIRRORED]
+        fits = self.relation.contest(self.relation.begun(best))
+        return [self._image(self.relation.everywhere(fit), side) for fit in fits]
+
+    def _image(self, embedding: Embedding, side: str) -> IntArray:
+        of_source, of_target = embedding
         if side == "source":
             return _images(self.pair.source, of_source, self.pair.target, of_target)
         return _images(self.pair.target, of_target, self.pair.source, of_source)

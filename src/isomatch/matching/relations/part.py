@@ -40,7 +40,7 @@ from isomatch.matching.stages import Relation, first_maps_of
 from isomatch.matching.starts import nearest_in_pose
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape
+from isomatch.shapes import PreparedShape, mirror_image
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -51,6 +51,9 @@ N_VARIED = 4
 N_BENT_IN_FULL = 5
 
 N_CONTENDERS = 8  # best starts that are refined to the end; chosen on cuts and holes, not one by one
+
+# share of the bound of the doubt above which a part may be a mirror image; one had 0.94, right ones from 0.04
+LITTLE_DOUBT = 0.5
 
 PartSide = Literal["source", "target"]
 
@@ -253,6 +256,9 @@ class Part(Relation):
         best, settings = selection.winner, self.pair.config.parts
         doubt = PartDoubt(best.bent_cost, selection.rival, best.pair.trusted, settings)
         share = best.share
+        doubtful = doubt.doubt > LITTLE_DOUBT * settings.poor_doubt or doubt.evidence.ambiguous
+        if doubtful and self._mirror_image_fits(best):
+            return self._summed_up(selection, (Evidence(mirrored=True),), doubt, share, timer)
         evidence: tuple[Evidence, ...] = (doubt.evidence,)
         if self.closed is not None:
             image = self.closed.image_of(self.side)
@@ -272,6 +278,22 @@ class Part(Relation):
                     found = replace(with_caps, quality=replace(with_caps.quality, rival=selection.rival))
                     return with_doubt(found, evidence, doubt, note, len(self.hints.landmarks) > 0)
         return self._summed_up(selection, evidence, doubt, share, timer)
+
+    def _mirror_image_fits(self, best: PartFit) -> bool:
+        """Tell whether the mirror image of the part fits clearly better, by maps found with the holes closed."""
+        images = [] if self.closed is None or self.hints.any else self.closed.mirrored_images(self.side)
+        if not images:
+            return False
+        fits = PartFits(PartPair.of(mirror_image(self.source), self.target, self.pair.config))
+        rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
+        begun = [fits.begun(fits.pair.in_unit_of(image), image[rough], "") for image in images]
+        refined = parallel_map(fits.refined, begun)
+        likely = min(refined, key=lambda fit: fit.cost)
+        if likely.cost > self.pair.config.parts.hopeless * best.cost:
+            return False
+        other = fits.settled(likely, fits.refined_again)
+        costs = self.weighed([best, other], [best.cost, other.cost], [True, False])
+        return costs[1] < self.pair.config.outcome.mirror_image * costs[0]
 
     def _summed_up(
         self,
