@@ -207,3 +207,9 @@ def test_a_moved_surface_keeps_its_triangles():
     asset = prism(0)
     bent = asset.mesh.vertices * [1, 1, 1] + np.sin(3 * asset.mesh.vertices[:, [1, 2, 0]])
     np.testing.assert_array_equal(asset.moved(bent).mesh.faces, asset.mesh.faces)
+
+
+def test_other_numbers_of_the_same_corners_are_cut_in_the_same_way():
+    before = prism(2)
+    elsewhere = Asset(np.zeros((12, 3)), before.polygons.between(before.polygons.corners))
+    np.testing.assert_array_equal(elsewhere.polygons.triangles, before.polygons.triangles)
