@@ -16,6 +16,7 @@ Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
+_ROUNDING = 1e-3  # by which interpolated white may exceed 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,7 +187,7 @@ class Attribute:
         """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
         kind = self.values.dtype
         if kind.kind == "f":
-            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 else 1.0
+            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 + _ROUNDING else 1.0
         return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
 
     @property
