@@ -142,7 +142,7 @@ def read_asset(data: bytes, name: str) -> Asset:
 
 
 def _read(gltf: GltfData) -> Asset:
-    placed = transforms(gltf.json)
+    placed = transforms(gltf)
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
     parts, found, shape_keys, primitives = [], [], [], []

@@ -9,10 +9,9 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
+from isomatch.assets.formats._gltf_scene import alike, binding, joint_names, node_matrices, transforms
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document
 
-_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
 
@@ -27,10 +26,10 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     document, gltf = opened_document(receiver)
     other = copy.deepcopy(given.json)
     meshes = {mesh for part in document.primitives for mesh, _, _ in part}
-    here = node_matrices(gltf.json)
+    placed = transforms(gltf)
     bound = [
-        (node, np.eye(4) if "skin" in node else here[i])
-        for i, node in enumerate(gltf.json["nodes"])
+        (node, np.array(placed[node["mesh"]][0] or np.eye(4)))
+        for node in gltf.json["nodes"]
         if node.get("mesh") in meshes
     ]
     for node, _ in bound:
@@ -38,7 +37,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     _without_unused_skins(gltf.json)
     new = _appended(gltf.json, other)
     there = node_matrices(other)
-    joints = list(joint_names(other))
+    joints = joint_names(other)
     own = {matrix.tobytes(): matrix for _, matrix in bound}
     skins = [
         {
@@ -64,13 +63,8 @@ def is_posed(asset: Asset) -> bool:
     if not isinstance(document, GltfDocument):
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
-    for skin in document.json.get("skins", []):
-        if "inverseBindMatrices" in skin and skin["joints"]:
-            inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-            moved = np.stack([there[joint] for joint in skin["joints"]]) @ inverse[: len(skin["joints"])]
-            if not np.allclose(moved, moved[0], rtol=0, atol=_POSED * np.abs(moved).max()):
-                return True
-    return False
+    bindings = [binding(gltf, skin, there) for skin in document.json.get("skins", [])]
+    return any(len(each) > 0 and not alike(each, each[0]) for each in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
