@@ -7,6 +7,7 @@ from gltf_made import Square, onto
 from isomatch import Attribute, carry_attributes, read_asset, write_asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import node_matrices
+from isomatch.errors import DescriptorError
 
 NAMES, PLACES = ("Hips", "Chest", "Arm"), ([0.5, 0, 0], [1, 0, 0], [0, 2, 1])
 
@@ -113,6 +114,14 @@ def test_the_surface_stays_where_its_node_put_it(node, tmp_path):
     again = carry_attributes(onto(found, giver), found, giver, "weights").asset
     skins = [each.document.json["skins"][0] for each in (carried, again)]
     assert np.allclose(inverses(carried, skins[0]), inverses(again, skins[1]), atol=1e-4)
+
+
+def test_a_joint_of_no_size_is_named(tmp_path):
+    square = rigged()
+    square.json["nodes"][2]["scale"] = [0, 0, 0]
+    giver = read_asset(square.write(tmp_path / "giver.glb"))
+    with pytest.raises(DescriptorError, match="joint 'Chest', which its node scales"):
+        carry_attributes(onto(giver, giver), giver, giver, "weights")
 
 
 def test_what_hangs_on_a_former_joint_stays_there(tmp_path):

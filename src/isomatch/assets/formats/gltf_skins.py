@@ -11,6 +11,7 @@ from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import alike, binding, joint_names, node_matrices, transforms
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document
+from isomatch.errors import DescriptorError
 
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
@@ -19,6 +20,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
 
     Joints that it had before are left out, with animations that moved them, unless another mesh is bound to them.
+    `DescriptorError` for a joint that is scaled to nothing.
     """
     given = giver.document
     if not isinstance(given, GltfDocument) or not given.json.get("skins"):
@@ -38,6 +40,12 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     new = _appended(gltf.json, other)
     there = node_matrices(other)
     joints = joint_names(other)
+    for joint, name in joints.items():
+        if np.linalg.det(there[joint]) == 0:
+            raise DescriptorError(
+                f"nothing can be bound to joint {name!r}, which its node scales to nothing; give it a size, or carry "
+                "all but the weights"
+            )
     own = {matrix.tobytes(): matrix for _, matrix in bound}
     skins = [
         {
