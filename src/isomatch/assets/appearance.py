@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -18,10 +19,14 @@ from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
+_UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))
 
 
 def looks_of(asset: Asset) -> Looks | None:
-    """Return the looks of the triangles of an asset; None if its file has no materials."""
+    """Return the looks of the triangles of an asset; None if its file has no materials.
+
+    Materials that are in no library are grey, if others are.
+    """
     if isinstance(asset.document, GltfDocument):
         return gltf_looks.looks_of(asset.document)
     materials = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
@@ -31,21 +36,32 @@ def looks_of(asset: Asset) -> Looks | None:
     coded = materials[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
-    used = [name for name in names if name in known]
-    look = np.array([used.index(name) if name in known else -1 for name in names], dtype=np.int64)
-    return (
-        Looks(look[place][asset.polygons.of_triangle], tuple(known[name] for name in used)) if used else None
-    )
+    if not known.keys() & set(names):
+        return None
+    used = [name for name in names if name]
+    look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
+    looks = tuple(known.get(name) or Look(name, _UNDEFINED) for name in used)
+    return Looks(look[place][asset.polygons.of_triangle], looks)
 
 
 def unread_files(asset: Asset) -> tuple[str, ...]:
-    """Say of each picture of an asset, and each library of materials, that cannot be read, why not."""
+    """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     looks, document = looks_of(asset), asset.document
     found = [f"{picture.name!r}: {why}" for picture, why in unread(looks.pictures if looks else ()).items()]
     if isinstance(document, ObjDocument):
-        lines = [line for line in document.libraries if not {line, *line.split()} & document.files.keys()]
-        found += [f"{line!r}: there is no such file in the folder of the OBJ file" for line in lines]
+        known = mtl.looks_of_libraries(document.files, document.libraries)
+        undefined = [look.name for look in looks.looks if look.name not in known] if looks else []
+        found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
+        missing = [name for line in document.libraries for name in _missing(line, document.files)]
+        found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in missing]
     return tuple(found)
+
+
+def _missing(line: str, files: Mapping[str, bytes]) -> list[str]:
+    """Return the libraries of a line that are not there: one, whose name may have blanks, or some of several."""
+    words = line.split()
+    missing = [] if line in files else [word for word in words if word not in files]
+    return missing if len(missing) < len(words) else [line]
 
 
 def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
