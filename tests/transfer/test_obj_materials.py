@@ -196,6 +196,23 @@ def test_materials_and_libraries_that_are_not_there_are_grey_and_named(tmp_path)
         assert {line for line in lines if line[:1] in "mu"} == {head.strip(), "usemtl a", "usemtl GONE"}
 
 
+@pytest.mark.parametrize(
+    "names", [("a/x.png", "b/x.png", "x.png", "c/x.png"), ("copy_x.png", *(f"{i}/copy_x.png" for i in "abc"))]
+)
+def test_pictures_of_one_name_in_several_folders_stay_apart(names, tmp_path):
+    scan, out = tmp_path / "scan", tmp_path / "out"
+    colours = (RED, BLUE, WHITE, GREY)
+    out.mkdir()
+    for name, colour in zip(names, colours):
+        (scan / name).parent.mkdir(parents=True, exist_ok=True)
+        (scan / name).write_bytes(picture((colour,)))
+    (scan / "scan.mtl").write_text("".join(f"newmtl {i}\nmap_Kd {names[i]}\n" for i in range(4)))
+    path = square_obj(scan, uses=range(4))
+    for _ in range(2):
+        write_asset(out / "copy.obj", read_asset(path))
+        assert_stripes(seen(out / "copy.obj").picture[..., :3], colours)
+
+
 def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     """Its second texture coordinates and their transform are those that an OBJ file has."""
     square = Square().lay(u=1 - Square().u).lay(u=Square().u / 2, key="TEXCOORD_1")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -186,22 +187,28 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     Of files that are there with other contents, only those are replaced whose names begin as that of the other file.
     """
     files: dict[Path, bytes] = {}
+    taken: dict[Path, bytes] = {}
     names: dict[str, str] = {}
     folder = path.parent.resolve()
 
     def put(name: str, content: bytes) -> None:
         clean = name.replace("\\", "/")
-        last = PurePosixPath(clean).name
+        last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
-        own = last.startswith((f"{path.stem}.", f"{path.stem}_"))
-        for each in (*inside, last, last if own else f"{path.stem}_{last}"):
+        own = last.name.startswith((f"{path.stem}.", f"{path.stem}_"))
+        stem = last.stem if own else f"{path.stem}_{last.stem}"
+        numbered = (f"{stem}_{i}{last.suffix}" for i in count(1))
+        mine = f"{stem}{last.suffix}"
+        others = [each for each in (*inside, last.name) if each != mine]
+        for each in chain(others, [mine], numbered):
             names[name], file = each, path.parent / each
-            same = files.get(file, content) == content
-            if same and file.is_file() and file.read_bytes() == content:
-                return
-            if same and file.parent.is_dir() and not file.exists():
+            is_there = file.is_file() and file.read_bytes() == content
+            may_be = each not in others or (file.parent.is_dir() and not file.exists())
+            if taken.get(file, content) == content and (is_there or may_be):
                 break
-        files[file] = content
+        taken[file] = content
+        if not is_there:
+            files[file] = content
 
     libraries = {name for line in document.libraries for name in (line, *line.split())}
     for name, content in document.files.items():
