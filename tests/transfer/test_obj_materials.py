@@ -213,6 +213,13 @@ def test_pictures_of_one_name_in_several_folders_stay_apart(names, tmp_path):
         assert_stripes(seen(out / "copy.obj").picture[..., :3], colours)
 
 
+def test_what_can_be_seen_through_is_blended(tmp_path):
+    (tmp_path / "scan.mtl").write_text("newmtl glass\nKd 1 0 0\nd 0.25\nnewmtl wall\nKd 1 0 0\n")
+    write_asset(tmp_path / "a.glb", read_asset(square_obj(tmp_path, uses=("glass", "wall"))))
+    materials = read_asset(tmp_path / "a.glb").document.json["materials"]
+    assert [each.get("alphaMode", "OPAQUE") for each in materials] == ["BLEND", "OPAQUE"]
+
+
 def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     """Its second texture coordinates and their transform are those that an OBJ file has."""
     square = Square().lay(u=1 - Square().u).lay(u=Square().u / 2, key="TEXCOORD_1")
