@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -181,3 +181,13 @@ def without_primitives(document: dict[str, Any], emptied: Collection[Place]) -> 
                 node.pop("skin", None)
                 node.pop("weights", None)
     return now
+
+
+def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]], bool]) -> None:
+    """Leave out what moves targets that are gone, and animations that move nothing any more."""
+    moving = []
+    for animation in document.pop("animations", []):
+        animation["channels"] = [each for each in animation["channels"] if not is_gone(each["target"])]
+        moving += [animation] if animation["channels"] else []
+    if moving:
+        document["animations"] = moving

@@ -9,7 +9,14 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.formats._gltf_scene import alike, binding, joint_names, node_matrices, transforms
+from isomatch.assets.formats._gltf_scene import (
+    alike,
+    binding,
+    joint_names,
+    node_matrices,
+    transforms,
+    without_channels,
+)
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document
 from isomatch.errors import DescriptorError
 
@@ -159,14 +166,7 @@ def _without_nodes(document: dict[str, Any], gone: set[int]) -> None:
         skin["joints"] = [new[i] for i in skin["joints"]]
         if "skeleton" in skin:
             skin["skeleton"] = new[skin["skeleton"]]
-    for animation in document.get("animations", []):
-        channels = animation["channels"]
-        channels[:] = [c for c in channels if c["target"].get("node", kept[0] if kept else 0) in new]
-        for channel in channels:
-            if "node" in channel["target"]:
-                channel["target"]["node"] = new[channel["target"]["node"]]
-    moving = [animation for animation in document.get("animations", []) if animation["channels"]]
-    if moving:
-        document["animations"] = moving
-    else:
-        document.pop("animations", None)
+    without_channels(document, lambda target: "node" in target and target["node"] not in new)
+    for target in (each["target"] for one in document.get("animations", []) for each in one["channels"]):
+        if "node" in target:
+            target["node"] = new[target["node"]]
