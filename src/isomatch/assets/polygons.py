@@ -102,15 +102,15 @@ class Polygons:
         return self.corners[self.corner_of_triangle]
 
     def at(self, points: FloatArray) -> Polygons:
-        """Return the same, cut as they lie at these points, unless they have points or are cut already."""
-        if self.points is not None or "_cut" in self.__dict__ or (self.sizes == 3).all():
+        """Return the same, cut as they lie at these points, unless they have points already."""
+        if self.points is not None or (self.sizes == 3).all():
             return self
         return Polygons(self.corners, self.sizes, points)
 
     def between(self, corners: IntArray) -> Polygons:
         """Return the same with other numbers for the same corners, cut in the same way."""
-        polygons = Polygons(corners, self.sizes)
-        polygons.__dict__["_cut"] = self._cut
+        polygons = Polygons(corners, self.sizes, self.points)
+        polygons.__dict__["_cut"] = self._cut  # as the points have the numbers of before
         return polygons
 
     @property
