@@ -43,3 +43,12 @@ def test_a_point_of_no_polygon_has_none_of_the_values_of_corners(kind, values, n
     merged = merged_corners(POLYGONS, 8, Attribute("a", "corner", kind, values))
     assert str(int(merged.values[7]) if kind == "label" else merged.values[7]) == none
     assert (merged.values[:7] == 1).all()
+
+
+def test_rows_without_a_value_among_those_that_have_one():
+    labels = Attribute("part", "point", "label", np.uint8([1, 200])).spread(np.array([0, 2]), 4)
+    assert labels.values.tolist() == [1, -1, 200, -1]
+    dark = Attribute("color", "point", "colour", np.uint8([[0, 1, 0], [0, 0, 1]]))
+    np.testing.assert_array_equal(dark.spread(np.array([2, 0]), 3).fractions[[2, 0]], dark.fractions)
+    assert np.isnan(dark.spread(np.array([2, 0]), 3).values[1]).all()
+    assert dark.spread(np.array([1, 0]), 2).values.dtype == np.uint8

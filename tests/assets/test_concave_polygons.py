@@ -207,3 +207,15 @@ def test_a_moved_surface_keeps_its_triangles():
     asset = prism(0)
     bent = asset.mesh.vertices * [1, 1, 1] + np.sin(3 * asset.mesh.vertices[:, [1, 2, 0]])
     np.testing.assert_array_equal(asset.moved(bent).mesh.faces, asset.mesh.faces)
+
+
+def test_other_numbers_of_the_same_corners_are_cut_in_the_same_way():
+    before = prism(2)
+    elsewhere = Asset(np.zeros((12, 3)), before.polygons.between(before.polygons.corners))
+    np.testing.assert_array_equal(elsewhere.polygons.triangles, before.polygons.triangles)
+
+
+def test_an_asset_cuts_polygons_that_were_looked_at_before():
+    polygons = Polygons(prism(2).polygons.corners, prism(2).polygons.sizes)
+    assert len(polygons.triangles) == 20
+    np.testing.assert_array_equal(Asset(prism(2).points, polygons).mesh.faces, prism(2).mesh.faces)

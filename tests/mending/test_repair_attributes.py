@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from isomatch import Asset, Correspondence, Mesh, carry_attributes, read_asset, write_asset
-from isomatch.assets import Attribute, Part, Polygons, png_of, with_texture
+from isomatch.assets import Attribute, Layer, Look, Looks, Part, Polygons, looks_of, png_of, with_texture
+from isomatch.assets.formats.gltf_looks import with_looks
 from isomatch.cli import main
 from isomatch.mending import check, repair
-from shapes import icosphere
+from shapes import flat_grid, icosphere
 
 SOUND = icosphere(2)
 
@@ -289,6 +290,46 @@ def test_a_gltf_file_keeps_its_scene(tmp_path, suffix):
     given_uv = before.attribute("uv").values[before.polygons.corners][sound]
     found_uv = after.attribute("uv").values[after.polygons.corners]
     np.testing.assert_allclose(found_uv, given_uv, atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["", ".glb", ".ply"])
+def test_looks_stay_on_their_triangles(tmp_path, suffix):
+    """Those of a new document, of one with triangles in another order, and of one that still knows a PLY file."""
+    square = flat_grid(4, 4)
+    points, faces = np.vstack([[9, 9, 9], square.vertices]), square.faces + 1
+    asset = Asset.of_mesh(Mesh(points, np.vstack([faces, faces[:1]])))
+    if suffix:
+        write_asset(tmp_path / f"a{suffix}", asset)
+        asset = read_asset(tmp_path / f"a{suffix}")
+    looks = tuple(Look(name, Layer((red, 0.0, 0.0, 1.0))) for name, red in (("dark", 0.25), ("light", 1.0)))
+    mended = repair(with_looks(asset, Looks(np.arange(19) % 2, looks))).asset
+    write_asset(tmp_path / "b.glb", mended)
+    found = read_asset(tmp_path / "b.glb")
+    assert len(found.points) == 16
+    for each in (mended, found):
+        seen = looks_of(each)
+        light = np.array([look.name == "light" for look in seen.looks])[seen.of_triangle]
+        triangles = each.points[each.polygons.triangles].tolist()
+        before = square.vertices[square.faces].tolist()
+        assert [bool(light[triangles.index(corners)]) for corners in before] == [False, True] * 9
+
+
+def test_looks_of_which_nothing_is_left_go(tmp_path):
+    asset = Asset.of_mesh(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 1]]))
+    looks = Looks(np.arange(2), (Look("a", Layer()), Look("b", Layer())))
+    write_asset(tmp_path / "a.glb", repair(with_looks(asset, looks)).asset)
+    found = read_asset(tmp_path / "a.glb")
+    assert len(found.polygons) == 1
+    assert [len(mesh["primitives"]) for mesh in found.document.json["meshes"]] == [1]
+
+
+def test_elements_of_ply_files_follow_below_looks(tmp_path):
+    (tmp_path / "a.ply").write_text(PLY)
+    asset = read_asset(tmp_path / "a.ply")
+    write_asset(tmp_path / "b.ply", repair(asset).asset)
+    painted = with_looks(asset, Looks(np.zeros(2, dtype=np.int64), (Look("a", Layer()),)))
+    write_asset(tmp_path / "c.ply", repair(painted).asset)
+    assert (tmp_path / "c.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
 
 
 def test_parts_are_welded_where_the_output_has_none(tmp_path):

@@ -213,6 +213,15 @@ def test_what_does_not_fit_is_refused(everything):
         carry_attributes(identity(n), everything, empty)
 
 
+def test_white_stays_white_where_weights_exceed_one_by_rounding():
+    square = asset_of(flat_grid(2, 2), Attribute("color", "point", "colour", np.ones((4, 3))))
+    images = np.tile(np.nextafter([1.0, 0.0, 0.0], 2), (4, 1))
+    onto = Correspondence(np.zeros(4, dtype=int), 4, np.tile([0, 1, 2], (4, 1)), images)
+    carried = carry_attributes(onto, square, square).asset.attribute("color")
+    np.testing.assert_array_equal(carried.values, 1)
+    assert Attribute("color", "point", "colour", [[1 + 1e-7, 0.5, 0]]).full == 1
+
+
 def test_face_normals_turn_with_the_surface_and_grey_is_opaque():
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     up = Attribute("normal", "face", "normal", [[0, 0, 1.0]])

@@ -177,6 +177,49 @@ def test_a_library_that_is_not_there_is_named(tmp_path):
     assert [note.split(":")[0] for note in carried.notes] == ["'scan.mtl'"]
 
 
+def test_materials_and_libraries_that_are_not_there_are_grey_and_named(tmp_path):
+    (tmp_path / "half.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    head = "mtllib gone.mtl half.mtl\n"
+    path = square_obj(tmp_path, uses=("a", "GONE"), head=head)
+    baked = seen(path)
+    assert_stripes(baked.picture[..., :3], (RED, GREY))
+    assert [note.split(":")[0] for note in baked.notes] == ["'GONE'", "'gone.mtl'"]
+    asset = read_asset(path)
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "mine.mtl").write_text("newmtl mine\n")
+    receiver = read_asset(square_obj(tmp_path / "made", uses=("mine",), head="mtllib mine.mtl\n"))
+    for data in ("all", "uv"):
+        carried = carry_attributes(Correspondence(np.arange(25), n_target=25), receiver, asset, data)
+        assert [note.split(":")[0] for note in carried.notes] == ["'GONE'", "'gone.mtl'"]
+        write_asset(tmp_path / "made" / "out.obj", carried.asset)
+        lines = (tmp_path / "made" / "out.obj").read_text().splitlines()
+        assert {line for line in lines if line[:1] in "mu"} == {head.strip(), "usemtl a", "usemtl GONE"}
+
+
+@pytest.mark.parametrize(
+    "names", [("a/x.png", "b/x.png", "x.png", "c/x.png"), ("copy_x.png", *(f"{i}/copy_x.png" for i in "abc"))]
+)
+def test_pictures_of_one_name_in_several_folders_stay_apart(names, tmp_path):
+    scan, out = tmp_path / "scan", tmp_path / "out"
+    colours = (RED, BLUE, WHITE, GREY)
+    out.mkdir()
+    for name, colour in zip(names, colours):
+        (scan / name).parent.mkdir(parents=True, exist_ok=True)
+        (scan / name).write_bytes(picture((colour,)))
+    (scan / "scan.mtl").write_text("".join(f"newmtl {i}\nmap_Kd {names[i]}\n" for i in range(4)))
+    path = square_obj(scan, uses=range(4))
+    for _ in range(2):
+        write_asset(out / "copy.obj", read_asset(path))
+        assert_stripes(seen(out / "copy.obj").picture[..., :3], colours)
+
+
+def test_what_can_be_seen_through_is_blended(tmp_path):
+    (tmp_path / "scan.mtl").write_text("newmtl glass\nKd 1 0 0\nd 0.25\nnewmtl wall\nKd 1 0 0\n")
+    write_asset(tmp_path / "a.glb", read_asset(square_obj(tmp_path, uses=("glass", "wall"))))
+    materials = read_asset(tmp_path / "a.glb").document.json["materials"]
+    assert [each.get("alphaMode", "OPAQUE") for each in materials] == ["BLEND", "OPAQUE"]
+
+
 def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     """Its second texture coordinates and their transform are those that an OBJ file has."""
     square = Square().lay(u=1 - Square().u).lay(u=Square().u / 2, key="TEXCOORD_1")

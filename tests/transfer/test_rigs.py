@@ -7,6 +7,7 @@ from gltf_made import Square, onto
 from isomatch import Attribute, carry_attributes, read_asset, write_asset
 from isomatch.assets.formats._gltf_data import GltfData
 from isomatch.assets.formats._gltf_scene import node_matrices
+from isomatch.errors import DescriptorError
 
 NAMES, PLACES = ("Hips", "Chest", "Arm"), ([0.5, 0, 0], [1, 0, 0], [0, 2, 1])
 
@@ -37,7 +38,7 @@ def other_names():
 def same_names_elsewhere():
     """Names of joints of the giver in a skin of another order, below a node of its own."""
     square = rigged(("Arm", "Hips", "Chest"), ([0, 0, 0],) * 3, n=9)
-    armature = square.gltf.append("nodes", {"name": "Armature", "children": [1], "scale": [2, 2, 2]})
+    armature = square.gltf.append("nodes", {"name": "Armature", "children": [1], "translation": [0, 0, 5]})
     square.json["scenes"][0]["nodes"] = [0, armature]
     return square
 
@@ -84,7 +85,9 @@ def test_one_skin_with_the_joints_of_the_giver(make, tmp_path):
     parent = above(nodes)
     assert [parent.get(joint) for joint in skin["joints"]] == [None, *skin["joints"][:2]]
     assert [node["name"] for node in nodes if node.get("name") in (*NAMES, "A", "Armature")] == list(NAMES)
-    own = node_matrices(receiver.document.json)[0] if make is moved_by_its_node else np.eye(4)
+    own = np.eye(4)
+    own[2, 3] = 5 * (make in (moved_by_its_node, same_names_elsewhere))
+    assert np.allclose(found.placed_points, found.points + own[:3, 3], atol=1e-6)
     given = inverses(giver, giver.document.json["skins"][0])
     assert np.allclose(inverses(found, skin), given @ own, atol=1e-6)
     weights = found.attribute("weights")
@@ -95,6 +98,30 @@ def test_one_skin_with_the_joints_of_the_giver(make, tmp_path):
     while more := {child for i in reached for child in nodes[i].get("children", [])} - reached:
         reached |= more
     assert reached == set(range(len(nodes)))
+
+
+@pytest.mark.parametrize("node", [{"scale": [100] * 3}, {"scale": [-2, 2, 2], "rotation": [0.6, 0, 0, 0.8]}])
+def test_the_surface_stays_where_its_node_put_it(node, tmp_path):
+    square = Square(9)
+    square.json["nodes"][0] |= node
+    receiver = read_asset(square.write(tmp_path / "receiver.glb"))
+    giver = read_asset(rigged().write(tmp_path / "giver.glb"))
+    carried = carry_attributes(onto(receiver, giver), receiver, giver, "weights").asset
+    write_asset(tmp_path / "out.glb", carried)
+    found = read_asset(tmp_path / "out.glb")
+    assert np.allclose(found.mesh.vertices, receiver.mesh.vertices, rtol=1e-5, atol=1e-5)
+    assert np.array_equal(found.mesh.faces, receiver.mesh.faces)
+    again = carry_attributes(onto(found, giver), found, giver, "weights").asset
+    skins = [each.document.json["skins"][0] for each in (carried, again)]
+    assert np.allclose(inverses(carried, skins[0]), inverses(again, skins[1]), atol=1e-4)
+
+
+def test_a_joint_of_no_size_is_named(tmp_path):
+    square = rigged()
+    square.json["nodes"][2]["scale"] = [0, 0, 0]
+    giver = read_asset(square.write(tmp_path / "giver.glb"))
+    with pytest.raises(DescriptorError, match="joint 'Chest', which its node scales"):
+        carry_attributes(onto(giver, giver), giver, giver, "weights")
 
 
 def test_what_hangs_on_a_former_joint_stays_there(tmp_path):

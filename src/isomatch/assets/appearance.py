@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -18,10 +20,14 @@ from isomatch.assets.pictures import JPEG, as_png, pixels_of, unread, unrolled
 from isomatch.values.arrays import AnyArray, IntArray
 
 _MATERIAL = "material"
+_UNDEFINED = Layer((0.5, 0.5, 0.5, 1.0))
 
 
 def looks_of(asset: Asset) -> Looks | None:
-    """Return the looks of the triangles of an asset; None if its file has no materials."""
+    """Return the looks of the triangles of an asset; None if its file has no materials.
+
+    Materials that are in no library are grey, if others are.
+    """
     if isinstance(asset.document, GltfDocument):
         return gltf_looks.looks_of(asset.document)
     materials = [a for a in asset.attributes if (a.name, a.domain) == (_MATERIAL, "face")]
@@ -31,21 +37,32 @@ def looks_of(asset: Asset) -> Looks | None:
     coded = materials[0].coded
     codes, place = np.unique(coded.values, return_inverse=True)
     names = [coded.names.get(code, str(code)) for code in codes.tolist()]
-    used = [name for name in names if name in known]
-    look = np.array([used.index(name) if name in known else -1 for name in names], dtype=np.int64)
-    return (
-        Looks(look[place][asset.polygons.of_triangle], tuple(known[name] for name in used)) if used else None
-    )
+    if not known.keys() & set(names):
+        return None
+    used = [name for name in names if name]
+    look = np.array([used.index(name) if name else -1 for name in names], dtype=np.int64)
+    looks = tuple(known.get(name) or Look(name, _UNDEFINED) for name in used)
+    return Looks(look[place][asset.polygons.of_triangle], looks)
 
 
 def unread_files(asset: Asset) -> tuple[str, ...]:
-    """Say of each picture of an asset, and each library of materials, that cannot be read, why not."""
+    """Say of each picture of an asset, and each material and library of an OBJ file, that cannot be read, why not."""
     looks, document = looks_of(asset), asset.document
     found = [f"{picture.name!r}: {why}" for picture, why in unread(looks.pictures if looks else ()).items()]
     if isinstance(document, ObjDocument):
-        lines = [line for line in document.libraries if not {line, *line.split()} & document.files.keys()]
-        found += [f"{line!r}: there is no such file in the folder of the OBJ file" for line in lines]
+        known = mtl.looks_of_libraries(document.files, document.libraries)
+        undefined = [look.name for look in looks.looks if look.name not in known] if looks else []
+        found += [f"{name!r}: the material is in none of the libraries" for name in undefined]
+        missing = [name for line in document.libraries for name in _missing(line, document.files)]
+        found += [f"{name!r}: there is no such file in the folder of the OBJ file" for name in missing]
     return tuple(found)
+
+
+def _missing(line: str, files: Mapping[str, bytes]) -> list[str]:
+    """Return the libraries of a line that are not there: one, whose name may have blanks, or some of several."""
+    words = line.split()
+    missing = [] if line in files else [word for word in words if word not in files]
+    return missing if len(missing) < len(words) else [line]
 
 
 def with_looks_of(receiver: Asset, giver: Asset, giver_triangle: IntArray) -> Asset:
@@ -170,22 +187,28 @@ def _beside(document: ObjDocument, path: Path) -> tuple[ObjDocument, dict[Path, 
     Of files that are there with other contents, only those are replaced whose names begin as that of the other file.
     """
     files: dict[Path, bytes] = {}
+    taken: dict[Path, bytes] = {}
     names: dict[str, str] = {}
     folder = path.parent.resolve()
 
     def put(name: str, content: bytes) -> None:
         clean = name.replace("\\", "/")
-        last = PurePosixPath(clean).name
+        last = PurePosixPath(clean)
         inside = [clean] if (folder / clean).resolve().is_relative_to(folder) else []
-        own = last.startswith((f"{path.stem}.", f"{path.stem}_"))
-        for each in (*inside, last, last if own else f"{path.stem}_{last}"):
+        own = last.name.startswith((f"{path.stem}.", f"{path.stem}_"))
+        stem = last.stem if own else f"{path.stem}_{last.stem}"
+        numbered = (f"{stem}_{i}{last.suffix}" for i in count(1))
+        mine = f"{stem}{last.suffix}"
+        others = [each for each in (*inside, last.name) if each != mine]
+        for each in chain(others, [mine], numbered):
             names[name], file = each, path.parent / each
-            same = files.get(file, content) == content
-            if same and file.is_file() and file.read_bytes() == content:
-                return
-            if same and file.parent.is_dir() and not file.exists():
+            is_there = file.is_file() and file.read_bytes() == content
+            may_be = each not in others or (file.parent.is_dir() and not file.exists())
+            if taken.get(file, content) == content and (is_there or may_be):
                 break
-        files[file] = content
+        taken[file] = content
+        if not is_there:
+            files[file] = content
 
     libraries = {name for line in document.libraries for name in (line, *line.split())}
     for name, content in document.files.items():

@@ -16,6 +16,7 @@ Domain = Literal["point", "corner", "face"]
 Kind = Literal["colour", "label", "scalar", "vector", "normal", "uv", "weights", "key"]
 
 _WIDTHS = {"colour": (3, 4), "normal": (3,), "uv": (2, 3), "key": (3,)}
+_ROUNDING = 1e-3  # by which interpolated white may exceed 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,17 +118,19 @@ class Attribute:
         return replace(self, domain=domain or self.domain, values=self.values[index], joints=joints)
 
     def spread(self, rows: IntArray, n: int) -> Attribute:
-        """Return n rows, of which some have the values; the others have nan, the label −1, an empty text, or 0."""
-        values = self.values
-        none = {"label": -1, "scalar": np.nan, "vector": np.nan}.get(self.kind, 0)
-        if values.dtype.kind == "U":
-            everywhere = np.full(n, "", dtype=values.dtype)
+        """Return n rows, of which some have the values; the others have nan, the label −1, an empty text, or 0.
+
+        Colours of integers become floats if there are others.
+        """
+        values = self.fractions if self.kind == "colour" and len(rows) < n else self.values
+        kind, none = values.dtype, 0.0
+        if kind.kind == "U":
+            everywhere = np.full(n, "", dtype=kind)
         else:
-            kind = (
-                values.dtype
-                if self.kind not in ("label", "scalar", "vector")
-                else np.result_type(values, none)
-            )
+            if self.kind == "label":
+                kind, none = (kind if kind.kind == "i" else np.dtype(np.int64)), -1
+            elif self.kind in ("scalar", "vector") or (kind.kind == "f" and self.kind in ("colour", "uv")):
+                kind, none = np.result_type(values, np.nan), np.nan
             everywhere = np.full((n, *values.shape[1:]), none, dtype=kind)
         everywhere[rows] = values
         return self.with_values(everywhere)
@@ -186,7 +189,7 @@ class Attribute:
         """The number of full colour: the largest of 8 or 16 bits, 1 in floats up to 1, otherwise 255."""
         kind = self.values.dtype
         if kind.kind == "f":
-            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 else 1.0
+            return 255.0 if np.fmax.reduce(self.values, axis=None, initial=0) > 1 + _ROUNDING else 1.0
         return 255.0 if kind.itemsize > 2 else float(np.iinfo(kind).max) if kind.kind != "b" else 1.0
 
     @property

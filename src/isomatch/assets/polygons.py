@@ -118,8 +118,8 @@ class Polygons:
 
     def between(self, corners: IntArray) -> Polygons:
         """Return the same with other numbers for the same corners, cut in the same way."""
-        polygons = Polygons(corners, self.sizes)
-        polygons.__dict__["_cut"] = self._cut
+        polygons = Polygons(corners, self.sizes, self.points)
+        polygons.__dict__["_cut"] = self._cut  # as the points have the numbers of before
         return polygons
 
     @property

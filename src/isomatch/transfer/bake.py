@@ -16,6 +16,7 @@ from isomatch.assets import (
     png_of,
     sampled,
     unread,
+    unread_files,
     with_texture,
 )
 from isomatch.correspondence import Correspondence
@@ -26,7 +27,7 @@ from isomatch.transfer.choices import Side
 from isomatch.values.arrays import AnyArray, FloatArray
 
 CHUNK = 2**18  # texels at once
-UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show a picture that cannot be read
+UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # grey: what is unmatched, or would show what cannot be read
 SIZES = (8, 16384)
 
 
@@ -43,7 +44,7 @@ class Baked:
     unmatched : int
         Texels of the surface without an image, which are grey.
     notes : tuple of str
-        Pictures of the other that cannot be read, and why; what they would paint is grey.
+        Pictures, libraries and materials of the other that cannot be read, and why; what they would paint is grey.
     """
 
     picture: AnyArray
@@ -157,12 +158,12 @@ class _Paint:
         colours = asset.of_kind("colour")
         pictures = looks.pictures if looks else ()
         lost = unread(pictures)
-        notes = tuple(f"{picture.name!r}: {why}" for picture, why in lost.items())
+        notes = unread_files(asset)
         if len(lost) == len(pictures) and colours:
             looks = None
         elif not looks or all(lost.keys() & set(look.pictures) for look in looks.looks):
             none = f"no colour to bake, and no picture can be read ({'; '.join(notes)})"
-            none = none if lost else "neither a texture nor a colour to bake"
+            none = none if notes else "neither a texture nor a colour to bake"
             raise DescriptorError(f"there is {none}; give a file that has one")
         pixels = {picture: pixels_of(picture.data) for picture in pictures if picture not in lost}
         instead = "what it would paint is grey" if looks else "colours are painted instead"

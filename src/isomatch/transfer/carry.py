@@ -321,7 +321,7 @@ def _in_type(values: FloatArray, attribute: Attribute) -> AnyArray:
     kind = attribute.values.dtype
     if attribute.kind == "colour":
         grey = attribute.full * np.array([GREY, GREY, GREY, 1.0])
-        values = np.where(np.isnan(values), grey[: values.shape[1]], values)
+        values = np.where(np.isnan(values), grey[: values.shape[1]], values).clip(0, attribute.full)
     if kind.kind in "iu" and attribute.kind == "colour":
         values = np.rint(values)
     elif kind.kind != "f":

@@ -239,7 +239,7 @@ def _skin_joints(gltf: GltfData, attribute: Attribute, mesh: int, used: IntArray
             found: IntArray = np.array([place.get(node_of.get(name, -1), -1) for name in names])
             if (found[used] >= 0).all():
                 return np.maximum(found, 0)
-    placed = transforms(document).get(mesh, (None, None))[0]
+    placed = transforms(gltf).get(mesh, (None, None))[0]
     matrix = {} if placed is None else {"matrix": np.array(placed).T.ravel().tolist()}
     joints = [len(nodes) + i for i in range(len(names))]
     nodes += [{"name": name, **matrix} for name in names]

@@ -10,6 +10,7 @@ import numpy as np
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import unused_name
 from isomatch.assets.formats._gltf_data import GltfData
+from isomatch.assets.formats._gltf_scene import without_channels
 from isomatch.values.arrays import AnyArray
 
 
@@ -114,14 +115,4 @@ def _add(gltf: GltfData, moves: AnyArray) -> int:
 def _without_animated_weights(document: dict[str, Any], mesh: int) -> None:
     """Leave out what animates the weights of a mesh, as their number is another."""
     nodes = [i for i, node in enumerate(document["nodes"]) if node.get("mesh") == mesh]
-    for animation in document.get("animations", []):
-        animation["channels"] = [
-            channel
-            for channel in animation["channels"]
-            if not (channel["target"].get("path") == "weights" and channel["target"].get("node") in nodes)
-        ]
-    moving = [animation for animation in document.get("animations", []) if animation["channels"]]
-    if moving:
-        document["animations"] = moving
-    else:
-        document.pop("animations", None)
+    without_channels(document, lambda each: each.get("path") == "weights" and each.get("node") in nodes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ Matrix = tuple[tuple[float, ...], ...]
 Place = tuple[int, int]
 """A mesh, and one of its primitives."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
+_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 
 
 def separate_instances(document: dict[str, Any]) -> None:
@@ -73,15 +74,45 @@ def triangles(gltf: GltfData, primitive: dict[str, Any], n_points: int) -> IntAr
     return strip
 
 
-def transforms(document: dict[str, Any]) -> dict[int, tuple[Matrix | None, int | None]]:
-    """Find matrix and skin of the first node of each mesh; the points of a skin are put by joints, not by the node."""
+def transforms(gltf: GltfData) -> dict[int, tuple[Matrix | None, int | None]]:
+    """Find matrix and skin of the first node of each mesh.
+
+    The points of a skin are put by its joints, not by the node; they stay where they are if the joints are posed.
+    """
+    document = gltf.json
+    there = node_matrices(document)
     found: dict[int, tuple[Matrix | None, int | None]] = {}
-    for i, matrix in node_matrices(document).items():
+    for i, matrix in there.items():
         node = document["nodes"][i]
         if "mesh" in node and node["mesh"] not in found:
-            placed = "skin" not in node and not np.array_equal(matrix, np.eye(4))
-            found[node["mesh"]] = (_as_tuples(matrix) if placed else None, node.get("skin"))
+            skin = node.get("skin")
+            own = matrix if skin is None else _rest(binding(gltf, document["skins"][skin], there))
+            placed = not np.array_equal(own, np.eye(4))
+            found[node["mesh"]] = (_as_tuples(own) if placed else None, skin)
     return found
+
+
+def binding(gltf: GltfData, skin: dict[str, Any], there: Mapping[int, FloatArray]) -> FloatArray:
+    """(k, 4, 4) where each joint of a skin puts what is bound to it; none if the file does not tell how that is bound."""
+    if "inverseBindMatrices" not in skin:
+        return np.zeros((0, 4, 4))
+    inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+    placed: FloatArray = np.array([there[joint] for joint in skin["joints"]]).reshape(-1, 4, 4)
+    return placed @ inverse[: len(placed)]
+
+
+def alike(matrices: FloatArray, one: FloatArray) -> bool:
+    """Whether matrices are one and the same, but for what rounding does to them."""
+    largest = np.abs(matrices).max(initial=0)
+    return bool((np.abs(matrices - one) <= _POSED * largest).all())
+
+
+def _rest(matrices: FloatArray) -> FloatArray:
+    """(4, 4) where joints put a surface that they do not bend; where it is if they do."""
+    rest: FloatArray = np.eye(4)
+    if len(matrices) and alike(matrices, matrices[0]) and not alike(matrices, rest):
+        rest = matrices[0]
+    return rest
 
 
 def node_matrices(document: dict[str, Any]) -> dict[int, FloatArray]:
@@ -150,3 +181,13 @@ def without_primitives(document: dict[str, Any], emptied: Collection[Place]) -> 
                 node.pop("skin", None)
                 node.pop("weights", None)
     return now
+
+
+def without_channels(document: dict[str, Any], is_gone: Callable[[dict[str, Any]], bool]) -> None:
+    """Leave out what moves targets that are gone, and animations that move nothing any more."""
+    moving = []
+    for animation in document.pop("animations", []):
+        animation["channels"] = [each for each in animation["channels"] if not is_gone(each["target"])]
+        moving += [animation] if animation["channels"] else []
+    if moving:
+        document["animations"] = moving

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from isomatch.assets.asset import Asset
+from isomatch.assets.asset import Asset, RenumberedDocument
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import told_apart
 from isomatch.assets.formats._gltf_attributes import (
@@ -26,6 +26,7 @@ from isomatch.assets.formats._gltf_keys import key_weights, read_keys, with_key_
 from isomatch.assets.formats._gltf_scene import (
     TRIANGLES,
     Matrix,
+    Place,
     separate_instances,
     surfaces,
     transforms,
@@ -70,44 +71,66 @@ class GltfDocument:
         if before.polygons is not self.polygons:
             return self
         gltf = GltfData(copy.deepcopy(self.json), bytearray(self.blob))
-        n_points = np.bincount(before.part_of_point[rows.point_index], minlength=len(before.parts)).tolist()
-        left: list[list[tuple[int, int, int]]] = []
-        emptied = set()
-        old_point = old_triangle = point = triangle = 0
-        for part, n, places in zip(before.parts, n_points, self.primitives):
-            index = rows.point_index[point : point + n] - old_point
-            keys = dict(gltf.json["meshes"][places[0][0]]["primitives"][places[0][1]]["attributes"])
-            gather(gltf, keys, index)
-            keys["POSITION"] = _add_positions(gltf, after.points[point : point + n])
-            left.append([])
-            for mesh, i, n_triangles in places:
-                old_triangle += n_triangles
-                stop = int(np.searchsorted(rows.polygon_index, old_triangle))
-                primitive = gltf.json["meshes"][mesh]["primitives"][i]
-                for target in primitive.get("targets", []):
-                    gather(gltf, target, index)
-                faces = _outwards(after.polygons.triangles[triangle:stop] - point, part.transform)
-                primitive["attributes"] = keys
-                primitive["indices"] = gltf.add_array(faces.ravel().astype(np.uint32), target=34963)
-                primitive["mode"] = TRIANGLES
-                if n:
-                    left[-1].append((mesh, i, stop - triangle))
-                else:
-                    emptied.add((mesh, i))
-                triangle = stop
-            point, old_point = point + n, old_point + part.n_points
-        place = without_primitives(gltf.json, emptied)
-        primitives = [tuple((*place[mesh, i], n) for mesh, i, n in each) for each in left if each]
+        order, triangles_of = self._triangles_left(before, after, rows)
+        n_points = np.bincount(
+            before.part_of_point[rows.point_index], minlength=len(self.primitives)
+        ).tolist()
+        left: list[list[tuple[Place, int]]] = []
+        emptied: set[Place] = set()
+        old_point = point = 0
+        for part, n, places in zip(before.parts or (None,), n_points, self.primitives):
+            all_places = [place[:2] for place in places]
+            kept = [place for place in all_places if len(triangles_of[place])] or all_places[:1]
+            kept = kept if n else []
+            emptied.update(place for place in all_places if place not in kept)
+            left.append([(place, len(triangles_of[place])) for place in kept])
+            if part and len(self.points):
+                index = rows.point_index[point : point + n] - old_point
+                keys = dict(_keys(gltf.json, all_places[0]))
+                gather(gltf, keys, index)
+                keys["POSITION"] = _add_positions(gltf, after.points[point : point + n])
+                for mesh, i in kept:
+                    primitive = gltf.json["meshes"][mesh]["primitives"][i]
+                    for target in primitive.get("targets", []):
+                        gather(gltf, target, index)
+                    faces = after.polygons.triangles[triangles_of[mesh, i]] - point
+                    primitive["attributes"] = keys
+                    primitive["indices"] = _add_faces(gltf, faces, part.transform)
+                    primitive["mode"] = TRIANGLES
+                old_point += part.n_points
+            point += n
+        place_of = without_primitives(gltf.json, emptied)
+        primitives = [tuple((*place_of[place], n) for place, n in each) for each in left if each]
         new = {id(old): attribute for old, attribute in zip(before.attributes, after.attributes)}
+        former = self.former
         return replace(
             self,
             json=gltf.json,
             blob=bytes(gltf.blob),
             primitives=tuple(primitives),
-            points=after.points,
+            points=after.points if len(self.points) else self.points,
             polygons=after.polygons,
             attributes=tuple(new.get(id(attribute), attribute) for attribute in self.attributes),
+            order=order if self.order is not None else None,
+            former=former.renumbered(before, after, rows)
+            if isinstance(former, RenumberedDocument)
+            else former,
         )
+
+    def _triangles_left(
+        self, before: Asset, after: Asset, rows: Renumbering
+    ) -> tuple[IntArray, dict[Place, IntArray]]:
+        """Return the new triangles in the order of the primitives, and those of each; a polygon stays in one."""
+        places = [place for part in self.primitives for place in part]
+        held = self.in_order(
+            np.repeat(np.arange(len(places)), np.array([n for *_, n in places], dtype=np.int64))
+        )
+        n_triangles = before.polygons.sizes - 2
+        first = np.cumsum(n_triangles) - n_triangles
+        held = held[first[rows.polygon_index[after.polygons.of_triangle]]]
+        order = np.argsort(held, kind="stable")
+        of_each = np.split(order, np.searchsorted(held[order], np.arange(1, len(places))))
+        return order, {(mesh, i): triangles for (mesh, i, _), triangles in zip(places, of_each)}
 
 
 def read_asset(data: bytes, name: str) -> Asset:
@@ -119,7 +142,7 @@ def read_asset(data: bytes, name: str) -> Asset:
 
 
 def _read(gltf: GltfData) -> Asset:
-    placed = transforms(gltf.json)
+    placed = transforms(gltf)
     points: list[AnyArray] = [np.zeros((0, 3), np.float32)]
     faces: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)]
     parts, found, shape_keys, primitives = [], [], [], []
@@ -230,8 +253,8 @@ def _written(asset: Asset) -> GltfData:
                 for target in primitive.get("targets", []):
                     gather(gltf, target, rows - first_point)
                 indices = faces[first_triangle : first_triangle + n_triangles] - start
-                indices = _outwards(indices, asset.parts[part].transform if asset.parts else None)
-                primitive["indices"] = gltf.add_array(indices.ravel().astype(np.uint32), target=34963)
+                transform = asset.parts[part].transform if asset.parts else None
+                primitive["indices"] = _add_faces(gltf, indices, transform)
                 primitive["mode"] = TRIANGLES
             first_triangle += n_triangles
         first_point += int((asset.part_of_point == part).sum())
@@ -252,6 +275,11 @@ def _add_positions(gltf: GltfData, points: FloatArray) -> int:
     if not len(positions):
         return gltf.add_array(positions)
     return gltf.add_array(positions, min=positions.min(axis=0).tolist(), max=positions.max(axis=0).tolist())
+
+
+def _add_faces(gltf: GltfData, faces: IntArray, transform: Matrix | None) -> int:
+    """Append the accessor of the triangles of a primitive; return its index."""
+    return gltf.add_array(_outwards(faces, transform).ravel().astype(np.uint32), target=34963)
 
 
 def _outwards(faces: IntArray, transform: Matrix | None) -> IntArray:

@@ -88,6 +88,8 @@ def with_looks(receiver: Asset, looks: Looks) -> Asset:
     for look in looks.looks:
         base = {"metallicFactor": 0.0, **_written(gltf, look.base, number_of, "baseColor", UNTINTED)}
         entry = {"name": look.name, "pbrMetallicRoughness": base}
+        if min(look.base.tint[3:], default=1.0) < 1:
+            entry["alphaMode"] = "BLEND"
         if look.emitted:
             entry |= _written(gltf, look.emitted, number_of, "emissive", (0.0, 0.0, 0.0))
         gltf.append("materials", entry)

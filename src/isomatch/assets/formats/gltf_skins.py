@@ -9,10 +9,17 @@ import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.formats._gltf_data import GltfData
-from isomatch.assets.formats._gltf_scene import joint_names, node_matrices
+from isomatch.assets.formats._gltf_scene import (
+    alike,
+    binding,
+    joint_names,
+    node_matrices,
+    transforms,
+    without_channels,
+)
 from isomatch.assets.formats.gltf import GltfDocument, edited, opened_document
+from isomatch.errors import DescriptorError
 
-_POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 _MESH = ("mesh", "skin", "camera", "extensions", "weights")  # of a node, what is not of a joint
 
 
@@ -20,6 +27,7 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     """Return the receiver with the joints of the giver, if that is a glTF file, bound to them as both are now.
 
     Joints that it had before are left out, with animations that moved them, unless another mesh is bound to them.
+    `DescriptorError` for a joint that is scaled to nothing.
     """
     given = giver.document
     if not isinstance(given, GltfDocument) or not given.json.get("skins"):
@@ -27,10 +35,10 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     document, gltf = opened_document(receiver)
     other = copy.deepcopy(given.json)
     meshes = {mesh for part in document.primitives for mesh, _, _ in part}
-    here = node_matrices(gltf.json)
+    placed = transforms(gltf)
     bound = [
-        (node, np.eye(4) if "skin" in node else here[i])
-        for i, node in enumerate(gltf.json["nodes"])
+        (node, np.array(placed[node["mesh"]][0] or np.eye(4)))
+        for node in gltf.json["nodes"]
         if node.get("mesh") in meshes
     ]
     for node, _ in bound:
@@ -38,7 +46,13 @@ def with_skin_of(receiver: Asset, giver: Asset) -> Asset:
     _without_unused_skins(gltf.json)
     new = _appended(gltf.json, other)
     there = node_matrices(other)
-    joints = list(joint_names(other))
+    joints = joint_names(other)
+    for joint, name in joints.items():
+        if np.linalg.det(there[joint]) == 0:
+            raise DescriptorError(
+                f"nothing can be bound to joint {name!r}, which its node scales to nothing; give it a size, or carry "
+                "all but the weights"
+            )
     own = {matrix.tobytes(): matrix for _, matrix in bound}
     skins = [
         {
@@ -64,13 +78,8 @@ def is_posed(asset: Asset) -> bool:
     if not isinstance(document, GltfDocument):
         return False
     gltf, there = GltfData(document.json, bytearray(document.blob)), node_matrices(document.json)
-    for skin in document.json.get("skins", []):
-        if "inverseBindMatrices" in skin and skin["joints"]:
-            inverse = gltf.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
-            moved = np.stack([there[joint] for joint in skin["joints"]]) @ inverse[: len(skin["joints"])]
-            if not np.allclose(moved, moved[0], rtol=0, atol=_POSED * np.abs(moved).max()):
-                return True
-    return False
+    bindings = [binding(gltf, skin, there) for skin in document.json.get("skins", [])]
+    return any(len(each) > 0 and not alike(each, each[0]) for each in bindings)
 
 
 def animation_channels(asset: Asset) -> int:
@@ -157,14 +166,7 @@ def _without_nodes(document: dict[str, Any], gone: set[int]) -> None:
         skin["joints"] = [new[i] for i in skin["joints"]]
         if "skeleton" in skin:
             skin["skeleton"] = new[skin["skeleton"]]
-    for animation in document.get("animations", []):
-        channels = animation["channels"]
-        channels[:] = [c for c in channels if c["target"].get("node", kept[0] if kept else 0) in new]
-        for channel in channels:
-            if "node" in channel["target"]:
-                channel["target"]["node"] = new[channel["target"]["node"]]
-    moving = [animation for animation in document.get("animations", []) if animation["channels"]]
-    if moving:
-        document["animations"] = moving
-    else:
-        document.pop("animations", None)
+    without_channels(document, lambda target: "node" in target and target["node"] not in new)
+    for target in (each["target"] for one in document.get("animations", []) for each in one["channels"]):
+        if "node" in target:
+            target["node"] = new[target["node"]]
