@@ -50,6 +50,8 @@ def landmarks(
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
     collection = collections.Collection.open(folder)
     files = _files_of(marks, collection.names)
+    rows = collection.rows()
+    ends = {*files, collection.chosen_template(rows)}
     found: dict[str, isomatch.Landmarks] = {}
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
@@ -71,6 +73,7 @@ def landmarks(
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
         "largest_spread": {name: found[name].names[int(np.nanargmax(each))] for name, each in spread.items()},
         "other_landmarks": [name for name in found if name not in alike],
+        "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
         "left_out": [name for name in collection.names if name not in found],
     }
 
@@ -81,8 +84,11 @@ def landmarks(
                 say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
         if record["other_landmarks"]:
             say(f"with other landmarks, so not in the tables: {', '.join(record['other_landmarks'])}")
+        if record["doubtful"]:
+            pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
+            say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
         if record["left_out"]:
-            say(f"no map leads to: {', '.join(record['left_out'])}", "bold red")
+            say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
 
     talk.result(record, summary)
 
