@@ -86,6 +86,23 @@ def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tm
     assert not any("s3" in name for name in maps)
 
 
+def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, capsys):
+    with writing_ledger(copied.layout.ledger()) as ledger:
+        ledger.put_shape("s0", {**ledger.rows.shapes["s0"], "reflected": True})
+    changed(copied, "s0", reflected=["s0"])
+    out = tmp_path / "out"
+    argv = ["collect", "landmarks", str(copied.folder), str(marks), str(out), "--format", "csv"]
+    assert main([*argv, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["reflected"] == ["s0"]
+    with (out / "landmarks.csv").open() as file:
+        table = {row["specimen"]: row for row in csv.DictReader(file)}
+    for name, sign in (("s0", -1), ("s1", 1)):
+        own = Landmarks.read(out / f"{name}.csv", copied.paths[name])["nose"]
+        assert [float(table[name][f"nose_{axis}"]) for axis in "XYZ"] == (own * [sign, 1, 1]).tolist()
+    assert main([*argv, "--force"]) == 0
+    assert "reflected in the tables, as they were matched: s0" in capsys.readouterr().out
+
+
 def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     out = tmp_path / "out"
     argv = ["collect", "landmarks", str(finished), str(marks), str(out)]
