@@ -103,6 +103,20 @@ def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, c
     assert "reflected in the tables, as they were matched: s0" in capsys.readouterr().out
 
 
+def test_other_curves_are_not_in_the_tables_and_what_a_format_lacks_is_told(
+    finished, small, marks, tmp_path, capsys
+):
+    mesh = read_mesh(small.shapes / "s2.ply")
+    write_landmarks(marks / "s2.mrk.json", Landmarks(mesh.vertices[ROWS], NAMES))
+    argv = ["collect", "landmarks", str(finished), str(marks), str(tmp_path / "out"), "--format", "fcsv"]
+    assert main([*argv, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert (record["other_landmarks"], record["not_written"]) == (["s2"], ["curves"])
+    assert main([*argv, "--force"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not written, because .fcsv has no place for them: curves" in said
+
+
 def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     out = tmp_path / "out"
     argv = ["collect", "landmarks", str(finished), str(marks), str(out)]

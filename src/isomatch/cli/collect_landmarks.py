@@ -55,12 +55,13 @@ def landmarks(
     rows = collection.rows()
     ends = {*files, collection.chosen_template(rows)}
     found: dict[str, isomatch.Landmarks] = {}
+    lost: set[str] = set()
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with talk.progress() as tell, made_folder(to), claimed(last, [] if force else earlier):
         for name, carried in collections.collected_landmarks(collection, files, curve_points):
-            isomatch.write_landmarks(to / f"{name}{suffix}", carried)
+            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
             found[name] = carried
             tell(f"written: {name}", len(found) / len(collection.names))
         first = next(iter(found.values()))
@@ -68,7 +69,7 @@ def landmarks(
         alike = {
             name: replace(each, positions=each.positions * [-1.0, 1.0, 1.0]) if name in turned else each
             for name, each in found.items()
-            if each.names == first.names
+            if (each.names, each.curves) == (first.names, first.curves)
         }
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
@@ -79,6 +80,7 @@ def landmarks(
         "shapes": list(found),
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
         "largest_spread": {name: found[name].names[int(np.nanargmax(each))] for name, each in spread.items()},
+        "not_written": sorted(lost),
         "other_landmarks": [name for name in found if name not in alike],
         "reflected": turned,
         "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
@@ -90,8 +92,12 @@ def landmarks(
         if len(files) > 1:
             for name, mean in record["mean_spread"].items():
                 say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
+        if lost:
+            say(f"not written, because {suffix} has no place for them: {', '.join(record['not_written'])}")
         if record["other_landmarks"]:
-            say(f"with other landmarks, so not in the tables: {', '.join(record['other_landmarks'])}")
+            say(
+                f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}"
+            )
         if turned:
             say(f"reflected in the tables, as they were matched: {', '.join(turned)}")
         if record["doubtful"]:
