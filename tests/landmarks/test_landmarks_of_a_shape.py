@@ -249,6 +249,13 @@ def test_the_median_withstands_one_wrong_template():
     np.testing.assert_allclose(found.spread, 2 * np.linalg.norm(truth, axis=1) / 3, atol=1e-6)
 
 
+def test_one_template_has_no_spread():
+    a, b = on_faces(SPHERE, 2)
+    assert np.isnan(median_landmarks([Landmarks([a])], SPHERE).spread).all()
+    several = [Landmarks([a, b], ["a", "b"]), Landmarks([b], ["b"])]
+    assert np.isnan(median_landmarks(several, SPHERE).spread).tolist() == [True, False]
+
+
 def test_the_median_of_three_points_is_that_of_fermat():
     """In an equilateral triangle the centre, and at an angle beyond 120° the corner."""
     plane = flat_grid(3, 3)
