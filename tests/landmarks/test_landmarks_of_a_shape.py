@@ -75,6 +75,15 @@ def test_a_surface_in_the_other_system(tmp_path):
     assert found.systems == ("RAS", "LPS")
 
 
+def test_letters_of_windows_stay_apart(tmp_path):
+    table = "name,x,y,z,curve\nä,1,0,0,ä\nö,0,1,0,ä\nü,0,0,1,ö\nß,0,0,-1,ö\n"
+    (tmp_path / "a.csv").write_text(table, encoding="cp1252")
+    found = Landmarks.read(tmp_path / "a.csv", SPHERE)
+    assert (found.names, found.curves) == ((*"äöüß",), (Curve("ä", (0, 1)), Curve("ö", (2, 3))))
+    (tmp_path / "a.fcsv").write_text("# columns = id,x,y,z,label\n1,1,0,0,ä\n2,0,1,0,ö\n", encoding="cp1252")
+    assert Landmarks.read(tmp_path / "a.fcsv", SPHERE).names == ("ä", "ö")
+
+
 def test_a_table_of_vertices_and_one_without_places(tmp_path):
     (tmp_path / "a.csv").write_text("name;vertex\na;7\nb;NA\n")
     found = Landmarks.read(tmp_path / "a.csv", SPHERE)
