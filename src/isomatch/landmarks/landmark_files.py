@@ -201,7 +201,8 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
 def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
     """Cells of each line of a text, with where it is and the line itself.
 
-    A header says what separates them; below it, a name may have a ``#``, which otherwise starts a comment.
+    A header says what separates them; below it, a name may have a ``#``, in quotes also as
+    its first letter, which otherwise starts a comment.
     """
     separator: str | None = None
     has_header, is_first = False, True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterator
 from io import StringIO
 from itertools import groupby
@@ -133,7 +134,7 @@ def _table(landmarks: Landmarks, title: str) -> str:
     columns = list(_columns(landmarks))
     writer.writerow([name for name, _ in columns])
     writer.writerows(zip(*(cells for _, cells in columns)))
-    return text.getvalue()
+    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text.getvalue())  # without quotes, a name begins a comment
 
 
 def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:
