@@ -121,6 +121,15 @@ def test_nearest_point_of_all_triangles():
     np.testing.assert_allclose(found.barycentric.sum(axis=1), 1)
 
 
+def test_vertices_without_faces_are_no_part_of_a_surface():
+    queries = on_faces(SPHERE, 9)
+    apart = Mesh(np.vstack([SPHERE.vertices, 1.001 * queries, np.full((1, 3), np.nan)]), SPHERE.faces)
+    found = nearest_on_surface(apart, 1.001 * queries).interpolated(SPHERE.vertices)
+    np.testing.assert_array_equal(
+        found, nearest_on_surface(SPHERE, 1.001 * queries).interpolated(SPHERE.vertices)
+    )
+
+
 def test_nearest_point_of_a_cloud():
     cloud = PointCloud(SPHERE.vertices)
     found = nearest_on_surface(cloud, 1.01 * SPHERE.vertices[[3, 8]])

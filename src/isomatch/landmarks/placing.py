@@ -47,15 +47,16 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     >>> nearest_on_surface(strip, np.array([[4.5, 0.5, 2.0]])).interpolated(strip.vertices)
     array([[4.5, 0.5, 0. ]])
     """
-    gap, vertex = cKDTree(surface.vertices).query(positions)
     if isinstance(surface, PointCloud) or not surface.n_faces:
-        return PrecisePoints.at_vertices(vertex)
+        return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
+    used = np.unique(surface.sound_faces)
+    gap, nearest = cKDTree(surface.vertices[used]).query(positions)
+    found = PrecisePoints.at_vertices(used[nearest])
     corners = surface.vertices[surface.sound_faces]  # (f, 3, 3)
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
     tree = cKDTree(middles)
     vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
-    found = PrecisePoints.at_vertices(vertex)
     for first in range(0, len(positions), AT_ONCE):
         rows = slice(first, first + AT_ONCE)
         near = tree.query_ball_point(positions[rows], (gap[rows] + reach.max()) * (1 + 1e-12))
