@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -119,6 +120,20 @@ def test_nearest_point_of_all_triangles():
     assert (apart <= sampled + 1e-12).all()
     assert (sampled - apart).max() < 0.3
     np.testing.assert_allclose(found.barycentric.sum(axis=1), 1)
+
+
+def test_one_large_triangle_takes_no_memory():
+    grid = flat_grid(50, 50)
+    below = [[-500, -500, -9], [500, -500, -9], [0, 900, -9]]
+    larger = Mesh(np.vstack([grid.vertices, below]), np.vstack([grid.faces, [[2500, 2501, 2502]]]))
+    queries = np.add(grid.vertices[:200], [0, 0, 0.1])
+    peaks = []
+    for mesh in (grid, grid, larger):
+        tracemalloc.start()
+        nearest_on_surface(mesh, queries)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 2 * peaks[1]
 
 
 def test_vertices_without_faces_are_no_part_of_a_surface():
