@@ -210,6 +210,33 @@ def test_curves_survive_their_files(tmp_path):
     ]
 
 
+def test_a_curve_with_others_between_its_points_survives_its_files(tmp_path):
+    marks = Landmarks(on_faces(SPHERE, 5), [*"abcde"], [Curve("suture", (0, 2, 4))])
+    for name, order in (("a.mrk.json", "acebd"), ("a.csv", "abcde")):
+        write_landmarks(tmp_path / name, marks)
+        found = Landmarks.read(tmp_path / name, SPHERE)
+        assert found.names == (*order,)
+        (curve,) = found.curves
+        assert [found.names[row] for row in curve.rows] == ["a", "c", "e"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([(0, 1, 2), (2, 3)], "landmark 2 is on the curves '0' and '1'; give it twice"),
+        (
+            [(0, 2, 1)],
+            r"curve '0' goes through landmarks \(0, 2, 1\); give some of 0 to 3, in ascending order",
+        ),
+        ([(0, 1, 1)], "in ascending order"),
+        ([(3, 4)], "give some of 0 to 3"),
+    ],
+)
+def test_curves_have_points_of_their_own_in_order(rows, message):
+    with pytest.raises(LandmarkError, match=message):
+        Landmarks(np.zeros((4, 3)), curves=[Curve(str(i), of) for i, of in enumerate(rows)])
+
+
 def test_two_curves_of_one_name_stay_two(tmp_path):
     points = on_faces(SPHERE, 4).tolist()
     markup = {"type": "Curve", "name": "C", "coordinateSystem": "LPS"}
