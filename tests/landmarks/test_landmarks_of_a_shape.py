@@ -2,6 +2,7 @@
 
 import csv
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_su
 from shapes import box, flat_grid, icosphere
 
 SPHERE = icosphere(3)
-NAMES = ("nose", "left, ear", "p;4", "p#3", "Müller 'x' <&>")
+NAMES = ("nose", "left, ear", "p#;4", "#1", "Müller 'x' <&>")
 FORMATS = ("a.mrk.json", "a.fcsv", "a.pp", "a.csv")
 
 
@@ -75,6 +76,15 @@ def test_a_surface_in_the_other_system(tmp_path):
     assert found.systems == ("RAS", "LPS")
 
 
+def test_letters_of_windows_stay_apart(tmp_path):
+    table = "name,x,y,z,curve\nä,1,0,0,ä\nö,0,1,0,ä\nü,0,0,1,ö\nß,0,0,-1,ö\n"
+    (tmp_path / "a.csv").write_text(table, encoding="cp1252")
+    found = Landmarks.read(tmp_path / "a.csv", SPHERE)
+    assert (found.names, found.curves) == ((*"äöüß",), (Curve("ä", (0, 1)), Curve("ö", (2, 3))))
+    (tmp_path / "a.fcsv").write_text("# columns = id,x,y,z,label\n1,1,0,0,ä\n2,0,1,0,ö\n", encoding="cp1252")
+    assert Landmarks.read(tmp_path / "a.fcsv", SPHERE).names == ("ä", "ö")
+
+
 def test_a_table_of_vertices_and_one_without_places(tmp_path):
     (tmp_path / "a.csv").write_text("name;vertex\na;7\nb;NA\n")
     found = Landmarks.read(tmp_path / "a.csv", SPHERE)
@@ -110,6 +120,29 @@ def test_nearest_point_of_all_triangles():
     assert (apart <= sampled + 1e-12).all()
     assert (sampled - apart).max() < 0.3
     np.testing.assert_allclose(found.barycentric.sum(axis=1), 1)
+
+
+def test_one_large_triangle_takes_no_memory():
+    grid = flat_grid(50, 50)
+    below = [[-500, -500, -9], [500, -500, -9], [0, 900, -9]]
+    larger = Mesh(np.vstack([grid.vertices, below]), np.vstack([grid.faces, [[2500, 2501, 2502]]]))
+    queries = np.add(grid.vertices[:200], [0, 0, 0.1])
+    peaks = []
+    for mesh in (grid, grid, larger):
+        tracemalloc.start()
+        nearest_on_surface(mesh, queries)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 2 * peaks[1]
+
+
+def test_vertices_without_faces_are_no_part_of_a_surface():
+    queries = on_faces(SPHERE, 9)
+    apart = Mesh(np.vstack([SPHERE.vertices, 1.001 * queries, np.full((1, 3), np.nan)]), SPHERE.faces)
+    found = nearest_on_surface(apart, 1.001 * queries).interpolated(SPHERE.vertices)
+    np.testing.assert_array_equal(
+        found, nearest_on_surface(SPHERE, 1.001 * queries).interpolated(SPHERE.vertices)
+    )
 
 
 def test_nearest_point_of_a_cloud():
@@ -175,6 +208,33 @@ def test_curves_survive_their_files(tmp_path):
         ("Curve", 3),
         ("ClosedCurve", 3),
     ]
+
+
+def test_a_curve_with_others_between_its_points_survives_its_files(tmp_path):
+    marks = Landmarks(on_faces(SPHERE, 5), [*"abcde"], [Curve("suture", (0, 2, 4))])
+    for name, order in (("a.mrk.json", "acebd"), ("a.csv", "abcde")):
+        write_landmarks(tmp_path / name, marks)
+        found = Landmarks.read(tmp_path / name, SPHERE)
+        assert found.names == (*order,)
+        (curve,) = found.curves
+        assert [found.names[row] for row in curve.rows] == ["a", "c", "e"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([(0, 1, 2), (2, 3)], "landmark 2 is on the curves '0' and '1'; give it twice"),
+        (
+            [(0, 2, 1)],
+            r"curve '0' goes through landmarks \(0, 2, 1\); give some of 0 to 3, in ascending order",
+        ),
+        ([(0, 1, 1)], "in ascending order"),
+        ([(3, 4)], "give some of 0 to 3"),
+    ],
+)
+def test_curves_have_points_of_their_own_in_order(rows, message):
+    with pytest.raises(LandmarkError, match=message):
+        Landmarks(np.zeros((4, 3)), curves=[Curve(str(i), of) for i, of in enumerate(rows)])
 
 
 def test_two_curves_of_one_name_stay_two(tmp_path):
@@ -247,6 +307,13 @@ def test_the_median_withstands_one_wrong_template():
     found = median_landmarks([wrong, *near], SPHERE)
     np.testing.assert_allclose(found.positions, truth, atol=1e-8)
     np.testing.assert_allclose(found.spread, 2 * np.linalg.norm(truth, axis=1) / 3, atol=1e-6)
+
+
+def test_one_template_has_no_spread():
+    a, b = on_faces(SPHERE, 2)
+    assert np.isnan(median_landmarks([Landmarks([a])], SPHERE).spread).all()
+    several = [Landmarks([a, b], ["a", "b"]), Landmarks([b], ["b"])]
+    assert np.isnan(median_landmarks(several, SPHERE).spread).tolist() == [True, False]
 
 
 def test_the_median_of_three_points_is_that_of_fermat():

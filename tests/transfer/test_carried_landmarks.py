@@ -111,6 +111,17 @@ def test_what_has_no_image_has_no_place():
     assert carried.placed.tolist() == [True, False, True, True, False, False]
 
 
+def test_the_order_stays_where_other_landmarks_are_between_the_points_of_a_curve():
+    source = flat_grid(5, 5)
+    points = [[0, 0, 0], [0.5, 3, 0], [1, 0, 0], [1.5, 3, 0], [2, 0, 0]]
+    marks = Landmarks(points, [*"abcde"], [Curve("s", (0, 2, 4))])
+    found = Correspondence(np.arange(25), 25)
+    carried = carry_landmarks(found, source, source, marks)
+    assert (carried.names, carried.curves) == (marks.names, marks.curves)
+    np.testing.assert_allclose(carried.positions, points, atol=1e-12)
+    assert carry_landmarks(found, source, source, marks, curve_points=2).names == ("s-1", "s-2", "b", "d")
+
+
 @pytest.mark.parametrize("to", ["target", "source"])
 def test_points_of_a_curve_are_equally_spaced_after_an_uneven_stretch(to):
     """x → x² moves most of the points of a line to one end; along the carried line they are even again."""

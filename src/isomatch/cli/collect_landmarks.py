@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,8 @@ def landmarks(
         Folder of the landmarks of some of its shapes, named like them: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab,
         or a table name,x,y,z.
     to : Path
-        Folder for a file of each shape, landmarks.csv with a row for each, and landmarks.tps, for R's geomorph.
+        Folder for a file of each shape, landmarks.csv with a row for each, and landmarks.tps, for R's geomorph: there
+        shapes that were matched as their mirror images are reflected, x → −x.
     format : str
         Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those of pp.
     curve_points : int
@@ -50,17 +52,25 @@ def landmarks(
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
     collection = collections.Collection.open(folder)
     files = _files_of(marks, collection.names)
+    rows = collection.rows()
+    ends = {*files, collection.chosen_template(rows)}
     found: dict[str, isomatch.Landmarks] = {}
+    lost: set[str] = set()
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
     with talk.progress() as tell, made_folder(to), claimed(last, [] if force else earlier):
         for name, carried in collections.collected_landmarks(collection, files, curve_points):
-            isomatch.write_landmarks(to / f"{name}{suffix}", carried)
+            lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
             found[name] = carried
             tell(f"written: {name}", len(found) / len(collection.names))
         first = next(iter(found.values()))
-        alike = {name: each for name, each in found.items() if each.names == first.names}
+        turned = rows.reflected(found)
+        alike = {
+            name: replace(each, positions=each.positions * [-1.0, 1.0, 1.0]) if name in turned else each
+            for name, each in found.items()
+            if (each.names, each.curves) == (first.names, first.curves)
+        }
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
@@ -70,7 +80,10 @@ def landmarks(
         "shapes": list(found),
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
         "largest_spread": {name: found[name].names[int(np.nanargmax(each))] for name, each in spread.items()},
+        "not_written": sorted(lost),
         "other_landmarks": [name for name in found if name not in alike],
+        "reflected": turned,
+        "doubtful": [pair for pair in rows.pairs if rows.is_doubtful(pair) and not ends.isdisjoint(pair)],
         "left_out": [name for name in collection.names if name not in found],
     }
 
@@ -79,10 +92,19 @@ def landmarks(
         if len(files) > 1:
             for name, mean in record["mean_spread"].items():
                 say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
+        if lost:
+            say(f"not written, because {suffix} has no place for them: {', '.join(record['not_written'])}")
         if record["other_landmarks"]:
-            say(f"with other landmarks, so not in the tables: {', '.join(record['other_landmarks'])}")
+            say(
+                f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}"
+            )
+        if turned:
+            say(f"reflected in the tables, as they were matched: {', '.join(turned)}")
+        if record["doubtful"]:
+            pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
+            say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
         if record["left_out"]:
-            say(f"no map leads to: {', '.join(record['left_out'])}", "bold red")
+            say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
 
     talk.result(record, summary)
 

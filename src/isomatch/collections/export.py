@@ -21,7 +21,7 @@ def export(
     maps: str | None = ".npz",
     force: bool = False,
 ) -> Iterator[Path]:
-    """Write the shapes in the topology of the template, and the maps of all pairs; yield each file.
+    """Write the shapes in the topology of the template, and the maps of all pairs as they are now; yield each file.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def export(
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
     names = surfaces_written(collection) if meshes else []
-    pairs = [pair for pair, row in rows.pairs.items() if row["state"] == "done"] if maps else []
+    pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:
         raise InputError(
             f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"

@@ -34,7 +34,8 @@ def collected_landmarks(
     ------
     str, Landmarks
         Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
-        of another the medians over templates, with their ``spread``. A shape that no map leads to is left out.
+        of another the medians over templates, with their ``spread``. Doubtful maps are not used, see `Rows.is_doubtful`;
+        a shape that no other map leads to is left out.
 
     Raises
     ------
@@ -71,12 +72,12 @@ def _maps(collection: Collection, read: Callable[[str], Mesh]) -> Callable[[str,
     """Return a function that gives the map between two shapes, directly or over the template, or None."""
     rows = collection.rows()
     centre = collection.chosen_template(rows)
-    done = {frozenset(pair) for pair, row in rows.pairs.items() if row["state"] == "done"}
+    sure = {frozenset(pair) for pair in rows.pairs if rows.is_current(pair) and not rows.is_doubtful(pair)}
 
     def between(source: str, target: str) -> Correspondence | None:
-        if {source, target} in done:
+        if {source, target} in sure:
             return collection.maps(source, target).there
-        if centre is None or not {frozenset((source, centre)), frozenset((centre, target))} <= done:
+        if centre is None or not {frozenset((source, centre)), frozenset((centre, target))} <= sure:
             return None
         first, second = collection.maps(source, centre).there, collection.maps(centre, target).there
         return first.then(second, read(centre), read(target))

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from isomatch.collections.map_file import Record
+from isomatch.collections.map_file import SIDES, Record
 from isomatch.collections.pairs import Pair
 from isomatch.errors import FormatError, UnwritableFileError
+from isomatch.matching import Outcome
 from isomatch.storage.files import claimed
 
 PATIENCE = 60.0  # seconds that a ledger is waited for while another process reads or writes it
@@ -50,6 +51,12 @@ class Rows:
             return False
         hashes = [self.shapes.get(name, {}).get("hash") for name in pair]
         return [row["source_hash"], row["target_hash"]] == hashes
+
+    def is_doubtful(self, pair: Pair) -> bool:
+        """Whether a pair is current, and one of its maps may be wrong altogether."""
+        return self.is_current(pair) and any(
+            Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
+        )
 
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""

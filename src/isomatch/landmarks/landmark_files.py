@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from isomatch.errors import FormatError
-from isomatch.storage.files import is_whole_number, opened
+from isomatch.storage.files import is_whole_number, opened, read_text
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
 POINTS = "write a 0-based vertex index or a position x y z, after a name if there is a header"
@@ -144,9 +144,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
 
 def _slicer_fiducials(path: Path) -> list[MarkedPoint]:
     columns, given, points = ["id", "x", "y", "z"], "RAS", []
-    with opened(path) as file:
-        lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
         where = f"{path}:{number}"
         if line.startswith("#"):
             key, _, value = line[1:].partition("=")
@@ -203,13 +201,12 @@ def _meshlab_points(path: Path) -> list[MarkedPoint]:
 def _cells(path: Path) -> Iterator[tuple[str, list[str], str]]:
     """Cells of each line of a text, with where it is and the line itself.
 
-    A header says what separates them; below it, a name may have a ``#``, which otherwise starts a comment.
+    A header says what separates them; below it, a name may have a ``#``, in quotes also as
+    its first letter, which otherwise starts a comment.
     """
     separator: str | None = None
     has_header, is_first = False, True
-    with opened(path) as file:
-        lines = StringIO(file.read().decode("utf-8-sig", errors="replace"))
-    for number, text in enumerate(lines, start=1):
+    for number, text in enumerate(StringIO(read_text(path)), start=1):
         line = text.strip() if has_header and not text.startswith("#") else text.partition("#")[0].strip()
         if not line:
             continue

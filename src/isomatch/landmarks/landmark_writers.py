@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterator
 from io import StringIO
 from itertools import groupby
@@ -35,7 +36,8 @@ def write_landmarks(path: str | Path, landmarks: Landmarks) -> tuple[str, ...]:
     path : path_like
         ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, ``.csv`` with the columns name, x, y, z, or ``.tps``.
     landmarks : Landmarks
-        Names and order are kept. Files of 3D Slicer are in the system of ``landmarks.systems``.
+        Names and order are kept; in ``.mrk.json``, the points of a curve follow each other. Files of 3D Slicer are in
+        the system of ``landmarks.systems``.
 
     Returns
     -------
@@ -81,16 +83,18 @@ def writer_of(path: Path) -> tuple[Callable[[Landmarks, str], str], tuple[str, .
 
 
 def _markups(landmarks: Landmarks, title: str) -> str:
-    curve_of = {row: curve for curve in landmarks.curves for row in curve.rows}
     markups = []
-    for curve, rows in groupby(range(len(landmarks)), curve_of.get):
+    for curve, group in groupby(range(len(landmarks)), landmarks.curve_of.__getitem__):
+        rows = list(group)
+        if curve is not None and rows[0] != curve.rows[0]:
+            continue  # it is written already
         kind = "Fiducial" if curve is None else CURVES[curve.closed]
         markups.append(
             {
                 "type": kind,
                 "name": title if curve is None else curve.name,
                 "coordinateSystem": landmarks.systems[1],
-                "controlPoints": [_control_point(landmarks, row) for row in rows],
+                "controlPoints": [_control_point(landmarks, row) for row in (curve.rows if curve else rows)],
             }
         )
     return json.dumps({"@schema": SCHEMA, "markups": markups}, indent=1, ensure_ascii=False) + "\n"
@@ -133,7 +137,7 @@ def _table(landmarks: Landmarks, title: str) -> str:
     columns = list(_columns(landmarks))
     writer.writerow([name for name, _ in columns])
     writer.writerows(zip(*(cells for _, cells in columns)))
-    return text.getvalue()
+    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text.getvalue())  # without quotes, a name begins a comment
 
 
 def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:
@@ -144,10 +148,8 @@ def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:
         if np.isfinite(values).any():
             yield name, _cells(values)
     if landmarks.curves:
-        curve_of = {row: curve for curve in landmarks.curves for row in curve.rows}
-        of = [curve_of.get(row) for row in range(len(landmarks))]
-        yield "curve", ["" if curve is None else curve.name for curve in of]
-        yield "closed", ["" if curve is None else int(curve.closed) for curve in of]
+        yield "curve", ["" if curve is None else curve.name for curve in landmarks.curve_of]
+        yield "closed", ["" if curve is None else int(curve.closed) for curve in landmarks.curve_of]
 
 
 def _cells(values: FloatArray) -> list[Any]:

@@ -37,7 +37,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     -------
     Landmarks
         The geometric medians, moved to the nearest points of the surface, in the order of the first template; points of a
-        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, and
+        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, nan of one, and
         ``expected_error`` the median of those given.
 
     Raises
@@ -77,6 +77,7 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
         if found[of].all() and len(of) > 1:
             positions[of] = respaced_curve(shape, positions[of], len(of), curve.closed, curve.name)
     apart = np.linalg.norm(points - positions, axis=2)
+    apart[:, np.isfinite(apart).sum(axis=0) == 1] = np.nan  # one template has no spread
     return Landmarks(
         positions, first.names, first.curves, _over_templates(np.median, errors),
         _over_templates(np.mean, apart), first.systems,

@@ -38,8 +38,8 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
 
     Notes
     -----
-    Only triangles that reach into the ball up to the nearest vertex are looked at: a few for each position where
-    triangles are of one size.
+    Only triangles that reach into the ball up to the nearest point so far are looked at, those of about one size
+    together: a few of each size for each position.
 
     Examples
     --------
@@ -47,23 +47,28 @@ def nearest_on_surface(surface: Mesh | PointCloud, positions: FloatArray) -> Pre
     >>> nearest_on_surface(strip, np.array([[4.5, 0.5, 2.0]])).interpolated(strip.vertices)
     array([[4.5, 0.5, 0. ]])
     """
-    gap, vertex = cKDTree(surface.vertices).query(positions)
     if isinstance(surface, PointCloud) or not surface.n_faces:
-        return PrecisePoints.at_vertices(vertex)
+        return PrecisePoints.at_vertices(cKDTree(surface.vertices).query(positions)[1])
+    used = np.unique(surface.sound_faces)
+    gap, nearest = cKDTree(surface.vertices[used]).query(positions)
+    found = PrecisePoints.at_vertices(used[nearest])
     corners = surface.vertices[surface.sound_faces]  # (f, 3, 3)
     middles = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    tree = cKDTree(middles)
+    size = np.frexp(reach)[1]  # of a factor of two each, so that one large triangle does not widen all balls
     vertices, faces, queries = map(read_only, (surface.vertices, surface.faces, positions))
-    found = PrecisePoints.at_vertices(vertex)
-    for first in range(0, len(positions), AT_ONCE):
-        rows = slice(first, first + AT_ONCE)
-        near = tree.query_ball_point(positions[rows], (gap[rows] + reach.max()) * (1 + 1e-12))
-        of = np.repeat(np.arange(first, first + len(near)), [len(each) for each in near])
-        face = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.asarray, near)]).astype(np.int64)
-        apart = np.linalg.norm(middles[face] - positions[of], axis=1)
-        reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
-        _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *found)
+    for each in np.unique(size)[::-1]:
+        alike = np.flatnonzero(size == each)
+        tree, farthest = cKDTree(middles[alike]), reach[alike].max()
+        for first in range(0, len(positions), AT_ONCE):
+            rows = slice(first, first + AT_ONCE)
+            near = tree.query_ball_point(positions[rows], (gap[rows] + farthest) * (1 + 1e-12))
+            of = np.repeat(np.arange(first, first + len(near)), list(map(len, near)))
+            listed = np.concatenate([np.zeros(0, dtype=np.int64), *map(np.asarray, near)]).astype(np.int64)
+            face = alike[listed]
+            apart = np.linalg.norm(middles[face] - positions[of], axis=1)
+            reached = apart <= (gap[of] + reach[face]) * (1 + 1e-12)
+            _take_nearest(vertices, faces, queries, of[reached], face[reached], gap, *found)
     return found
 
 

@@ -27,7 +27,7 @@ class Curve(NamedTuple):
     name : str
         Its name.
     rows : tuple of int
-        The landmarks, from its beginning to its end.
+        The landmarks, from its beginning to its end, in ascending order.
     closed : bool
         Whether it goes on from the last one to the first.
     """
@@ -48,7 +48,7 @@ class Landmarks:
     names : sequence of str
         Their names; empty where there is none.
     curves : sequence of Curve
-        Curves through some of them.
+        Curves through some of them, each through its own. One where two curves meet is given twice.
     expected_error : (m,) array_like of float, optional
         Estimate of the error of each, in the units of the surface; by default unknown, nan.
     spread : (m,) array_like of float, optional
@@ -60,7 +60,7 @@ class Landmarks:
     Raises
     ------
     LandmarkError
-        If the arrays do not fit.
+        If the arrays do not fit, or the curves go through others, through one twice, or not in order.
 
     Examples
     --------
@@ -97,10 +97,12 @@ class Landmarks:
                 f"{m} landmarks with {len(names)} names, {errors.size} expected errors and {spreads.size} spreads; give "
                 "one for each"
             )
+        curves = tuple(Curve(name, tuple(rows), closed) for name, rows, closed in curves)
+        _check_curves(curves, m)
         for field, value in (
             ("positions", placed),
             ("names", names),
-            ("curves", tuple(curves)),
+            ("curves", curves),
             ("expected_error", errors),
             ("spread", spreads),
             ("systems", systems),
@@ -123,6 +125,12 @@ class Landmarks:
     def placed(self) -> BoolArray:
         """(m,) which landmarks have a place."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
+
+    @property
+    def curve_of(self) -> list[Curve | None]:
+        """The curve that each landmark is on."""
+        of = {row: curve for curve in self.curves for row in curve.rows}
+        return [of.get(row) for row in range(len(self))]
 
     @classmethod
     def read(cls, path: str | PathLike[str], surface: SurfaceLike) -> Landmarks:
@@ -169,6 +177,21 @@ class Landmarks:
         positions, system = placed_positions(points, shape.vertices, unit, distance, "surface", "points")
         written = next((point.system for point in points if point.system), system)
         return cls(positions, [point.name for point in points], _curves(points), systems=(system, written))
+
+
+def _check_curves(curves: Sequence[Curve], m: int) -> None:
+    of: dict[int, str] = {}
+    for name, rows, _ in curves:
+        if list(rows) != sorted(set(rows).intersection(range(m))):
+            raise LandmarkError(
+                f"curve {name!r} goes through landmarks {str(rows)[:80]}; give some of 0 to {m - 1}, in ascending order"
+            )
+        if shared := of.keys() & set(rows):
+            row = min(shared)
+            raise LandmarkError(
+                f"landmark {row} is on the curves {of[row]!r} and {name!r}; give it twice, so that each has its own"
+            )
+        of |= dict.fromkeys(rows, name)
 
 
 def _curves(points: Sequence[MarkedPoint]) -> list[Curve]:

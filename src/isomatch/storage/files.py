@@ -71,16 +71,19 @@ def opened(path: Path) -> BinaryIO:
 def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[int, str]]:
     """Read the lines of a text with their numbers from 1, without comments, blank lines and outer blanks.
 
-    The text is in UTF-8, or else in the letters of Windows, see `encoding_of`. A comment starts where its pattern is
-    found, by default at a ``#`` that begins a word.
+    A comment starts where its pattern is found, by default at a ``#`` that begins a word.
     """
-    with opened(path) as file:
-        data = file.read().removeprefix(b"\xef\xbb\xbf")
-    lines = StringIO(data.decode(encoding_of(data)), newline=None)
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(StringIO(read_text(path), newline=None), start=1):
         text = re.split(comment, line, maxsplit=1)[0].strip()
         if text:
             yield number, text
+
+
+def read_text(path: Path) -> str:
+    """Read a text in UTF-8, or else in the letters of Windows, see `encoding_of`."""
+    with opened(path) as file:
+        data = file.read().removeprefix(b"\xef\xbb\xbf")
+    return data.decode(encoding_of(data))
 
 
 def encoding_of(text: bytes) -> str:

@@ -79,30 +79,32 @@ def carry_landmarks(
     placed = landmarks.placed
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
-    curve_of = {row: curve for curve in landmarks.curves for row in curve.rows}
+    along = {
+        curve: way.carried_curve(
+            landmarks.positions[list(curve.rows)], curve, curve_points or len(curve.rows)
+        )
+        for curve in landmarks.curves
+    }
+    if curve_points is None:
+        for curve, values in along.items():
+            every[list(curve.rows)] = values
+        return Landmarks(
+            every[:, :3], landmarks.names, landmarks.curves, every[:, 3], systems=landmarks.systems
+        )
     names: list[str] = []
-    values: list[FloatArray] = []
+    found: list[FloatArray] = []
     curves: list[Curve] = []
-    for row, name in enumerate(landmarks.names):
-        curve = curve_of.get(row)
-        if curve is None:
+    for row, (name, on) in enumerate(zip(landmarks.names, landmarks.curve_of)):
+        if on is None:
             names.append(name)
-            values.append(every[row])
-        elif row == curve.rows[0]:
-            rows = list(curve.rows)
-            n = curve_points or len(rows)
-            is_whole = bool(placed[rows].all())
-            new = (
-                way.carried_curve(landmarks.positions[rows], curve, n)
-                if is_whole
-                else np.full((n, 4), np.nan)
-            )
-            curves.append(Curve(curve.name, tuple(range(len(names), len(names) + n)), curve.closed))
-            own_names = [landmarks.names[i] for i in rows]
-            names += [f"{curve.name}-{i + 1}" for i in range(n)] if curve_points else own_names
-            values += list(new)
-    found = np.array(values).reshape(-1, 4)
-    return Landmarks(found[:, :3], names, curves, found[:, 3], systems=landmarks.systems)
+            found.append(every[row])
+        elif row == on.rows[0]:
+            rows = range(len(names), len(names) + curve_points)
+            curves.append(Curve(on.name, tuple(rows), on.closed))
+            names += [f"{on.name}-{i + 1}" for i in range(curve_points)]
+            found += list(along[on])
+    values = np.array(found).reshape(-1, 4)
+    return Landmarks(values[:, :3], names, curves, values[:, 3], systems=landmarks.systems)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +160,8 @@ class _Way:
 
     def carried_curve(self, points: FloatArray, curve: Curve, n: int) -> FloatArray:
         """(n, 4) the same for n points at equal distances along a curve through points; all nan if a part is."""
+        if np.isnan(points).any():
+            return np.full((n, 4), np.nan)
         images = self.carried(drawn_curve(self.start, points, curve.closed, curve.name or "curve"))
         if np.isnan(images[:, :3]).any():
             return np.full((n, 4), np.nan)
