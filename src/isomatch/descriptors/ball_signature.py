@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from isomatch.errors import DescriptorError
 from isomatch.geodesics import Balls, distance_along_edges_to_nearest, distance_engine, geodesic_balls
 from isomatch.loading.compiled import compiled
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -188,11 +188,11 @@ def ball_signature(
         raise DescriptorError(
             "a graph has no normals, so that it has no ball signature; give a mesh or a cloud"
         )
-    seams = welded_surface(surface) if weld else None
+    welded, seams = without_seams(surface, weld)
     if seams:
         at = None if samples is None else seams.new_index[np.asarray(samples, dtype=np.int64)]
         turned = None if normals is None else np.asarray(normals)[seams.vertex_index]
-        found = ball_signature(seams.mesh, radii, unit=unit, samples=at, normals=turned, weld=False)
+        found = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
         points = seams.new_index
         return replace(found, values=found.values[points], to_boundary=found.to_boundary[points])
     reach = np.asarray(radii, dtype=np.float64)

@@ -20,7 +20,7 @@ from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.points import joined, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.geodesics.welded import WeldedEngine
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray
 
@@ -119,9 +119,9 @@ def distance_engine(
     surface = metric_space(surface)
     if points is not None:
         return _with_points(surface, points, name, weld)
-    seams = welded_surface(surface) if weld else None
+    surface, seams = without_seams(surface, weld)
     if seams:
-        return WeldedEngine(distance_engine(seams.mesh, name, weld=False), seams.new_index, seams.changes)
+        return WeldedEngine(distance_engine(surface, name, weld=False), seams.new_index, seams.changes)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
             for chosen in engines:
@@ -154,9 +154,9 @@ def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, 
     points = points_of(points, surface.n_vertices)
     if name not in DIVIDING:
         return PointsInFaces(distance_engine(surface, name, weld=weld), surface, points)
-    seams = welded_surface(surface) if weld else None
+    mesh, seams = without_seams(surface, weld)
     vertex = seams.new_index if seams else np.arange(surface.n_vertices)
-    found = inserted(seams.mesh if seams else surface, points._replace(corners=vertex[points.corners]))
+    found = inserted(mesh, points._replace(corners=vertex[points.corners]))
     engine = distance_engine(found.mesh, name, weld=False)
     return WeldedEngine(engine, np.concatenate([vertex, found.vertex]), seams.changes if seams else ())
 
