@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch import Mesh, MissingDependencyError
+from isomatch import Mesh, MissingDependencyError, PrecisePoints
 from isomatch.cli import main
 from isomatch.descriptors import ball_signature
 from isomatch.geodesics import (
@@ -194,6 +194,18 @@ def test_sheets_that_coincide_are_one(name):
     found = geodesic_distances(leaf, [0, 40], name)
     expected = geodesic_distances(page, [0, 4], name)
     np.testing.assert_allclose(found, np.tile(expected, 2), rtol=1e-9)
+
+
+def test_points_on_a_seam_have_no_sides(name):
+    """The middle of the common edge of two triangles, told by the corners of one or of the other."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    seam = Mesh(points, [[0, 1, 2], [4, 3, 5]])
+    here, there = (
+        PrecisePoints(np.array([corners]), np.array([[0.5, 0.5, 0.0]])) for corners in ([1, 2, 0], [3, 4, 5])
+    )
+    assert geodesic_distances(seam, here, name, targets=there)[0, 0] == 0
+    np.testing.assert_allclose(geodesic_distances(seam, here, name), geodesic_distances(seam, there, name))
+    assert NOTE in distance_engine(seam, name, points=here).notes[0]
 
 
 def test_faces_that_share_an_edge_with_others_keep_engines_at_work(name):

@@ -152,13 +152,17 @@ def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, 
             f"points in faces are points of a Mesh, not of a {type(surface).__name__}; give vertices"
         )
     points = points_of(points, surface.n_vertices)
-    if name not in DIVIDING:
-        return PointsInFaces(distance_engine(surface, name, weld=weld), surface, points)
     mesh, seams = without_seams(surface, weld)
     vertex = seams.new_index if seams else np.arange(surface.n_vertices)
-    found = inserted(mesh, points._replace(corners=vertex[points.corners]))
-    engine = distance_engine(found.mesh, name, weld=False)
-    return WeldedEngine(engine, np.concatenate([vertex, found.vertex]), seams.changes if seams else ())
+    points = points._replace(corners=vertex[points.corners])
+    engine: DistanceEngine
+    if name in DIVIDING:
+        found = inserted(mesh, points)
+        engine, further = distance_engine(found.mesh, name, weld=False), found.vertex
+    else:
+        engine = PointsInFaces(distance_engine(mesh, name, weld=False), mesh, points)
+        further = np.arange(mesh.n_vertices, engine.n_points)
+    return WeldedEngine(engine, np.concatenate([vertex, further]), seams.changes if seams else ())
 
 
 def geodesic_distances(

@@ -31,7 +31,6 @@ class PointsInFaces(ColumnEngine):
 
     def __init__(self, engine: DistanceEngine, mesh: Mesh, points: PrecisePoints) -> None:
         self.name, self.n_points = engine.name, mesh.n_vertices + len(points.corners)
-        self.notes: tuple[str, ...] = getattr(engine, "notes", ())
         self._engine, self._n = engine, mesh.n_vertices
         self._corners = points.corners
         self._places = points.interpolated(mesh.vertices)
