@@ -208,6 +208,19 @@ def test_points_on_a_seam_have_no_sides(name):
     assert NOTE in distance_engine(seam, name, points=here).notes[0]
 
 
+def test_points_in_faces_that_welding_collapses(name):
+    """At a pole of the globe a face of its quadrilaterals has two corners at one position: it is an edge."""
+    mesh = globe()
+    mesh = Mesh(mesh.vertices, [*mesh.faces, [0, 26, 1]])
+    point = PrecisePoints(np.array([[0, 26, 1]]), np.array([[0.3, 0.3, 0.4]]))
+    same = PrecisePoints(np.array([[0, 26, 26]]), np.array([[0.7, 0.3, 0.0]]))
+    found = geodesic_distances(mesh, point, name)
+    np.testing.assert_allclose(found, geodesic_distances(mesh, same, name), atol=1e-12)
+    assert geodesic_path(mesh, point, 26).length == pytest.approx(
+        0.7 * np.linalg.norm(mesh.vertices[0] - mesh.vertices[26])
+    )
+
+
 def test_faces_that_share_an_edge_with_others_keep_engines_at_work(name):
     """Two cubes side by side, each with its own corners: the wall between them has edges of three faces."""
     cube = boxes(block(2, 2, 2))

@@ -70,17 +70,22 @@ def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
     >>> found.mesh.n_faces, found.vertex.tolist(), found.mesh.vertices[4].tolist()
     (4, [3, 4], [1.5, 0.0, 0.0])
     """
-    corners, weights = points
-    weights = np.where(weights < AT_CORNER, 0.0, weights)
-    weights /= weights.sum(axis=1, keepdims=True)
-    inside = weights > 0
-    if (inside.sum(axis=1) == 1).all():
-        at = np.take_along_axis(corners, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    between = [between_corners(*point) for point in zip(*points)]
+    if all(len(used) == 1 for used, _ in between):
+        at = np.array([used[0] for used, _ in between], dtype=np.int64)
         vertices = PrecisePoints.at_vertices(np.arange(mesh.n_vertices))
         return Inserted(mesh, at, np.arange(mesh.n_faces), vertices)
     division = _Division(mesh)
-    vertex = [division.insert(row[use], part[use]) for row, part, use in zip(corners, weights, inside)]
+    vertex = [division.insert(used, parts) for used, parts in between]
     return division.result(np.array(vertex, dtype=np.int64))
+
+
+def between_corners(corners: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the different corners that a point has, in order, and the weight of each; together 1."""
+    used, of_corner = np.unique(corners, return_inverse=True)
+    parts = np.bincount(of_corner, weights)
+    inside = parts >= AT_CORNER
+    return used[inside], parts[inside] / parts[inside].sum()
 
 
 class _Division:
@@ -98,9 +103,7 @@ class _Division:
         self._added: list[tuple[IntArray, FloatArray]] = []
 
     def insert(self, corners: IntArray, weights: FloatArray) -> int:
-        """Return the vertex of a point, given the corners with positive weights."""
-        order = np.argsort(corners)
-        corners, weights = corners[order], weights[order]
+        """Return the vertex of a point, given its different corners in order, and their weights."""
         if len(corners) == 1:
             return int(corners[0])
         for number, (others, parts) in enumerate(self._added):
