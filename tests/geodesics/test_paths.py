@@ -287,6 +287,14 @@ def test_points_that_are_none_of_the_surface(target, message):
         geodesic_path(flat_grid(3, 3), 0, target)
 
 
+@pytest.mark.parametrize("engine", ["fast_marching", "dijkstra"])
+@pytest.mark.parametrize("corners", [[0, 1, 8], [0, 8, 8]])
+def test_points_between_corners_of_no_face(engine, corners):
+    point = PrecisePoints(np.array([corners]), np.full((1, 3), 1 / 3))
+    with pytest.raises(MeshError, match=r"8\], between which there is no (face|edge)"):
+        geodesic_distances(flat_grid(3, 3), 0, engine, targets=point)
+
+
 @pytest.mark.parametrize(
     ("engine", "tolerance"),
     [

@@ -59,7 +59,7 @@ def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
 
     Notes
     -----
-    O(n log n + m²).
+    O(n log n + m), but for q points of one face O(q²).
 
     Examples
     --------
@@ -88,38 +88,50 @@ def between_corners(corners: IntArray, weights: FloatArray) -> tuple[IntArray, F
     return used[inside], parts[inside] / parts[inside].sum()
 
 
+class FacesBetween:
+    """Faces of a mesh that have given corners."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        used = mesh.sound_faces.ravel()
+        self._faces = mesh.faces
+        self._order = np.argsort(used, kind="stable")  # corners, those of a vertex together
+        self._first = np.append(0, np.cumsum(np.bincount(used, minlength=mesh.n_vertices)))
+
+    def __call__(self, corners: IntArray) -> IntArray:
+        """Numbers of the faces that have all of some different corners, one of three; `MeshError` if none has."""
+        around = self._order[self._first[corners[0]] : self._first[corners[0] + 1]] // 3
+        faces: IntArray = around[np.isin(self._faces[around], corners).sum(axis=1) == len(corners)]
+        if len(corners) > 1 and not len(faces):
+            what = "edge" if len(corners) == 2 else "face"
+            raise MeshError(f"a point has corners {corners.tolist()}, between which there is no {what}")
+        return faces
+
+
 class _Division:
     """A mesh whose faces are divided at one point after another."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._n = mesh.n_vertices
-        used = mesh.sound_faces.ravel()
-        self._order = np.argsort(used, kind="stable")  # corners, those of a vertex together
-        self._first = np.append(0, np.cumsum(np.bincount(used, minlength=self._n)))
+        self._faces_between = FacesBetween(mesh)
         self._faces: dict[int, tuple[int, int, int]] = {}  # of parts of divided faces, by number
         self._parts: dict[int, list[int]] = {}  # parts of a face of the mesh
         self._face_index: list[int] = []  # of the parts
         self._added: list[tuple[IntArray, FloatArray]] = []
+        self._between: dict[tuple[int, ...], list[int]] = {}  # vertices added between the same corners
 
     def insert(self, corners: IntArray, weights: FloatArray) -> int:
         """Return the vertex of a point, given its different corners in order, and their weights."""
         if len(corners) == 1:
             return int(corners[0])
-        for number, (others, parts) in enumerate(self._added):
-            if (
-                len(others) == len(corners)
-                and (others == corners).all()
-                and abs(parts - weights).max() <= AT_CORNER
-            ):
-                return self._n + number
-        around = self._order[self._first[corners[0]] : self._first[corners[0] + 1]] // 3
-        faces = around[np.isin(self._mesh.faces[around], corners).sum(axis=1) == len(corners)]
-        if not len(faces):
-            what = "edge" if len(corners) == 2 else "face"
-            raise MeshError(f"a point has corners {corners.tolist()}, between which there is no {what}")
+        others = self._between.setdefault(tuple(corners.tolist()), [])
+        for vertex in others:
+            if abs(self._added[vertex - self._n][1] - weights).max() <= AT_CORNER:
+                return vertex
+        faces = self._faces_between(corners)
         new = self._n + len(self._added)
         self._added.append((corners, weights))
+        others.append(new)
         for face in faces:
             self._divide(int(face), new)
         return new
