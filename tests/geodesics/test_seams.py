@@ -8,7 +8,7 @@ import pytest
 import isomatch
 from isomatch import Mesh, MissingDependencyError, PrecisePoints
 from isomatch.cli import main
-from isomatch.descriptors import ball_signature
+from isomatch.descriptors import ball_signature, mean_curvature
 from isomatch.geodesics import (
     WeldedEngine,
     distance_engine,
@@ -158,6 +158,14 @@ def test_eigenfunctions_are_those_of_the_closed_surface(split):
     np.testing.assert_allclose(found.values, expected.values, atol=1e-4)
     gram = found.vectors.T @ (found.weights[:, None] * found.vectors)
     np.testing.assert_allclose(gram, np.eye(12), atol=1e-9)
+
+
+def test_curvature_is_that_of_the_closed_surface(split):
+    whole, point = closed(split)
+    expected = mean_curvature(whole, isomatch.laplace_basis(whole, 9), 9)[point]
+    np.testing.assert_allclose(
+        mean_curvature(split, isomatch.laplace_basis(split, 9), 9), expected, rtol=0.02
+    )
 
 
 def test_ball_signatures_and_canonical_forms_are_the_same_on_both_sides(split):
