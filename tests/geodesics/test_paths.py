@@ -287,6 +287,12 @@ def test_points_that_are_none_of_the_surface(target, message):
         geodesic_path(flat_grid(3, 3), 0, target)
 
 
+@pytest.mark.parametrize("ends", [[], [0, 1]])
+def test_one_path_at_a_time(ends):
+    with pytest.raises(MeshError, match="use geodesic_paths for several"):
+        geodesic_path(flat_grid(3, 3), ends, ends)
+
+
 @pytest.mark.parametrize("engine", ["fast_marching", "dijkstra"])
 @pytest.mark.parametrize("corners", [[0, 1, 8], [0, 8, 8]])
 def test_points_between_corners_of_no_face(engine, corners):
