@@ -90,12 +90,11 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     has_size = (sizes > 0) & np.ptp(vertices, axis=1).any(axis=1)
     if not has_size.all():
         points, kept = (tuple(compress(shapes.names, which)) for which in (~has_size, has_size))
-        told = [
-            Doubt("unlike", (name,), "has no size: all its vertices are at one position") for name in points
-        ]
-        return told + (
-            doubtful_shapes(replace(shapes, names=kept, vertices=vertices[has_size])) if kept else []
-        )
+        reason = "has no size: all its vertices are at one position"
+        told = [Doubt("unlike", (name,), reason) for name in points]
+        if kept:
+            told += doubtful_shapes(replace(shapes, names=kept, vertices=vertices[has_size]))
+        return told
     if len(shapes) < 2:
         return []
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
