@@ -264,7 +264,7 @@ def test_huge_and_tiny_shapes():
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        (9, r"sources 9 are outside 0…8"),
+        (9, r"vertices 9 are outside 0…8"),
         (0.5, "one-dimensional array of vertex indices"),
         ([1, 2], "1 sources and 2 targets; give a target for each source"),
         (
@@ -279,7 +279,7 @@ def test_huge_and_tiny_shapes():
             PrecisePoints(np.array([[0, 1, 4]]), np.array([[0.5, 0.7, -0.2]])),
             r"weights 0\.5, 0\.7, -0\.2; expected three",
         ),
-        (PrecisePoints(np.array([[0, 1, 12]]), np.full((1, 3), 1 / 3)), r"sources 12 are outside 0…8"),
+        (PrecisePoints(np.array([[0, 1, 12]]), np.full((1, 3), 1 / 3)), r"vertices 12 are outside 0…8"),
     ],
 )
 def test_points_that_are_none_of_the_surface(target, message):
