@@ -10,7 +10,6 @@ from isomatch import Mesh, MissingDependencyError, PrecisePoints
 from isomatch.cli import main
 from isomatch.descriptors import ball_signature, mean_curvature
 from isomatch.geodesics import (
-    WeldedEngine,
     distance_engine,
     engine_names,
     farthest_point_sampling,
@@ -19,6 +18,7 @@ from isomatch.geodesics import (
     geodesic_path,
     pair_distances,
 )
+from isomatch.geodesics.welded import WeldedEngine
 from isomatch.lab.evaluation import coverage
 from isomatch.mending import welded_surface
 from shapes import flat_grid, icosphere

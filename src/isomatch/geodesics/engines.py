@@ -93,8 +93,7 @@ def distance_engine(
     -------
     DistanceEngine
         Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given. If vertices
-        were welded it is a `WeldedEngine`, whose points are still the vertices of the user and whose ``notes`` say how
-        many were welded.
+        were welded, its points are still the vertices of the user, and its ``notes`` say how many were welded.
 
     Raises
     ------
