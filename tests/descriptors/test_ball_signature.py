@@ -6,9 +6,10 @@ from scipy.special import jv
 
 from isomatch import Graph, Mesh, PointCloud
 from isomatch.descriptors import ball_signature, deviation_of
-from isomatch.errors import DescriptorError
+from isomatch.errors import DescriptorError, MeshError
 from isomatch.resolution import decimate
 from shapes import disguised, flat_grid, icosphere
+from zoo.made import soup
 
 RADII = np.array([0.25, 0.35, 0.5])
 
@@ -211,6 +212,15 @@ def test_clouds_with_normals(example):
 def test_what_it_refuses(make, options, message):
     with pytest.raises(DescriptorError, match=message):
         ball_signature(make(), **options)
+
+
+@pytest.mark.parametrize("mesh", [icosphere(1), soup(icosphere(1))], ids=["sphere", "soup"])
+def test_samples_and_normals_of_other_surfaces(mesh):
+    for samples in ([-1], [mesh.n_vertices], [0.5]):
+        with pytest.raises(MeshError, match=r"outside 0…|one-dimensional array of vertex indices"):
+            ball_signature(mesh, samples=samples)
+    with pytest.raises(DescriptorError, match=rf"expected \({mesh.n_vertices}, 3\)"):
+        ball_signature(mesh, normals=np.zeros((3, 3)))
 
 
 def test_signatures_that_cannot_be_compared():

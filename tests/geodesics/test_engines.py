@@ -244,8 +244,8 @@ def test_one_source_without_brackets():
 @pytest.mark.parametrize(
     ("sources", "message"),
     [
-        ([-1], r"sources -1 are outside 0…8, the vertices of the surface"),
-        ([0, 9, 12], r"sources 9, 12 are outside 0…8"),
+        ([-1], r"vertices -1 are outside 0…8, the vertices of the surface"),
+        ([0, 9, 12], r"vertices 9, 12 are outside 0…8"),
         ([0.5], "one-dimensional array of vertex indices"),
         ([[0, 1]], "one-dimensional array of vertex indices"),
         (["nose"], "one-dimensional array of vertex indices"),

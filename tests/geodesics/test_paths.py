@@ -264,7 +264,7 @@ def test_huge_and_tiny_shapes():
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        (9, r"sources 9 are outside 0…8"),
+        (9, r"vertices 9 are outside 0…8"),
         (0.5, "one-dimensional array of vertex indices"),
         ([1, 2], "1 sources and 2 targets; give a target for each source"),
         (
@@ -279,12 +279,26 @@ def test_huge_and_tiny_shapes():
             PrecisePoints(np.array([[0, 1, 4]]), np.array([[0.5, 0.7, -0.2]])),
             r"weights 0\.5, 0\.7, -0\.2; expected three",
         ),
-        (PrecisePoints(np.array([[0, 1, 12]]), np.full((1, 3), 1 / 3)), r"sources 12 are outside 0…8"),
+        (PrecisePoints(np.array([[0, 1, 12]]), np.full((1, 3), 1 / 3)), r"vertices 12 are outside 0…8"),
     ],
 )
 def test_points_that_are_none_of_the_surface(target, message):
     with pytest.raises(MeshError, match=message):
         geodesic_path(flat_grid(3, 3), 0, target)
+
+
+@pytest.mark.parametrize("ends", [[], [0, 1]])
+def test_one_path_at_a_time(ends):
+    with pytest.raises(MeshError, match="use geodesic_paths for several"):
+        geodesic_path(flat_grid(3, 3), ends, ends)
+
+
+@pytest.mark.parametrize("engine", ["fast_marching", "dijkstra"])
+@pytest.mark.parametrize("corners", [[0, 1, 8], [0, 8, 8]])
+def test_points_between_corners_of_no_face(engine, corners):
+    point = PrecisePoints(np.array([corners]), np.full((1, 3), 1 / 3))
+    with pytest.raises(MeshError, match=r"8\], between which there is no (face|edge)"):
+        geodesic_distances(flat_grid(3, 3), 0, engine, targets=point)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import isomatch
-from isomatch import Mesh, MissingDependencyError
+from isomatch import Mesh, MissingDependencyError, PrecisePoints
 from isomatch.cli import main
-from isomatch.descriptors import ball_signature
+from isomatch.descriptors import ball_signature, mean_curvature
 from isomatch.geodesics import (
-    WeldedEngine,
     distance_engine,
     engine_names,
     farthest_point_sampling,
@@ -19,6 +18,7 @@ from isomatch.geodesics import (
     geodesic_path,
     pair_distances,
 )
+from isomatch.geodesics.welded import WeldedEngine
 from isomatch.lab.evaluation import coverage
 from isomatch.mending import welded_surface
 from shapes import flat_grid, icosphere
@@ -160,6 +160,14 @@ def test_eigenfunctions_are_those_of_the_closed_surface(split):
     np.testing.assert_allclose(gram, np.eye(12), atol=1e-9)
 
 
+def test_curvature_is_that_of_the_closed_surface(split):
+    whole, point = closed(split)
+    expected = mean_curvature(whole, isomatch.laplace_basis(whole, 9), 9)[point]
+    np.testing.assert_allclose(
+        mean_curvature(split, isomatch.laplace_basis(split, 9), 9), expected, rtol=0.02
+    )
+
+
 def test_ball_signatures_and_canonical_forms_are_the_same_on_both_sides(split):
     point = closed(split)[1]
     first = np.unique(point, return_index=True)[1][point]
@@ -194,6 +202,31 @@ def test_sheets_that_coincide_are_one(name):
     found = geodesic_distances(leaf, [0, 40], name)
     expected = geodesic_distances(page, [0, 4], name)
     np.testing.assert_allclose(found, np.tile(expected, 2), rtol=1e-9)
+
+
+def test_points_on_a_seam_have_no_sides(name):
+    """The middle of the common edge of two triangles, told by the corners of one or of the other."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    seam = Mesh(points, [[0, 1, 2], [4, 3, 5]])
+    here, there = (
+        PrecisePoints(np.array([corners]), np.array([[0.5, 0.5, 0.0]])) for corners in ([1, 2, 0], [3, 4, 5])
+    )
+    assert geodesic_distances(seam, here, name, targets=there)[0, 0] == 0
+    np.testing.assert_allclose(geodesic_distances(seam, here, name), geodesic_distances(seam, there, name))
+    assert NOTE in distance_engine(seam, name, points=here).notes[0]
+
+
+def test_points_in_faces_that_welding_collapses(name):
+    """At a pole of the globe a face of its quadrilaterals has two corners at one position: it is an edge."""
+    mesh = globe()
+    mesh = Mesh(mesh.vertices, [*mesh.faces, [0, 26, 1]])
+    point = PrecisePoints(np.array([[0, 26, 1]]), np.array([[0.3, 0.3, 0.4]]))
+    same = PrecisePoints(np.array([[0, 26, 26]]), np.array([[0.7, 0.3, 0.0]]))
+    found = geodesic_distances(mesh, point, name)
+    np.testing.assert_allclose(found, geodesic_distances(mesh, same, name), atol=1e-12)
+    assert geodesic_path(mesh, point, 26).length == pytest.approx(
+        0.7 * np.linalg.norm(mesh.vertices[0] - mesh.vertices[26])
+    )
 
 
 def test_faces_that_share_an_edge_with_others_keep_engines_at_work(name):

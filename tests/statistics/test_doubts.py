@@ -119,4 +119,12 @@ def test_distances_from_mirror_images_are_those_of_mirrored_arrays():
 
 
 def test_shapes_that_are_points():
-    assert named(ellipsoids([1.0, 1.2]).moved(np.zeros((2, 162, 3)))) == set()
+    two = ellipsoids([1.0, 1.2])
+    assert named(two.moved(np.zeros((2, 162, 3)))) == {("unlike", name) for name in two.names}
+
+
+def test_a_point_among_shapes_of_which_one_is_in_other_units():
+    shapes = changed(random_shapes(8), 2, lambda x: 1000 * x)
+    found = doubtful_shapes(changed(shapes, 5, lambda x: np.full_like(x, 0.1)))
+    assert [(doubt.kind, *doubt.names) for doubt in found] == [("unlike", "s005"), ("units", "s002")]
+    assert "has no size" in found[0].reason

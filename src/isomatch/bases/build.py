@@ -26,7 +26,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.mending import Repair, welded_surface
+from isomatch.mending import Repair, without_seams
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.threads import serial_blas
 from isomatch.surfaces import Mesh, PointCloud
@@ -123,9 +123,7 @@ def distance_basis(
     True
     """
     surface = metric_space(surface)
-    seams = welded_surface(surface) if weld else None
-    if seams:
-        surface = seams.mesh
+    surface, seams = without_seams(surface, weld)
     if method is None:
         method = "predicted" if isinstance(surface, Mesh | PointCloud) else "nystrom"
     if method not in get_args(BasisMethod):

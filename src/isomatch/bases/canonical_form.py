@@ -23,7 +23,7 @@ from isomatch.geodesics import (
     metric_space,
     peripheral_vertex,
 )
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import serial_blas
 from isomatch.values.arrays import FloatArray
@@ -132,9 +132,7 @@ def canonical_form(
             f"method = {method!r} is not one of {', '.join(map(repr, get_args(EmbeddingMethod)))}"
         )
     surface = metric_space(surface)
-    seams = welded_surface(surface) if weld else None
-    if seams:
-        surface = seams.mesh
+    surface, seams = without_seams(surface, weld)
     distances, measure = basis_domain(surface, weights, engine)
     n = distances.n_points
     with serial_blas():

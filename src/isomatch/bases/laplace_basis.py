@@ -15,7 +15,7 @@ from isomatch.bases.laplacian import WIDTH, factorised, factorised_single, stiff
 from isomatch.bases.seams import shared_weights
 from isomatch.bases.signs import fix_signs
 from isomatch.errors import MeshError, NotConvergedError, SettingError, some
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.runtime.memory import require_memory
 from isomatch.runtime.threads import row_product, serial_blas
 from isomatch.surfaces import Mesh, Surface
@@ -131,9 +131,7 @@ def laplace_basis(
     LaplaceBasis(4 points, 2 functions)
     """
     surface = surface_from(surface)
-    seams = welded_surface(surface) if weld else None
-    if seams:
-        surface = seams.mesh
+    surface, seams = without_seams(surface, weld)
     if k > surface.n_vertices:
         raise MeshError(f"cannot compute {k} eigenfunctions of a surface of {surface.n_vertices} vertices")
     if precision not in TOLERANCE:

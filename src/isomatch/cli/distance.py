@@ -249,7 +249,7 @@ def _paths(asked: _Asked, file: Path, weld: bool, tell: Tell) -> _Found:
     geodesics.write_paths(file, paths)
     lengths = np.array([path.length for path in paths], dtype=np.float64)
     shape = (-1,) if asked.targets is None else (len(asked.sources), len(asked.targets))
-    seams = mending.welded_surface(mesh) if weld else None
+    _, seams = mending.without_seams(mesh, weld)
     return _Found("exact path", lengths.reshape(shape), None, seams.changes if seams else ())
 
 

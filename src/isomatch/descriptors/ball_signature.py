@@ -9,9 +9,15 @@ import scipy
 from numpy.typing import ArrayLike
 
 from isomatch.errors import DescriptorError
-from isomatch.geodesics import Balls, distance_along_edges_to_nearest, distance_engine, geodesic_balls
+from isomatch.geodesics import (
+    Balls,
+    distance_along_edges_to_nearest,
+    distance_engine,
+    geodesic_balls,
+    points_of,
+)
 from isomatch.loading.compiled import compiled
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -163,6 +169,8 @@ def ball_signature(
     DescriptorError
         If the surface is a graph, which has no normals, or a cloud without normals; if radii are not positive and
         increasing; or if there is no sample.
+    MeshError
+        If a sample is no vertex.
 
     Notes
     -----
@@ -188,19 +196,20 @@ def ball_signature(
         raise DescriptorError(
             "a graph has no normals, so that it has no ball signature; give a mesh or a cloud"
         )
-    seams = welded_surface(surface) if weld else None
+    n = surface.n_vertices
+    centres = np.arange(n) if samples is None else points_of(samples, n).corners[:, 0]
+    welded, seams = without_seams(surface, weld)
     if seams:
-        at = None if samples is None else seams.new_index[np.asarray(samples, dtype=np.int64)]
-        turned = None if normals is None else np.asarray(normals)[seams.vertex_index]
-        found = ball_signature(seams.mesh, radii, unit=unit, samples=at, normals=turned, weld=False)
+        at = None if samples is None else seams.new_index[centres]
+        turned = None if normals is None else _normals(surface, normals)[seams.vertex_index]
+        found = ball_signature(welded, radii, unit=unit, samples=at, normals=turned, weld=False)
         points = seams.new_index
         return replace(found, values=found.values[points], to_boundary=found.to_boundary[points])
     reach = np.asarray(radii, dtype=np.float64)
     if reach.ndim != 1 or not len(reach) or reach[0] <= 0 or (np.diff(reach) <= 0).any():
         raise DescriptorError(f"radii = {radii!r}; expected positive numbers that increase")
     length = np.sqrt(surface.area) if unit is None else unit
-    n, areas = surface.n_vertices, np.asarray(surface.vertex_areas)
-    centres = np.arange(n) if samples is None else np.unique(np.asarray(samples, dtype=np.int64))
+    centres, areas = np.unique(centres), np.asarray(surface.vertex_areas)
     if not len(centres):
         raise DescriptorError("samples is empty; give at least one vertex, or None for all")
     half_cells = np.maximum(np.sqrt(areas / np.pi), TINY * length)  # a vertex may have no area

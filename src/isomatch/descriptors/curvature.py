@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from isomatch.bases import LaplaceBasis
+from isomatch.mending import without_seams
 from isomatch.runtime.threads import row_product
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
@@ -12,7 +13,7 @@ from isomatch.values.arrays import FloatArray
 CLIPPED = 0.02  # share of the values clipped at either end; curvature at sharp tips is noisy and large
 
 
-def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
+def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int, *, weld: bool = True) -> FloatArray:
     """Signed mean curvature of a mesh smoothed to its first k Laplace eigenfunctions.
 
     It is positive where the surface bulges to the side to which its faces look: on outward bumps of a closed mesh that is
@@ -26,6 +27,8 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
         Its eigenfunctions Φ and eigenvalues Λ.
     k : int
         Number of eigenfunctions used; fewer give a smoother surface.
+    weld : bool
+        Whether vertices at exactly the same position are one point of the surface, as they were for ``laplace``.
 
     Returns
     -------
@@ -41,7 +44,12 @@ def mean_curvature(mesh: Mesh, laplace: LaplaceBasis, k: int) -> FloatArray:
     """
     coefficients = laplace.coefficients(mesh.vertices, k)
     basis = laplace.vectors[:, :k]
-    normals = mesh.moved(row_product(basis, coefficients)).vertex_normals
+    smooth = row_product(basis, coefficients)
+    mesh, seams = without_seams(mesh, weld)
+    if seams:
+        normals = mesh.moved(smooth[seams.vertex_index]).vertex_normals[seams.new_index]
+    else:
+        normals = mesh.moved(smooth).vertex_normals
     bending = row_product(basis, laplace.values[:k, None] * coefficients)  # −Δ of the coordinates
     curvature = 0.5 * np.einsum("ij,ij->i", bending, normals)
     low, high = np.quantile(curvature, [CLIPPED, 1 - CLIPPED])

@@ -11,7 +11,6 @@ from isomatch.geodesics.engines import (
 )
 from isomatch.geodesics.front import Balls
 from isomatch.geodesics.given import GivenFunction, GivenMatrix
-from isomatch.geodesics.inserted import Inserted, inserted
 from isomatch.geodesics.intervals import MissingRegion
 from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.path_files import PATH_SUFFIXES, write_paths
@@ -26,7 +25,6 @@ from isomatch.geodesics.sampling import (
     peripheral_vertex,
 )
 from isomatch.geodesics.units import ordinary_unit
-from isomatch.geodesics.welded import WeldedEngine
 
 __all__ = [
     "ENGINES",
@@ -38,12 +36,10 @@ __all__ = [
     "GeodesicPath",
     "GivenFunction",
     "GivenMatrix",
-    "Inserted",
     "MetricSpace",
     "MissingRegion",
     "RestrictedEngine",
     "Sampling",
-    "WeldedEngine",
     "distance_along_edges_to_nearest",
     "distance_engine",
     "engine_names",
@@ -53,7 +49,6 @@ __all__ = [
     "geodesic_distances",
     "geodesic_path",
     "geodesic_paths",
-    "inserted",
     "metric_space",
     "ordinary_unit",
     "pair_distances",

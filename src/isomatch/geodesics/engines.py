@@ -20,7 +20,7 @@ from isomatch.geodesics.pairs import pair_distances
 from isomatch.geodesics.points import joined, points_of, vertices_of
 from isomatch.geodesics.protocol import DistanceEngine
 from isomatch.geodesics.welded import WeldedEngine
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.surfaces import Graph, Mesh, PointCloud, PrecisePoints
 from isomatch.values.arrays import AnyArray, FloatArray
 
@@ -93,8 +93,7 @@ def distance_engine(
     -------
     DistanceEngine
         Its ``name`` is that of the engine chosen, or ``"matrix"`` or ``"function"`` if distances are given. If vertices
-        were welded it is a `WeldedEngine`, whose points are still the vertices of the user and whose ``notes`` say how
-        many were welded.
+        were welded, its points are still the vertices of the user, and its ``notes`` say how many were welded.
 
     Raises
     ------
@@ -119,9 +118,9 @@ def distance_engine(
     surface = metric_space(surface)
     if points is not None:
         return _with_points(surface, points, name, weld)
-    seams = welded_surface(surface) if weld else None
+    surface, seams = without_seams(surface, weld)
     if seams:
-        return WeldedEngine(distance_engine(seams.mesh, name, weld=False), seams.new_index, seams.changes)
+        return WeldedEngine(distance_engine(surface, name, weld=False), seams.new_index, seams.changes)
     for kind, engines in ENGINES.items():
         if isinstance(surface, kind):
             for chosen in engines:
@@ -152,13 +151,17 @@ def _with_points(surface: MetricSpace, points: PrecisePoints, name: str | None, 
             f"points in faces are points of a Mesh, not of a {type(surface).__name__}; give vertices"
         )
     points = points_of(points, surface.n_vertices)
-    if name not in DIVIDING:
-        return PointsInFaces(distance_engine(surface, name, weld=weld), surface, points)
-    seams = welded_surface(surface) if weld else None
+    mesh, seams = without_seams(surface, weld)
     vertex = seams.new_index if seams else np.arange(surface.n_vertices)
-    found = inserted(seams.mesh if seams else surface, points._replace(corners=vertex[points.corners]))
-    engine = distance_engine(found.mesh, name, weld=False)
-    return WeldedEngine(engine, np.concatenate([vertex, found.vertex]), seams.changes if seams else ())
+    points = points._replace(corners=vertex[points.corners])
+    engine: DistanceEngine
+    if name in DIVIDING:
+        found = inserted(mesh, points)
+        engine, further = distance_engine(found.mesh, name, weld=False), found.vertex
+    else:
+        engine = PointsInFaces(distance_engine(mesh, name, weld=False), mesh, points)
+        further = np.arange(mesh.n_vertices, engine.n_points)
+    return WeldedEngine(engine, np.concatenate([vertex, further]), seams.changes if seams else ())
 
 
 def geodesic_distances(

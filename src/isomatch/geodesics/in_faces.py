@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+
 import numpy as np
 
+from isomatch.geodesics.inserted import FacesBetween, between_corners
 from isomatch.geodesics.protocol import ColumnEngine, DistanceEngine
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
@@ -31,12 +34,16 @@ class PointsInFaces(ColumnEngine):
 
     def __init__(self, engine: DistanceEngine, mesh: Mesh, points: PrecisePoints) -> None:
         self.name, self.n_points = engine.name, mesh.n_vertices + len(points.corners)
-        self.notes: tuple[str, ...] = getattr(engine, "notes", ())
         self._engine, self._n = engine, mesh.n_vertices
         self._corners = points.corners
         self._places = points.interpolated(mesh.vertices)
         self._triangles = mesh.vertices[points.corners]  # (m, 3, 3)
-        self._faces = [_faces_of(mesh, *each) for each in zip(*points)]
+        faces_between = FacesBetween(mesh)
+        self._faces = [faces_between(between_corners(*point)[0]).tolist() for point in zip(*points)]
+        self._in_face: dict[int, list[int]] = defaultdict(list)  # points of a face
+        for number, faces in enumerate(self._faces):
+            for face in faces:
+                self._in_face[face].append(number)
 
     def _columns(self, sources: IntArray) -> FloatArray:
         inside = sources >= self._n
@@ -51,10 +58,9 @@ class PointsInFaces(ColumnEngine):
         for point, corners in enumerate(self._corners):
             columns[:, self._n + point] = self._across(point, columns[:, corners].T)
         for at, source in zip(np.flatnonzero(inside), sources[inside] - self._n):
-            for point, faces in enumerate(self._faces):
-                if not self._faces[source].isdisjoint(faces):
-                    straight = float(np.linalg.norm(self._places[source] - self._places[point]))
-                    columns[at, self._n + point] = straight
+            beside = [source, *(other for face in self._faces[source] for other in self._in_face[face])]
+            straight = np.linalg.norm(self._places[source] - self._places[beside], axis=1)
+            columns[at, self._n + np.array(beside)] = straight
         return columns
 
     def _across(self, point: int, distances: FloatArray) -> FloatArray:
@@ -79,10 +85,3 @@ class PointsInFaces(ColumnEngine):
                 straight = np.hypot(x - sx, y + depth)
             nearest = np.where(crosses, np.minimum(nearest, straight), nearest)
         return nearest
-
-
-def _faces_of(mesh: Mesh, corners: IntArray, weights: FloatArray) -> set[int]:
-    """Faces in which a point lies."""
-    used = corners[weights > 0]
-    held = [(mesh.faces == vertex).any(axis=1) for vertex in used]
-    return set(np.flatnonzero(np.logical_and.reduce(held)).tolist())

@@ -59,7 +59,7 @@ def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
 
     Notes
     -----
-    O(n log n + m²).
+    O(n log n + m), but for q points of one face O(q²).
 
     Examples
     --------
@@ -70,17 +70,41 @@ def inserted(mesh: Mesh, points: PrecisePoints) -> Inserted:
     >>> found.mesh.n_faces, found.vertex.tolist(), found.mesh.vertices[4].tolist()
     (4, [3, 4], [1.5, 0.0, 0.0])
     """
-    corners, weights = points
-    weights = np.where(weights < AT_CORNER, 0.0, weights)
-    weights /= weights.sum(axis=1, keepdims=True)
-    inside = weights > 0
-    if (inside.sum(axis=1) == 1).all():
-        at = np.take_along_axis(corners, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    between = [between_corners(*point) for point in zip(*points)]
+    if all(len(used) == 1 for used, _ in between):
+        at = np.array([used[0] for used, _ in between], dtype=np.int64)
         vertices = PrecisePoints.at_vertices(np.arange(mesh.n_vertices))
         return Inserted(mesh, at, np.arange(mesh.n_faces), vertices)
     division = _Division(mesh)
-    vertex = [division.insert(row[use], part[use]) for row, part, use in zip(corners, weights, inside)]
+    vertex = [division.insert(used, parts) for used, parts in between]
     return division.result(np.array(vertex, dtype=np.int64))
+
+
+def between_corners(corners: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the different corners that a point has, in order, and the weight of each; together 1."""
+    used, of_corner = np.unique(corners, return_inverse=True)
+    parts = np.bincount(of_corner, weights)
+    inside = parts >= AT_CORNER
+    return used[inside], parts[inside] / parts[inside].sum()
+
+
+class FacesBetween:
+    """Faces of a mesh that have given corners."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        used = mesh.sound_faces.ravel()
+        self._faces = mesh.faces
+        self._order = np.argsort(used, kind="stable")  # corners, those of a vertex together
+        self._first = np.append(0, np.cumsum(np.bincount(used, minlength=mesh.n_vertices)))
+
+    def __call__(self, corners: IntArray) -> IntArray:
+        """Numbers of the faces that have all of some different corners, one of three; `MeshError` if none has."""
+        around = self._order[self._first[corners[0]] : self._first[corners[0] + 1]] // 3
+        faces: IntArray = around[np.isin(self._faces[around], corners).sum(axis=1) == len(corners)]
+        if len(corners) > 1 and not len(faces):
+            what = "edge" if len(corners) == 2 else "face"
+            raise MeshError(f"a point has corners {corners.tolist()}, between which there is no {what}")
+        return faces
 
 
 class _Division:
@@ -89,34 +113,25 @@ class _Division:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._n = mesh.n_vertices
-        used = mesh.sound_faces.ravel()
-        self._order = np.argsort(used, kind="stable")  # corners, those of a vertex together
-        self._first = np.append(0, np.cumsum(np.bincount(used, minlength=self._n)))
+        self._faces_between = FacesBetween(mesh)
         self._faces: dict[int, tuple[int, int, int]] = {}  # of parts of divided faces, by number
         self._parts: dict[int, list[int]] = {}  # parts of a face of the mesh
         self._face_index: list[int] = []  # of the parts
         self._added: list[tuple[IntArray, FloatArray]] = []
+        self._between: dict[tuple[int, ...], list[int]] = {}  # vertices added between the same corners
 
     def insert(self, corners: IntArray, weights: FloatArray) -> int:
-        """Return the vertex of a point, given the corners with positive weights."""
-        order = np.argsort(corners)
-        corners, weights = corners[order], weights[order]
+        """Return the vertex of a point, given its different corners in order, and their weights."""
         if len(corners) == 1:
             return int(corners[0])
-        for number, (others, parts) in enumerate(self._added):
-            if (
-                len(others) == len(corners)
-                and (others == corners).all()
-                and abs(parts - weights).max() <= AT_CORNER
-            ):
-                return self._n + number
-        around = self._order[self._first[corners[0]] : self._first[corners[0] + 1]] // 3
-        faces = around[np.isin(self._mesh.faces[around], corners).sum(axis=1) == len(corners)]
-        if not len(faces):
-            what = "edge" if len(corners) == 2 else "face"
-            raise MeshError(f"a point has corners {corners.tolist()}, between which there is no {what}")
+        others = self._between.setdefault(tuple(corners.tolist()), [])
+        for vertex in others:
+            if abs(self._added[vertex - self._n][1] - weights).max() <= AT_CORNER:
+                return vertex
+        faces = self._faces_between(corners)
         new = self._n + len(self._added)
         self._added.append((corners, weights))
+        others.append(new)
         for face in faces:
             self._divide(int(face), new)
         return new

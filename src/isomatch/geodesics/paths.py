@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -84,8 +85,8 @@ def geodesic_path(
     Raises
     ------
     MeshError
-        If a coordinate is not finite, a point is not of the surface, no path leads from one to the other, or faces
-        between them have no area.
+        If a coordinate is not finite, a point is not of the surface, there are several, no path leads from one to the
+        other, or faces between them have no area.
     MemoryBudgetError
         If there are too many windows.
 
@@ -100,8 +101,12 @@ def geodesic_path(
     >>> geodesic_path(tetrahedron, 0, 3)
     GeodesicPath(2 points, length 1)
     """
-    [path] = geodesic_paths(surface, source, target, weld=weld)
-    return path
+    paths = list(islice(geodesic_paths(surface, source, target, weld=weld), 2))
+    if len(paths) != 1:
+        raise MeshError(
+            "geodesic_path finds one path, from one source to one target; use geodesic_paths for several"
+        )
+    return paths[0]
 
 
 def geodesic_paths(

@@ -63,7 +63,7 @@ def vertices_of(given: ArrayLike, n_vertices: int) -> IntArray:
     """Return (m,) indices of vertices; `MeshError` if they are none or out of range."""
     vertices = np.atleast_1d(np.asarray(given))
     if vertices.ndim != 1 or (vertices.size and vertices.dtype.kind not in "iu"):
-        raise MeshError("sources must be a one-dimensional array of vertex indices, or PrecisePoints")
+        raise MeshError("points must be a one-dimensional array of vertex indices, or PrecisePoints")
     _require_in_range(vertices, n_vertices)
     return vertices.astype(np.int64)
 
@@ -78,4 +78,4 @@ def joined(*parts: PrecisePoints) -> PrecisePoints:
 def _require_in_range(vertices: AnyArray, n_vertices: int) -> None:
     bad = vertices[(vertices < 0) | (vertices >= n_vertices)]
     if len(bad):
-        raise MeshError(f"sources {some(bad)} are outside 0…{n_vertices - 1}, the vertices of the surface")
+        raise MeshError(f"vertices {some(bad)} are outside 0…{n_vertices - 1}, the vertices of the surface")

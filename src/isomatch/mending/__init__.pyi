@@ -2,7 +2,7 @@ from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
-from isomatch.mending.seams import welded_surface
+from isomatch.mending.seams import welded_surface, without_seams
 from isomatch.mending.sheets import Separation, separate_sheets
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "repair",
     "separate_sheets",
     "welded_surface",
+    "without_seams",
 ]

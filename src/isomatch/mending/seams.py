@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TypeVar, cast
+
 import numpy as np
 
 from isomatch.mending.repair import Repair, repair
 from isomatch.surfaces import Mesh, first_equal
+
+T = TypeVar("T")
 
 
 def welded_surface(surface: object) -> Repair | None:
@@ -44,3 +48,28 @@ def welded_surface(surface: object) -> Repair | None:
     if not np.isfinite(surface.vertices).all() or ((faces < 0) | (faces >= surface.n_vertices)).any():
         return None
     return repair(surface, remove_unused=False, orient=False)
+
+
+def without_seams(surface: T, weld: bool = True) -> tuple[T, Repair | None]:
+    """Return the welded mesh, and how it was welded; or the surface as it is and None, if there is nothing to weld.
+
+    Parameters
+    ----------
+    surface : Mesh or object
+        As for `welded_surface`.
+    weld : bool
+        Whether to weld at all.
+
+    Returns
+    -------
+    surface : Mesh or object
+    seams : Repair or None
+
+    Examples
+    --------
+    >>> mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]], [[0, 1, 2]])
+    >>> without_seams(mesh)[0].n_vertices, without_seams(mesh, weld=False)
+    (3, (Mesh(4 vertices, 1 faces), None))
+    """
+    seams = welded_surface(surface) if weld else None
+    return (cast(T, seams.mesh), seams) if seams else (surface, None)

@@ -237,7 +237,7 @@ class PreparedShape(SmoothShape):
         if self.triangles is None:
             return np.zeros(self.body.n_vertices)
         curvature = mean_curvature(
-            self.triangles, self.laplace, self.config.preparation.energy_curvature_functions
+            self.triangles, self.laplace, self.config.preparation.energy_curvature_functions, weld=False
         )
         return standardised(curvature[:, None], self.triangles.vertex_areas)[:, 0]
 

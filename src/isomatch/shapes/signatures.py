@@ -38,7 +38,7 @@ def point_signatures(mesh: Mesh | None, laplace: LaplaceBasis, settings: Prepara
     parts = [(wave, WAVE_WEIGHT)]
     if mesh is not None:
         sizes = (min(k, len(laplace.values)) for k in settings.curvature_functions)
-        curvatures = np.column_stack([mean_curvature(mesh, laplace, k) for k in sizes])
+        curvatures = np.column_stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes])
         parts.append((curvatures, CURVATURE_WEIGHT))
     return np.hstack(
         [standardised(part, laplace.weights) * (weight / np.sqrt(part.shape[1])) for part, weight in parts]

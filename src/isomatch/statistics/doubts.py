@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+from itertools import compress
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -67,7 +69,8 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
           not found among bodies whose poses differ more than left and right.
         - *twice*: two shapes are the same but for a motion and their size.
         - *far*: the centroid lies more than ten sizes from those of the others. Alignment removes it.
-        - *unlike*: the median distance from the others is an outlier, at least twice the usual one.
+        - *unlike*: the median distance from the others is an outlier, at least twice the usual one; or all vertices are
+          at one position.
 
         All vertices count alike. O(m² n) time for m shapes.
 
@@ -84,7 +87,15 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     """
     vertices = shapes.vertices
     sizes = np.sqrt(((vertices - vertices.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
-    if len(shapes) < 2 or not (sizes > 0).all():
+    has_size = (sizes > 0) & np.ptp(vertices, axis=1).any(axis=1)
+    if not has_size.all():
+        points, kept = (tuple(compress(shapes.names, which)) for which in (~has_size, has_size))
+        reason = "has no size: all its vertices are at one position"
+        told = [Doubt("unlike", (name,), reason) for name in points]
+        if kept:
+            told += doubtful_shapes(replace(shapes, names=kept, vertices=vertices[has_size]))
+        return told
+    if len(shapes) < 2:
         return []
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
     reflected = procrustes_distances(vertices / sizes[:, None, None], scale="remove", mirrored=True)

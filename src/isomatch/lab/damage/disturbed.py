@@ -113,7 +113,8 @@ def _nearest_far_vertex(mesh: Mesh, seed: int) -> IntArray:
     columns = distance_engine(body).distances_from(centres)
     patch = np.where(np.isfinite(columns.min(axis=0)), columns.argmin(axis=0), -1)
     partner = np.full(mesh.n_vertices, -1, dtype=np.int64)
-    for i, column in enumerate(columns):
+    for i in np.unique(patch[patch >= 0]):  # where vertices coincide, a centre has no patch of its own
+        column = columns[i]
         inside = np.flatnonzero(patch == i)
         if not len(inside):  # two centres at one position
             continue

@@ -60,7 +60,7 @@ class WholeSignatures:
         laplace, settings = self.whole.laplace, self.whole.config.preparation
         mesh = self.whole.mesh_body
         sizes = [min(size, len(laplace.values) - 1) for size in settings.curvature_functions]
-        curvatures = np.stack([mean_curvature(mesh, laplace, k) for k in sizes], axis=1)
+        curvatures = np.stack([mean_curvature(mesh, laplace, k, weld=False) for k in sizes], axis=1)
         return self._waves(laplace.vectors[:, 1:], laplace.values[1:]), curvatures
 
     @cached_property
@@ -79,7 +79,7 @@ class WholeSignatures:
 
     @cached_method
     def _curvature_of_part(self, part: PreparedShape, k: int) -> FloatArray:
-        return mean_curvature(part.mesh_body, part.laplace, k)
+        return mean_curvature(part.mesh_body, part.laplace, k, weld=False)
 
     @cached_method
     def of_part(self, pair: PartPair) -> PartSignatures:
