@@ -13,6 +13,7 @@ import numpy as np
 
 from isomatch.assets.fans import spans
 from isomatch.errors import FormatError
+from isomatch.storage.files import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -21,8 +22,6 @@ EXPORT_AGAIN = "correct the line or export the file again"
 SPACE, NEWLINE, BACKSLASH, SLASH, ZERO, COMMA, POINT = b" \n\\/0,."
 _COPIED = bytes(32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256))
 """What is copied of each byte: a space of every kind of blank but a line end."""
-_ENCODINGS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
-"""Encodings other than UTF-8, by the bytes that a text begins with."""
 _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
@@ -263,9 +262,8 @@ def read_lines(
     -----
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
-    if encoding := _ENCODINGS.get(data[:2]):
-        data = data[2:].decode(encoding, errors="replace").encode()
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data.startswith(tuple(MARKS)):
+        data = decoded(data).encode()
     text = data.translate(_COPIED)
     keywords = b"(?:%s) " % "|".join(named).encode()
     if named and text != data:
