@@ -138,14 +138,8 @@ class TextLines:
         return NumberRows(self, values, counts)
 
     def _number(self, word: bytes, row: int) -> float:
-        text = word.decode("latin-1")
-        if found := _NOT_FINITE.fullmatch(text):
-            letters = (found[2] or "NAN").upper()
-            return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
         try:
-            if "_" in text:  # which Python allows in a number, other readers do not
-                raise ValueError
-            return float(text.replace(",", ".", 1) if self._has_decimal_commas else text)
+            return number_of(word.decode("latin-1"), self._has_decimal_commas)
         except ValueError:
             self.fail(row, "numbers")
 
@@ -200,6 +194,16 @@ class NumberRows:
             bad = np.argmin(good) if positions is None else positions[np.argmin(good)]
             self.lines.fail(int(np.searchsorted(self.starts, bad, side="right")) - 1, expected)
         return values.astype(np.int64)
+
+
+def number_of(text: str, has_decimal_comma: bool = False) -> float:
+    """Return the number of a word, which may be the NaN or infinity of any C library; `ValueError` if it is none."""
+    if found := _NOT_FINITE.fullmatch(text):
+        letters = (found[2] or "NAN").upper()
+        return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
+    if "_" in text:  # which Python allows in a number, other readers do not
+        raise ValueError
+    return float(text.replace(",", ".", 1) if has_decimal_comma else text)
 
 
 def is_whole(values: AnyArray) -> BoolArray:
@@ -315,7 +319,7 @@ def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encod
     """Write lines of words: of each part as many for each line as its counts say."""
     once = np.ones(n_rows, dtype=np.int64)
     words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
-    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding)
+    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding, "backslashreplace")
 
 
 def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:
