@@ -200,4 +200,6 @@ def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     left = write_asset(tmp_path / "b.obj", asset)
     assert [a.name for a in left] == ["uv_1"]
     assert (tmp_path / "b.png").read_bytes()[:4] == b"\x89PNG"
-    assert_stripes(seen(tmp_path / "b.obj").picture[..., :3], (RED, BLUE))
+    assert main(["repair", str(tmp_path / "a.glb"), "-o", str(tmp_path / "c.obj")]) == 0
+    for name in ("b.obj", "c.obj"):
+        assert_stripes(seen(tmp_path / name).picture[..., :3], (RED, BLUE))
