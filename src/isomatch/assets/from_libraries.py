@@ -140,7 +140,8 @@ def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
             "extract its surface first"
         )
     none = [np.zeros(0, dtype=np.int64)]
-    return _polygons(*(np.concatenate(part or none) for part in ([points], corners, sizes, rows)), others)
+    flat = [np.concatenate(part or none) for part in (corners, sizes, rows)]
+    return _polygons(points, flat[0], flat[1], flat[2], others)
 
 
 def _polygons(
