@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isomatch import FormatError, check, read_asset, read_mesh, write_asset
-from isomatch.assets import Attribute
+from isomatch.assets import Attribute, asset_from
 from isomatch.cli import main
 
 pytest.importorskip("pyvista")
@@ -150,7 +150,7 @@ def test_legacy_files(tmp_path, version, binary, lower):
     np.testing.assert_array_equal(asset.polygons.corners, POLYGONS.corners)
     np.testing.assert_array_equal(asset.attribute("height").values, HEIGHT)
     np.testing.assert_array_equal(asset.attribute("region").values, REGION)
-    assert asset.notes == ("2 lines are left out",)
+    assert asset.notes == ("cells that are no polygons are left out: 1 vertex, 2 line",)
 
 
 @pytest.mark.parametrize(("version", "binary"), LEGACY)
@@ -188,6 +188,23 @@ def test_legacy_files_with_other_numbers_than_declared(tmp_path, version, binary
     (tmp_path / "a.vtk").write_bytes(re.sub(keyword, wrong, legacy(version, binary)))
     with pytest.raises(FormatError, match=r"a\.vtk: "):
         read_asset(tmp_path / "a.vtk")
+
+
+def test_cells_that_are_no_polygons_are_told(tmp_path):
+    """Whether a file has them, or the mesh of a library; vertices alone are a cloud of points."""
+    meshio, pyvista = pytest.importorskip("meshio"), pytest.importorskip("pyvista")
+    blocks = [("line", [[0, 1], [1, 2]]), ("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 3]])]
+    solid = meshio.Mesh(POINTS[:4], blocks)
+    surface = pyvista.PolyData(POINTS[:4], faces=[3, 0, 1, 2], verts=[1, 3], lines=[2, 0, 1])
+    cloud = pyvista.PolyData(POINTS[:4], verts=[1, 0, 1, 1, 1, 2, 1, 3])
+    solid.write(tmp_path / "a.vtu")
+    surface.save(tmp_path / "b.vtp")
+    told = "cells that are no polygons are left out: "
+    for asset in (asset_from(solid), read_asset(tmp_path / "a.vtu")):
+        assert asset.notes == (f"{told}2 line, 1 tetra",)
+    for asset in (asset_from(surface), read_asset(tmp_path / "b.vtp")):
+        assert asset.notes == (f"{told}1 vertex, 1 line",)
+    assert asset_from(cloud).notes == ()
 
 
 def test_what_is_no_surface_is_named(tmp_path):

@@ -95,7 +95,9 @@ def test_the_target_is_where_it_was_in_the_topology_of_the_source(pair, tmp_path
     meshes = [read_mesh(path) for path in pair]
     wrapped = Wrapped(meshes[0].moved(meshes[1].vertices), 0, 0, 0)
     out = tmp_path / name
-    record = write_wrapped(out, source, target, wrapped, np.zeros(meshes[0].n_vertices))
+    record = write_wrapped(
+        out, read_asset(source), read_asset(target).frame, wrapped, np.zeros(meshes[0].n_vertices)
+    )
     assert record["left_out"] == []
     np.testing.assert_allclose(read_mesh(out).vertices, meshes[1].vertices, atol=1e-5)
     if not (pair[1].name == "b.real.pial" and out.suffix == ".pial"):  # which nibabel does not read
@@ -174,8 +176,8 @@ def test_a_target_that_does_not_say_takes_the_frame_away(tmp_path):
     write_asset(tmp_path / "b.ply", Asset.of_mesh(plain))
     write_wrapped(
         tmp_path / "c.pial",
-        tmp_path / "a.pial",
-        tmp_path / "b.ply",
+        read_asset(tmp_path / "a.pial"),
+        read_asset(tmp_path / "b.ply").frame,
         Wrapped(plain, 0, 0, 0),
         np.zeros(plain.n_vertices),
     )
@@ -191,8 +193,8 @@ def test_what_the_source_says_of_its_surface_stays(tmp_path):
     )
     write_wrapped(
         tmp_path / "c.surf.gii",
-        tmp_path / "a.surf.gii",
-        tmp_path / "b.pial",
+        read_asset(tmp_path / "a.surf.gii"),
+        read_asset(tmp_path / "b.pial").frame,
         Wrapped(SHAPES[1], 0, 0, 0),
         np.zeros(SHAPES[1].n_vertices),
     )
@@ -219,10 +221,11 @@ def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
         )
     wrapped = Wrapped(SHAPES[0], 0, 0, 0)
     errors = np.zeros(SHAPES[0].n_vertices)
-    write_wrapped(tmp_path / "c.ply", tmp_path / "a.ply", tmp_path / "b.ply", wrapped, errors)
+    asset, frame = read_asset(tmp_path / "a.ply"), read_asset(tmp_path / "b.ply").frame
+    write_wrapped(tmp_path / "c.ply", asset, frame, wrapped, errors)
     header = (tmp_path / "c.ply").read_text().partition("element")[0].splitlines()
     assert header[2:] == ["comment by a", "comment units = metres"]
-    record = write_wrapped(tmp_path / "c.glb", tmp_path / "a.ply", tmp_path / "b.ply", wrapped, errors)
+    record = write_wrapped(tmp_path / "c.glb", asset, frame, wrapped, errors)
     assert record["left_out"] == ["the frame of the coordinates (comment units = metres)"]
     write_asset(tmp_path / "d.ply", read_asset(tmp_path / "a.ply"))
     assert (tmp_path / "d.ply").read_text() == (tmp_path / "a.ply").read_text()
@@ -239,7 +242,10 @@ def test_nodes_that_move_and_scale(tmp_path):
         )
     target = read_mesh(tmp_path / "b.gltf")
     wrapped = Wrapped(read_asset(tmp_path / "b.gltf").mesh, 0, 0, 0)
-    paths = [tmp_path / f"{name}.gltf" for name in "cab"]
-    assert write_wrapped(*paths, wrapped, np.zeros(target.n_vertices))["left_out"] == []
+    asset, frame = (read_asset(tmp_path / "a.gltf"), read_asset(tmp_path / "b.gltf").frame)
+    assert (
+        write_wrapped(tmp_path / "c.gltf", asset, frame, wrapped, np.zeros(target.n_vertices))["left_out"]
+        == []
+    )
     np.testing.assert_allclose(read_mesh(tmp_path / "c.gltf").vertices, target.vertices, rtol=1e-5, atol=1e-5)
     assert read_asset(tmp_path / "c.gltf").parts[0].transform[0][0] == 0.001

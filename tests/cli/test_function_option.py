@@ -8,6 +8,7 @@ import pytest
 import isomatch
 from isomatch.assets import Asset, Attribute
 from isomatch.cli import main
+from isomatch.cli.inputs import read_functions
 from shapes import box
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
@@ -48,3 +49,13 @@ def test_a_marked_corner_goes_to_the_marked_corner(files):
 def test_what_is_no_function_of_the_points_is_refused(files, name, told, capsys):
     assert main(f"match a.vtp b.vtp -o out --config quick.toml --function {name}".split()) == 1
     assert told in capsys.readouterr().err
+
+
+def test_colours_are_fractions_whatever_the_file_has(tmp_path):
+    mesh = box(1, 1, 1)
+    colors = np.arange(4 * mesh.n_vertices, dtype=np.uint8).reshape(-1, 4)
+    for name, values in (("a.ply", colors), ("b.obj", colors[:, :3])):
+        color = Attribute("color", "point", "colour", values)
+        isomatch.write_asset(tmp_path / name, Asset.of_mesh(mesh, [color]))
+        found = read_functions(tmp_path / name, ["color"], mesh.n_vertices)
+        np.testing.assert_allclose(found, colors[:, :3] / 255, atol=1e-6)

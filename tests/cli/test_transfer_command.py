@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,14 +72,16 @@ def test_a_map_of_other_files_is_refused(folder, capsys):
 
 
 def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, capsys):
-    for name, creature in zip(("source.obj", "target.ply"), example_pair()):
+    for name, creature in zip(("source.off", "target.ply"), example_pair()):
         frame = Frame(words=("comment unit: mm",)) if name == "target.ply" else None
         write_asset(tmp_path / name, replace(Asset.of_mesh(creature.mesh), frame=frame))
+    source = tmp_path / "source.off"
+    source.write_text(source.read_text().removeprefix("OFF"))
     quick = "n_columns = 40\nrank = 20\nn_functions = 60\nn_search = 150\nn_refine = 200\n"
     (tmp_path / "quick.toml").write_text(quick)
     words = [
         "match",
-        *(str(tmp_path / name) for name in ("source.obj", "target.ply")),
+        *(str(tmp_path / name) for name in ("source.off", "target.ply")),
         "-o",
         str(tmp_path / "out"),
     ]
@@ -92,9 +95,56 @@ def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, caps
     assert main([*words, *options, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)["as_mesh"]
     assert record["inverted"] <= record["inverted_before"]
-    shared, source = read_mesh(tmp_path / "shared.ply"), read_mesh(tmp_path / "source.obj")
-    np.testing.assert_array_equal(shared.faces, source.faces)
+    assert record["notes"] == [f"{source}: the word OFF is missing in the first line"]
+    np.testing.assert_array_equal(read_mesh(tmp_path / "shared.ply").faces, read_mesh(source).faces)
     assert read_asset(tmp_path / "shared.ply").frame.words == ("comment unit: mm",)
+
+
+@pytest.fixture
+def scan(tmp_path, monkeypatch):
+    """A square with its library and its picture, and a folder with another file of that name."""
+    monkeypatch.chdir(tmp_path)
+    text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1 3/1\nf 1/1 3/1 4/1\n"
+    (tmp_path / "a.obj").write_text(text)
+    (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd b_skin.png\n")
+    (tmp_path / "b_skin.png").write_bytes(b"picture")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "b_skin.png").write_bytes(b"another")
+    return tmp_path
+
+
+@pytest.mark.parametrize("words", ["repair a.obj -o", "match a.obj a.obj -o result --as-mesh"])
+def test_files_beside_are_not_replaced_unless_forced(words, scan, capsys):
+    before = sorted(path.name for path in (scan / "out").iterdir())
+    assert main([*words.split(), str(Path("out/b.obj"))]) == 1
+    assert "b_skin.png: already exists" in capsys.readouterr().err
+    assert sorted(path.name for path in (scan / "out").iterdir()) == before
+    assert (scan / "out" / "b_skin.png").read_bytes() == b"another"
+
+
+def test_repair_names_the_files_beside(scan, capsys):
+    assert main(["repair", "a.obj", "-o", str(Path("out/b.obj")), "--force"]) == 0
+    names = ("b.obj", "b_skin.png", "a.mtl", "b.index.npz")
+    assert f"wrote {', '.join(str(Path('out') / name) for name in names)}\n" in capsys.readouterr().out
+    assert (scan / "out" / "b_skin.png").read_bytes() == b"picture"
+
+
+def test_a_target_that_cannot_be_read_is_refused_before_the_match(scan, capsys):
+    (scan / "bad.obj").write_text((scan / "a.obj").read_text().replace("3/1", "3/7"))
+    assert main(["match", "a.obj", "bad.obj", "-o", "result", "--as-mesh", "c.obj"]) == 1
+    assert "bad.obj:" in capsys.readouterr().err
+    assert not (scan / "result").exists()
+
+
+def test_notes_on_files_are_told(scan, capsys):
+    (scan / "a.off").write_text("4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n")
+    note = "note: a.off: the word OFF is missing in the first line"
+    assert main(["repair", "a.off", "-o", "b.off"]) == 0
+    assert capsys.readouterr().out.splitlines()[:2] == ["nothing to repair", note]
+    (scan / "map.txt").write_text("0\n1\n2\n3\n")
+    (scan / "marks.csv").write_text("name,x,y,z\nnose,0.5,0.25,0\n")
+    assert main(["transfer", "map.txt", "a.off", "a.obj", "--landmarks", "marks.csv", "-o", "out.csv"]) == 0
+    assert note in capsys.readouterr().out.splitlines()
 
 
 def test_directions_of_the_former_shape_are_left_out(tmp_path):
@@ -105,7 +155,8 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
         Attribute("flow", "point", "vector", np.eye(3)),
     )
     write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
-    write_wrapped(tmp_path / "b.glb", *2 * (tmp_path / "a.glb",), Wrapped(made, 0, 0, 0), np.zeros(3))
+    asset = read_asset(tmp_path / "a.glb")
+    write_wrapped(tmp_path / "b.glb", asset, None, Wrapped(made, 0, 0, 0), np.zeros(3))
     assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]
 
 

@@ -147,6 +147,13 @@ def test_what_does_not_fit_is_told(folder, capsys):
         ("left front\nback\nback\n", {"t": ["left front", "back", "back"]}),
         ("# by hand\nregion,depth\n1,2\n1,2\n1,4\n", {"region": [1, 1, 1], "depth": [2, 2, 4]}),
         ("0.5\t1\n0.25\t2\n0.5\t1\n", {"t_0": [0.5, 0.25, 0.5], "t_1": [1, 2, 1]}),
+        ("depth\n1.5\n1.#QNAN\n-1.#INF\n", {"depth": [1.5, np.nan, -np.inf]}),
+        ("depth\n1.5\n#N/A\n2.5\n", {"depth": [1.5, np.nan, 2.5]}),
+        ("depth;bend\n1,5;0,25\n2,5;\n3,5;0,5\n", {"depth": [1.5, 2.5, 3.5], "bend": [0.25, np.nan, 0.5]}),
+        ("1,5\t0,25\n2,5\t0,75\n3,5\t0,5\n", {"t_0": [1.5, 2.5, 3.5], "t_1": [0.25, 0.75, 0.5]}),
+        ("depth\n1,5\n2,5\n3,5\n", {"depth": [1.5, 2.5, 3.5]}),
+        ("side;depth\na,b;1.5\nc;1,000\nd;2\n", {"side": ["a,b", "c", "d"], "depth": ["1.5", "1,000", "2"]}),
+        ("sep=;\nside;depth\na;1\nb;2\nc;3\n", {"side": ["a", "b", "c"], "depth": [1, 2, 3]}),
     ],
 )
 def test_tables_of_many_kinds(tmp_path, text, expected):
@@ -181,8 +188,35 @@ def test_names_that_are_not_utf_8_stay_different(tmp_path):
     nibabel.freesurfer.write_annot(tmp_path / "a.annot", np.array([0, 1, 1]), table, names)
     (found,) = read_attributes(tmp_path / "a.annot")
     assert len(set(found.names.values())) == 2
-    write_attribute(tmp_path / "b.annot", found)
-    assert nibabel.freesurfer.read_annot(tmp_path / "b.annot")[2] == names
+    for name in ("b.annot", "b.label.gii"):
+        write_attribute(tmp_path / name, found)
+        assert list(read_attributes(tmp_path / name)[0].names.values()) == ["für", "fär"]
+
+
+def names_written(path, words):
+    """The names of labels after they are written, of points, or of the faces of an OBJ file."""
+    if holds_values(path):
+        write_attribute(path, Attribute("group", "point", "label", words))
+        (found,) = read_attributes(path)
+    else:
+        surface = Asset(np.eye(3), Polygons([0, 1, 2] * len(words), [3] * len(words)))
+        write_asset(path, surface.with_attributes(Attribute("group", "face", "label", words)))
+        found = read_asset(path).attribute("group")
+    return {name for name in found.coded.names.values() if name}
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+@pytest.mark.parametrize("out", ["b.annot", "b.label.gii", "b.csv", "b.obj"])
+def test_names_of_a_table_in_any_encoding(tmp_path, encoding, out):
+    (tmp_path / "a.csv").write_bytes("group\nStraße\nGasse\n".encode(encoding))
+    (given,) = read_attributes(tmp_path / "a.csv")
+    assert names_written(tmp_path / out, given.values) == {"Straße", "Gasse"}
+
+
+@pytest.mark.parametrize("out", ["b.annot", "b.label.gii", "b.csv", "b.obj"])
+def test_half_a_letter_is_written_as_an_escape(tmp_path, out):
+    """As in JSON, by which a glTF file may have it."""
+    assert names_written(tmp_path / out, np.array(["\ud83d", "a"])) == {"\\ud83d", "a"}
 
 
 def test_an_annotation_keeps_its_colour_table(folder):

@@ -158,7 +158,7 @@ def test_files_keep_what_their_format_holds(tmp_path, suffix, capsys):
     index = np.load(tmp_path / "b.index.npz")
     assert [(a.name, a.kind) for a in found.attributes] == [(a.name, a.kind) for a in given.attributes]
     for before, after in zip(given.attributes, found.attributes):
-        rows = index["vertex_index" if before.domain == "point" else "face_index"]
+        rows = index["vertex_index" if before.domain == "point" else "polygon_index"]
         np.testing.assert_array_equal(after.values, before.values[rows])
     assert check(found.mesh).ok
 

@@ -7,7 +7,7 @@ import pytest
 from gltf_made import BLUE, GREY, RED, WHITE, Square, assert_stripes, onto, picture
 
 from isomatch import Asset, Attribute, Correspondence, bake_texture, carry_attributes, read_asset, write_asset
-from isomatch.assets import Polygons
+from isomatch.assets import Polygons, looks_of
 from isomatch.cli import main
 
 QUADS = [k + np.array([0, 1, 6, 5]) for k in range(20) if k % 5 != 4]
@@ -156,6 +156,20 @@ def test_libraries_as_others_write_them(library, name, tmp_path):
         assert_stripes(seen(tmp_path / "out" / f"copy{suffix}").picture[..., :3], (RED, BLUE))
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig", "utf-16"])
+def test_names_in_any_encoding(encoding, folder, tmp_path):
+    for name in ("scan.obj", "scan.mtl"):
+        text = (folder / name).read_text().replace("skin", "Straße")
+        (folder / name).write_bytes(text.encode(encoding))
+    (folder / "skin.png").rename(folder / "Straße.png")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "Straße.png").write_bytes(b"another")
+    write_asset(tmp_path / "out" / "copy.obj", read_asset(folder / "scan.obj"))
+    looks = looks_of(read_asset(tmp_path / "out" / "copy.obj"))
+    assert [look.name for look in looks.looks] == ["Straße"]
+    assert [each.data for each in looks.pictures] == [picture()]
+
+
 @pytest.mark.parametrize("suffix", [".obj", ".glb"])
 def test_colours_pictures_and_what_is_missing_side_by_side(suffix, tmp_path):
     library = "newmtl a\nKd 1 0 0\nnewmtl b\nmap_Kd b.png\nnewmtl c\nmap_Kd c.png\nnewmtl d\nKd 1 1 1\n"
@@ -229,4 +243,6 @@ def test_a_glb_of_many_looks_becomes_an_obj(tmp_path):
     left = write_asset(tmp_path / "b.obj", asset)
     assert [a.name for a in left] == ["uv_1"]
     assert (tmp_path / "b.png").read_bytes()[:4] == b"\x89PNG"
-    assert_stripes(seen(tmp_path / "b.obj").picture[..., :3], (RED, BLUE))
+    assert main(["repair", str(tmp_path / "a.glb"), "-o", str(tmp_path / "c.obj")]) == 0
+    for name in ("b.obj", "c.obj"):
+        assert_stripes(seen(tmp_path / name).picture[..., :3], (RED, BLUE))

@@ -17,7 +17,7 @@ from isomatch import (
 from isomatch.assets import Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
-from shapes import flat_grid
+from shapes import flat_grid, icosphere
 
 TURN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # as a rotation moves columns
 
@@ -92,6 +92,24 @@ def test_keys_turn_with_a_bent_surface(giver, tmp_path):
     error = np.linalg.norm(found.attribute("lift").values - expected, axis=1)
     assert error[inside].max() < 0.03  # of keys up to 8 long
     assert error.max() < 0.3  # at the border, faces lie on one side
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_keys_and_normals_go_to_a_mirror_image(mirrored):
+    sphere = icosphere(2)
+    x, y, z = sphere.vertices.T
+    mesh = Mesh(np.column_stack([x + 0.3 * y**2, 0.7 * y, 0.5 * z + 0.2 * x * y]), sphere.faces)
+    key = Attribute("slide", "point", "key", np.column_stack([y, np.ones_like(y), x]))
+    normal = Attribute("normal", "point", "normal", mesh.vertex_normals)
+    turn = TURN @ np.diag([-1.0, 1, 1]) if mirrored else TURN
+    faces = mesh.faces[:, ::-1] if mirrored else mesh.faces
+    receiver = Asset.of_mesh(Mesh(mesh.vertices @ turn.T, faces))
+    order = np.arange(mesh.n_vertices)
+    found = carry_attributes(
+        Correspondence(order, len(order)), receiver, Asset.of_mesh(mesh, (key, normal))
+    ).asset
+    np.testing.assert_allclose(found.attribute("slide").values, key.values @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(found.attribute("normal").values, normal.values @ turn.T, atol=1e-9)
 
 
 def test_nodes_that_turn_and_stretch(tmp_path):
@@ -225,7 +243,7 @@ def test_the_shape_of_another_turns_the_keys(tmp_path):
     path = keyed().write(tmp_path / "keys.glb")
     flat = read_asset(path)
     turned = Mesh(flat.mesh.vertices @ TURN.T, flat.mesh.faces)
-    write_wrapped(tmp_path / "out.glb", path, path, Wrapped(turned, 0, 0, 0), np.zeros(25))
+    write_wrapped(tmp_path / "out.glb", flat, None, Wrapped(turned, 0, 0, 0), np.zeros(25))
     found = read_asset(tmp_path / "out.glb")
     assert np.allclose(found.attribute("lift").values, lift(flat.points) @ TURN.T, atol=1e-5)
     assert mesh_of(found)["weights"] == [0.25, 0]

@@ -1,4 +1,4 @@
-from isomatch.assets.appearance import looks_of, unread_files, with_looks_of, with_texture
+from isomatch.assets.appearance import as_written, looks_of, unread_files, with_looks_of, with_texture
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute, Domain, Kind
 from isomatch.assets.attribute_names import told_apart
@@ -42,6 +42,7 @@ __all__ = [
     "Renumbering",
     "SurfaceLike",
     "animation_channels",
+    "as_written",
     "asset_from",
     "base_colours",
     "files_beside",

@@ -164,11 +164,11 @@ def _in_obj(asset: Asset, looks: Looks, stem: str) -> Asset:
         number = f"_{len(files)}" if len(pictures) > 1 else ""
         names[picture] = f"{stem}{number}{'.jpg' if data[:2] == JPEG else '.png'}"
         files[names[picture]] = data
+    former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
     words: list[str] = []
     for look in looks.looks:
         words.append(unused_name(look.name, words))
-    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names)
-    former = asset.document if isinstance(asset.document, ObjDocument) else ObjDocument()
+    files[f"{stem}.mtl"] = mtl.library_of(tuple(words), layers, names, former.encoding)
     document = ObjDocument((f"{stem}.mtl",), former.elements, former.encoding, files)
     return replace(_labelled(shown, looks.of_triangle, tuple(words)), document=document)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,21 @@ from isomatch.values.arrays import AnyArray, IntArray
 
 @dataclass(frozen=True)
 class Geometry:
-    """Points, corners and sizes of polygons, and the row of each polygon among the cells of the object."""
+    """Points, corners and sizes of polygons, the row of each polygon among the cells of the object, and other cells."""
 
     points: AnyArray
     corners: IntArray
     sizes: IntArray
     rows: IntArray
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """Number of the cells of each kind that are no polygons."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be known of other cells; vertices of a cloud of points are none."""
+        counts = {kind: n for kind, n in self.left_out.items() if n and (len(self.sizes) or kind != "vertex")}
+        told = ", ".join(f"{n} {kind}" for kind, n in counts.items())
+        return (f"cells that are no polygons are left out: {told}",) if told else ()
 
 
 def geometry_of(given: object) -> Geometry:
@@ -71,7 +81,7 @@ def held_by(given: object) -> Asset:
     points, cells, (geometry, attributes) = _library(given)
     found = geometry(given, points, cells)
     polygons = Polygons(found.corners, found.sizes)
-    return Asset(found.points, polygons, told_apart(attributes(given, found)))
+    return Asset(found.points, polygons, told_apart(attributes(given, found)), notes=found.notes)
 
 
 _STANDARD = ("normal", "rgb", "rgba", "color", "colour", "texturecoordinate", "uv", "obj:vn")
@@ -98,8 +108,9 @@ def _polydata(given: Any, points: Any, faces: Any) -> Geometry:
         starts = np.array(_starts(flat.tolist()))
     corners = np.ones(flat.size, dtype=bool)
     corners[starts] = False
-    before = getattr(given, "n_verts", 0) + getattr(given, "n_lines", 0)
-    return _polygons(points, flat[corners], flat[starts], before + np.arange(len(starts)))
+    others = {"vertex": getattr(given, "n_verts", 0), "line": getattr(given, "n_lines", 0)}
+    before = sum(others.values())
+    return _polygons(points, flat[corners], flat[starts], before + np.arange(len(starts)), others)
 
 
 def _starts(flat: list[int]) -> list[int]:
@@ -112,28 +123,34 @@ def _starts(flat: list[int]) -> list[int]:
 
 def _blocks(given: Any, points: Any, cells: Any) -> Geometry:
     """Read blocks, each of the cells of one type."""
-    kinds = {block.type for block in cells}
     corners, sizes, rows, start = [], [], [], 0
+    others: Counter[str] = Counter()
     for block in cells:
         if block.type in ("triangle", "quad", "polygon"):
             data = np.asarray(block.data, dtype=np.int64)
             corners.append(data.ravel())
             sizes.append(np.full(len(data), data.shape[1]))
             rows.append(start + np.arange(len(data)))
+        else:
+            others[block.type] += len(block.data)
         start += len(block.data)
-    if not corners and kinds - {"vertex"}:
+    if not corners and others.keys() - {"vertex"}:
         raise MeshError(
-            f"the {type(given).__name__} has no triangles, quads or polygons but {', '.join(sorted(kinds))}; "
+            f"the {type(given).__name__} has no triangles, quads or polygons but {', '.join(sorted(others))}; "
             "extract its surface first"
         )
     none = [np.zeros(0, dtype=np.int64)]
-    return _polygons(*(np.concatenate(part or none) for part in ([points], corners, sizes, rows)))
+    flat = [np.concatenate(part or none) for part in (corners, sizes, rows)]
+    return _polygons(points, flat[0], flat[1], flat[2], others)
 
 
-def _polygons(points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray) -> Geometry:
+def _polygons(
+    points: AnyArray, corners: IntArray, sizes: IntArray, rows: IntArray, others: Mapping[str, int]
+) -> Geometry:
     """Leave out what has fewer than three corners."""
     kept = sizes >= 3
-    return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept])
+    others = {**others, "of fewer than three corners": int((~kept).sum())}
+    return Geometry(np.asarray(points), corners[np.repeat(kept, sizes)], sizes[kept], rows[kept], others)
 
 
 def _trimesh_attributes(given: Any, found: Geometry) -> Iterator[Attribute]:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection
-from io import StringIO
 from pathlib import Path
 from unicodedata import normalize
 
 from isomatch import assets
 from isomatch.errors import FormatError
-from isomatch.storage.files import opened
-
-SEPARATORS = ",;\t"
+from isomatch.storage.cells import Rows, separated
+from isomatch.storage.files import decoded, opened
 
 
 def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = ()) -> dict[str, str]:
@@ -68,32 +65,10 @@ def read_groups(path: Path, names: Collection[str], left_out: Collection[str] = 
     return {name: group for name, group in labels.items() if group}
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Rows of a table with the numbers of their lines, by the separator that splits most lines."""
+def _rows(path: Path) -> Rows:
     with opened(path) as file:
-        text = _decoded(file.read())
-
-    def split(separator: str) -> list[tuple[int, list[str]]]:
-        reader = csv.reader(StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
-        try:
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-        except csv.Error as error:
-            raise FormatError(f"{path}:{reader.line_num}: not a table ({error}); write name,group") from None
-        return [(number, row) for number, row in rows if any(row)]
-
-    if text[:4].lower() == "sep=" and text[4:5] in SEPARATORS:  # for a spreadsheet program
-        return split(text[4])[1:]
-    return max(map(split, SEPARATORS), key=lambda rows: sum(len(row) > 1 for _, row in rows))
-
-
-def _decoded(data: bytes) -> str:
-    """Decode what a spreadsheet writes: UTF-8, UTF-16 with its mark, or Western European."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
+        rows, _ = separated(decoded(file.read()), str(path))
+    return [(number, row) for number, row in rows if any(row)]
 
 
 def _stem(name: str) -> str:

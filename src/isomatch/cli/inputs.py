@@ -67,7 +67,8 @@ def read_functions(path: Path, names: list[str], n: int) -> FloatArray:
             raise FormatError(
                 f"{path}: {name!r} is a {attribute.kind}; --function takes scalars and colours of points"
             )
-        columns.append(np.asarray(attribute.values, dtype=np.float64).reshape(len(attribute.values), -1))
+        given = attribute.fractions[:, :3] if attribute.kind == "colour" else attribute.plain
+        columns.append(given.astype(np.float64).reshape(len(given), -1))
     values = np.hstack(columns)
     if len(values) != n:
         raise FormatError(f"{path}: {len(values)} points have values, but the surface has {n} vertices")

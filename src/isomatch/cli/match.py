@@ -12,10 +12,12 @@ from cyclopts import Parameter
 
 import isomatch
 from isomatch import view
+from isomatch.assets import files_beside
 from isomatch.cli.inputs import naming_files, read_config, read_functions, read_outcomes, read_surface
 from isomatch.cli.outputs import (
     ResultFolder,
     claimed_files,
+    notes_on,
     refuse_outcomes,
     require_writable,
     say_files,
@@ -136,10 +138,13 @@ def match(
                 read_functions(source, function, shapes[0].n_vertices),
                 read_functions(target, function, shapes[1].n_vertices),
             )
-        with folder.claimed(force), claimed_files(as_mesh, force=force):
-            if as_mesh is not None:
-                require_writable(as_mesh)
-                _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
+        beside: tuple[Path, ...] = ()
+        if as_mesh is not None:
+            require_writable(as_mesh)
+            _require_faces(**{str(source): shapes[0], str(target): shapes[1]})
+            assets = isomatch.read_asset(source), isomatch.read_asset(target, sound=False)
+            beside = files_beside(as_mesh, assets[0])
+        with folder.claimed(force), claimed_files(as_mesh, *beside, force=force):
             inputs = {
                 "source": source,
                 "target": target,
@@ -182,7 +187,11 @@ def match(
             record = folder.write(*drawn, result, titles=titles, more=more, back=back, **shown)
             if as_mesh is not None:
                 wrapped = isomatch.wrap(result.map, *shapes)
-                record["as_mesh"] = write_wrapped(as_mesh, source, target, wrapped, result.expected_error)
+                record["as_mesh"] = {
+                    **write_wrapped(as_mesh, assets[0], assets[1].frame, wrapped, result.expected_error),
+                    "files_beside": list(map(str, beside)),
+                    "notes": notes_on(dict(zip((source, target), assets))),
+                }
                 write_text(folder.result, json_text(record))
         tell("done", 1.0)
 

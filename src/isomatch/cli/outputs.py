@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 
 import isomatch
 from isomatch import view
-from isomatch.assets import Attribute
+from isomatch.assets import Attribute, Frame
 from isomatch.cli.terminal import json_text, say, say_table
 from isomatch.storage.files import claimed, made_folder, staged, write_text
 from isomatch.values.arrays import FloatArray
@@ -173,21 +173,22 @@ def say_result(result: isomatch.MatchResult) -> None:
         if symmetry:
             say(f"{side} maps onto itself: {symmetry}")
     say("seconds: " + ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in result.timings.items()))
-    for note in result.notes:
-        say(f"note: {note}")
+    say_notes(result.notes)
 
 
 def write_wrapped(
-    path: Path, source: Path, target: Path, wrapped: isomatch.Wrapped, expected_error: FloatArray
+    path: Path,
+    asset: isomatch.Asset,
+    frame: Frame | None,
+    wrapped: isomatch.Wrapped,
+    expected_error: FloatArray,
 ) -> dict[str, Any]:
-    """Write the source in the shape of the target, and count what was mended.
+    """Write the asset of the source in the shape of the target, and count what was mended.
 
-    All that its file carries is written too, shape keys turned with the surface, but no normals and tangents; the frame
-    of the coordinates is that of the target. Where the format takes scalars, the expected error (n_source,) of each
-    vertex is added.
+    All that it carries is written too, shape keys turned with the surface, but no normals and tangents; the frame of the
+    coordinates is that of the target. Where the format takes scalars, the expected error (n_source,) of each vertex is
+    added.
     """
-    asset = isomatch.read_asset(source)
-    frame = isomatch.read_asset(target, sound=False).frame
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
         unmoved = isomatch.Correspondence(range(len(asset.points)), len(asset.points))
@@ -215,15 +216,29 @@ def say_wrapped(record: dict[str, Any]) -> None:
         f"wrote {record['file']}: the target with the faces of the source; {record['inverted_before']} faces were "
         f"inverted, {record['inverted']} are"
     )
+    if record["files_beside"]:
+        say(f"with its materials in {', '.join(record['files_beside'])}")
     if record["extended"]:
         say(f"{record['extended']} vertices have no image and continue those around them")
     say_left_out(record["left_out"], record["file"])
+    say_notes(record["notes"])
 
 
 def say_left_out(names: list[str], file: str | Path) -> None:
     """Print what the format of a file has no place for."""
     if names:
         say(f"a {Path(file).suffix} file has no place for {', '.join(names)}")
+
+
+def notes_on(assets: Mapping[Path, isomatch.Asset]) -> list[str]:
+    """Return what the readers of files left out or supposed."""
+    return [f"{path}: {note}" for path, asset in assets.items() for note in asset.notes]
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """Print what is to be known of files or a result."""
+    for note in notes:
+        say(f"note: {note}")
 
 
 def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcome, ...], where: Path) -> None:

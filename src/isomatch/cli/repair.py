@@ -9,11 +9,12 @@ from typing import Annotated, cast
 from cyclopts import Parameter
 
 import isomatch
-from isomatch.assets import FORMATS
-from isomatch.cli.outputs import claimed_files, say_left_out
+from isomatch.assets import FORMATS, as_written, files_beside
+from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import say
 from isomatch.storage.array_file import write_arrays
-from isomatch.values.arrays import IntArray
+
+_INDICES = ("vertex_index", "new_index", "polygon_index", "face_index")
 
 
 def repair(
@@ -29,7 +30,8 @@ def repair(
     vertices that are welded, the first is.
 
     Writes the repaired mesh and, next to it, NAME.index.npz with vertex_index (original vertex of each new vertex),
-    new_index (new vertex of each original vertex, -1 if removed) and face_index (original face of each new face).
+    new_index (new vertex of each original vertex, -1 if removed), polygon_index (original face of each new face, which
+    may have any number of corners) and face_index (the same of the triangles that they are cut into).
 
     Parameters
     ----------
@@ -44,13 +46,15 @@ def repair(
     with claimed_files(output, index, force=force):
         repaired = isomatch.repair(_whole(file, output))
         asset = cast(isomatch.Asset, repaired.asset)
-        indices = {"vertex_index": repaired.vertex_index, "new_index": repaired.new_index}
-        write_arrays(index, indices | {"face_index": cast(IntArray, repaired.polygon_index)})
-        left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        beside = files_beside(output, asset)
+        with claimed_files(*beside, force=force):
+            left = [attribute.name for attribute in isomatch.write_asset(output, asset)]
+        write_arrays(index, {name: getattr(repaired, name) for name in _INDICES})
     for change in repaired.changes or ("nothing to repair",):
         say(change)
     say_left_out(left, output)
-    say(f"wrote {output}, {index}")
+    say_notes(notes_on({file: asset}))
+    say(f"wrote {', '.join(map(str, (output, *beside, index)))}")
 
 
 def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
@@ -58,4 +62,5 @@ def _whole(file: Path, output: Path) -> Path | isomatch.Asset:
     mesh_format = FORMATS.get(output.suffix.lower())
     if mesh_format is None or mesh_format.has_parts or file.suffix.lower() not in (".glb", ".gltf"):
         return file
-    return replace(isomatch.read_asset(file, sound=False).placed, parts=(), document=None)
+    shown, _ = as_written(output, isomatch.read_asset(file, sound=False))
+    return replace(shown.placed, parts=(), document=shown.document)

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 import isomatch
 from isomatch.assets import files_beside, holds_values, read_attributes, told_apart, write_attributes
 from isomatch.cli.inputs import naming_files
-from isomatch.cli.outputs import claimed_files, say_left_out
+from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import TALK, Talk, say
 from isomatch.cli.transfer_landmarks import transfer_landmarks
 from isomatch.storage.files import replaced
@@ -137,7 +137,7 @@ def transfer(
             with replaced(picture) as file:
                 file.write(baked.png)
         tell("done", 1.0)
-    told = [f"{path}: {note}" for path, given in zip((source, target), assets) for note in given.notes]
+    told = notes_on(dict(zip((source, target), assets)))
     record = {
         "files": [str(path) for path in (output, *beside, picture) if path],
         "to": to,
@@ -181,6 +181,5 @@ def _summary(record: dict[str, Any], output: Path) -> None:
     ):
         if record.get(count):
             say(f"{record[count]} {meaning}")
-    for note in record.get("notes", ()):
-        say(f"note: {note}")
+    say_notes(record.get("notes", ()))
     say(f"wrote {', '.join(record['files'])}")

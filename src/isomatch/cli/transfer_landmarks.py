@@ -11,7 +11,7 @@ import numpy as np
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch.cli.inputs import naming_files
-from isomatch.cli.outputs import claimed_files
+from isomatch.cli.outputs import claimed_files, notes_on, say_notes
 from isomatch.cli.terminal import Talk, say
 from isomatch.errors import FormatError, LandmarkError
 from isomatch.transfer import Side
@@ -33,7 +33,8 @@ def transfer_landmarks(
     shape_landmarks.writer_of(output)
     with talk.progress() as tell, claimed_files(output, force=force):
         tell("reading", 0.0)
-        shapes = _surface(source), _surface(target)
+        assets = isomatch.read_asset(source), isomatch.read_asset(target)
+        shapes = _surface(assets[0]), _surface(assets[1])
         given = _read_map(map_file, shapes[1])
         try:
             own = isomatch.Landmarks.read(landmarks, _points_of(shapes[to == "source"]))
@@ -52,6 +53,7 @@ def transfer_landmarks(
         "landmarks": described(carried),
         "n_unmatched": int((~carried.placed).sum()),
         "left_out": list(left),
+        "notes": notes_on(dict(zip((source, target), assets))),
     }
     talk.result(record, lambda: _summary(record, carried, output))
 
@@ -62,8 +64,7 @@ def described(landmarks: isomatch.Landmarks) -> list[dict[str, Any]]:
     return [{"name": name, "position": place, "expected_error": error} for name, place, error in rows]
 
 
-def _surface(path: Path) -> isomatch.Asset | isomatch.PointCloud:
-    asset = isomatch.read_asset(path)
+def _surface(asset: isomatch.Asset) -> isomatch.Asset | isomatch.PointCloud:
     return asset if len(asset.polygons) else isomatch.PointCloud(asset.placed_points)
 
 
@@ -95,4 +96,5 @@ def _summary(record: dict[str, Any], landmarks: isomatch.Landmarks, output: Path
         say(f"without an image: {', '.join(missing)}")
     if record["left_out"]:
         say(f"a {output.suffix} file has no place for {', '.join(record['left_out'])}")
+    say_notes(record["notes"])
     say(f"wrote {output}")

@@ -42,6 +42,8 @@ _LOCKED = (
     errno.EAGAIN,
     errno.EDEADLK,
 )  # what the systems say of a lock that another process holds
+MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+"""Encodings by the bytes that a text begins with."""
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
 logger = logging.getLogger(__name__)
 
@@ -80,20 +82,27 @@ def text_lines(path: Path, comment: str = r"(?:^|(?<=\s))#") -> Iterator[tuple[i
 
 
 def read_text(path: Path) -> str:
-    """Read a text in UTF-8, or else in the letters of Windows, see `encoding_of`."""
+    """Read a text file, see `decoded`."""
     with opened(path) as file:
-        data = file.read().removeprefix(b"\xef\xbb\xbf")
-    return data.decode(encoding_of(data))
+        return decoded(file.read())
+
+
+def decoded(text: bytes) -> str:
+    """Read a text in the encoding that is found by `encoding_of`, without the mark that it may begin with."""
+    return text.decode(encoding_of(text), errors="replace")
 
 
 def encoding_of(text: bytes) -> str:
-    """Return an encoding in which a text can be read, and written again as it was: UTF-8 if it is that.
+    """Return an encoding in which a text can be read, and written again as it was: UTF-8 or UTF-16 if it is that.
 
     Examples
     --------
     >>> encoding_of("Füße".encode()), encoding_of("Füße".encode("latin-1"))
     ('utf-8', 'cp1252')
     """
+    for mark, encoding in MARKS.items():
+        if text.startswith(mark):
+            return encoding
     for encoding in ("utf-8", "cp1252"):  # the second, of Windows, has no letter for five of the bytes
         with suppress(UnicodeDecodeError):
             text.decode(encoding)
@@ -237,7 +246,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         If there is no such file (`MissingFileError`), or it is no table.
     """
     with opened(path) as file:
-        text = StringIO(file.read().decode("utf-8-sig", errors="replace"), newline="")
+        text = StringIO(decoded(file.read()), newline="")
     try:
         return list(csv.DictReader(text, restval=""))
     except csv.Error as error:

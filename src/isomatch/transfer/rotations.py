@@ -27,7 +27,8 @@ def growth(bridge: Bridge) -> float:
 def rotations(bridge: Bridge) -> FloatArray:
     """(n_vertices, 3, 3) the rotation from the giver to the receiver that fits best the edges and normals of the faces.
 
-    It is the identity where no vertex around is matched.
+    All are reflections instead if most of the surface is a mirror image. It is the identity where no vertex around is
+    matched.
     """
     mesh = bridge.receiver.mesh
     normals = bridge.map.pull_back(bridge.giver.mesh.vertex_normals)
@@ -41,5 +42,7 @@ def rotations(bridge: Bridge) -> FloatArray:
     summed = np.zeros((mesh.n_vertices, 3, 3))
     for k in range(3):
         np.add.at(summed, mesh.faces[:, k], fit)
-    summed[(summed == 0).all(axis=(1, 2))] = np.eye(3)
-    return nearest_rotation(summed)
+    is_mirrored = bool(np.sign(np.linalg.det(summed)).sum() < 0)
+    found = nearest_rotation(summed, mirrored=is_mirrored)
+    found[(summed == 0).all(axis=(1, 2))] = np.eye(3)
+    return found

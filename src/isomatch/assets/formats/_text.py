@@ -13,6 +13,7 @@ import numpy as np
 
 from isomatch.assets.fans import spans
 from isomatch.errors import FormatError
+from isomatch.storage.files import MARKS, decoded
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -21,8 +22,6 @@ EXPORT_AGAIN = "correct the line or export the file again"
 SPACE, NEWLINE, BACKSLASH, SLASH, ZERO, COMMA, POINT = b" \n\\/0,."
 _COPIED = bytes(32 if chr(c).isspace() and c not in b"\r\n" else c for c in range(256))
 """What is copied of each byte: a space of every kind of blank but a line end."""
-_ENCODINGS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
-"""Encodings other than UTF-8, by the bytes that a text begins with."""
 _WORD = re.compile(rb"[^ \n]+")
 # Objects take many times the memory of what they are made of, so they are made of a piece at a time.
 _PIECE = re.compile(rb"(?s).{1,16384}[^ \n]*")
@@ -139,14 +138,8 @@ class TextLines:
         return NumberRows(self, values, counts)
 
     def _number(self, word: bytes, row: int) -> float:
-        text = word.decode("latin-1")
-        if found := _NOT_FINITE.fullmatch(text):
-            letters = (found[2] or "NAN").upper()
-            return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
         try:
-            if "_" in text:  # which Python allows in a number, other readers do not
-                raise ValueError
-            return float(text.replace(",", ".", 1) if self._has_decimal_commas else text)
+            return number_of(word.decode("latin-1"), self._has_decimal_commas)
         except ValueError:
             self.fail(row, "numbers")
 
@@ -201,6 +194,16 @@ class NumberRows:
             bad = np.argmin(good) if positions is None else positions[np.argmin(good)]
             self.lines.fail(int(np.searchsorted(self.starts, bad, side="right")) - 1, expected)
         return values.astype(np.int64)
+
+
+def number_of(text: str, has_decimal_comma: bool = False) -> float:
+    """Return the number of a word, which may be the NaN or infinity of any C library; `ValueError` if it is none."""
+    if found := _NOT_FINITE.fullmatch(text):
+        letters = (found[2] or "NAN").upper()
+        return float(f"{found[1]}inf" if letters.startswith(("INF", "IO", "J")) else "nan")
+    if "_" in text:  # which Python allows in a number, other readers do not
+        raise ValueError
+    return float(text.replace(",", ".", 1) if has_decimal_comma else text)
 
 
 def is_whole(values: AnyArray) -> BoolArray:
@@ -263,9 +266,8 @@ def read_lines(
     -----
     Linear in the number of bytes, in time and memory, whatever they are. Comments are removed after lines are joined.
     """
-    if encoding := _ENCODINGS.get(data[:2]):
-        data = data[2:].decode(encoding, errors="replace").encode()
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data.startswith(tuple(MARKS)):
+        data = decoded(data).encode()
     text = data.translate(_COPIED)
     keywords = b"(?:%s) " % "|".join(named).encode()
     if named and text != data:
@@ -317,7 +319,7 @@ def interleaved_lines(parts: list[tuple[IntArray, AnyArray]], n_rows: int, encod
     """Write lines of words: of each part as many for each line as its counts say."""
     once = np.ones(n_rows, dtype=np.int64)
     words = interleaved([*parts, (once, np.full(n_rows, "\n", dtype=object))], n_rows, object)
-    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding)
+    return " ".join(words).replace("\n ", "\n").replace(" \n", "\n").encode(encoding, "backslashreplace")
 
 
 def interleaved(parts: list[tuple[IntArray, AnyArray]], n_rows: int, kind: type) -> AnyArray:

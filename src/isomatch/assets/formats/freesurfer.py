@@ -15,6 +15,7 @@ from isomatch.assets.formats._reading import on_disk, reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.loading.packages import package
+from isomatch.storage.files import encoding_of
 from isomatch.values.arrays import IntArray
 
 SURFACES = (
@@ -68,7 +69,8 @@ def read_attributes(data: bytes, name: str) -> tuple[Attribute, ...]:
         labels, table, words = freesurfer.read_annot(path)
         colors = {i: tuple((row[:4] / 255).tolist()) for i, row in enumerate(table)}
         colors = {i: (*color[:3], 1 - color[3]) for i, color in colors.items()}  # which stores transparency
-        names = {i: word.decode(errors="surrogateescape") for i, word in enumerate(words)}
+        encoding = encoding_of(b"\n".join(words))
+        names = {i: word.decode(encoding) for i, word in enumerate(words)}
         return (Attribute(title, "point", "label", labels, names=names, colors=colors),)
 
 
@@ -109,7 +111,7 @@ def write_attribute(attribute: Attribute) -> bytes:
             table[row, 3] = round(255 * (1 - color[3]))
         numbers = np.searchsorted(keys, np.maximum(coded.values, keys[0] if keys else 0))
         numbers = np.where(coded.values < 0, -1, numbers)
-        words = [coded.names.get(key, str(key)).encode(errors="surrogateescape") for key in keys]
+        words = [coded.names.get(key, str(key)).encode(errors="backslashreplace") for key in keys]
         freesurfer.write_annot(path, numbers, table, words, fill_ctab=True)
         return path.read_bytes()
 

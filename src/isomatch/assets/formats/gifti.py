@@ -263,7 +263,7 @@ def _table(gifti: Any, labels: list[Attribute]) -> Any:
     colors = {key: color for attribute in labels for key, color in attribute.colors.items()}
     for key, word in names.items():
         label = gifti.GiftiLabel(key, *colors.get(key, (None,) * 4))
-        label.label = word
+        label.label = word.encode(errors="backslashreplace").decode()  # XML has no halves of letters
         table.labels.append(label)
     return table
 

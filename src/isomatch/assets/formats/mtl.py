@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
 from isomatch.errors import FormatError
-from isomatch.storage.files import opened
+from isomatch.storage.files import decoded, encoding_of, opened
 
 _NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 """Options of a picture, with the most numbers that follow each."""
@@ -49,7 +49,12 @@ def looks_of_libraries(files: Mapping[str, bytes], libraries: tuple[str, ...]) -
     return {name: _look(name, each, files) for name, each in said.items()}
 
 
-def library_of(names: tuple[str, ...], layers: tuple[Layer, ...], pictures: Mapping[Picture, str]) -> bytes:
+def library_of(
+    names: tuple[str, ...],
+    layers: tuple[Layer, ...],
+    pictures: Mapping[Picture, str],
+    encoding: str = "utf-8",
+) -> bytes:
     """Write a library of layers under these names; pictures have names too, or keep their own."""
     lines = []
     for name, layer in zip(names, layers):
@@ -58,7 +63,7 @@ def library_of(names: tuple[str, ...], layers: tuple[Layer, ...], pictures: Mapp
             lines.append(f"d {layer.tint[3]:.6g}")
         if layer.picture:
             lines.append(f"map_Kd {pictures.get(layer.picture, layer.picture.name)}")
-    return "".join(f"{line}\n" for line in lines).encode(errors="surrogateescape")
+    return _encoded("".join(f"{line}\n" for line in lines), encoding)
 
 
 def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
@@ -70,7 +75,15 @@ def renamed(library: bytes, names: Mapping[str, str]) -> bytes:
         if keyword.lower().startswith(_PICTURES) and name in names and name in line:
             line = f"{line[: line.rindex(name)]}{names[name]}"
         lines.append(line)
-    return "\n".join(lines).encode(errors="surrogateescape")
+    return _encoded("\n".join(lines), encoding_of(library))
+
+
+def _encoded(text: str, encoding: str) -> bytes:
+    """Write a text in an encoding, or in UTF-8 where that has no letters for it."""
+    try:
+        return text.encode(encoding)
+    except UnicodeEncodeError:
+        return text.encode(errors="backslashreplace")
 
 
 def _look(name: str, said: Mapping[str, str], files: Mapping[str, bytes]) -> Look:
@@ -130,8 +143,7 @@ def _statements(library: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _lines(library: bytes) -> list[str]:
-    text = library.removeprefix(b"\xef\xbb\xbf").decode(errors="surrogateescape")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return decoded(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _content(name: str, folder: Path) -> bytes | None:

@@ -126,7 +126,10 @@ def write(asset: Asset) -> bytes:
             f"0…{len(asset.points) - 1}, which OBJ cannot hold; remove them with repair(mesh)"
         )
     encoding = _encoding(asset, document)
-    lines = [*(f"mtllib {library}\n".encode(encoding) for library in document.libraries), _vertices(asset)]
+    lines = [
+        *(f"mtllib {library}\n".encode(encoding, "backslashreplace") for library in document.libraries),
+        _vertices(asset),
+    ]
     indices = [corners]
     for keyword, _, kind, width in _INDEXED:
         table, index = _table(asset, kind, width)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from io import BytesIO, StringIO
 from itertools import dropwhile
 from pathlib import Path
@@ -13,12 +14,14 @@ import numpy as np
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
+from isomatch.assets.formats._text import number_of
 from isomatch.errors import FormatError
+from isomatch.storage.cells import SEPARATORS, separated
+from isomatch.storage.files import decoded, encoding_of
 from isomatch.values.arrays import AnyArray
 
 _INDEX_NAMES = ("", "index", "vertex", "vertex_index", "point", "node", "unnamed: 0")
-_MARKS = ",;\t"
-_BLANK = {"", "nan", "na", "n/a", "none", "null"}
+_BLANK = {"", "nan", "na", "n/a", "#n/a", "none", "null"}
 
 
 def read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
@@ -29,7 +32,7 @@ def read_array(data: bytes, name: str) -> tuple[Attribute, ...]:
         raise FormatError(
             f"{name}: expected an array (n,) or (n, k) of numbers or texts, one row for each point"
         )
-    values = np.char.decode(values, "utf-8", "surrogateescape") if values.dtype.kind == "S" else values
+    values = np.char.decode(values, encoding_of(values.tobytes())) if values.dtype.kind == "S" else values
     values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
     title = Path(name).stem
     return (Attribute(title, "point", guessed_kind(title, values), values),)
@@ -49,19 +52,17 @@ def read_table(data: bytes, name: str, n_rows: Sequence[int] = ()) -> tuple[Attr
     A first line of names is told by the number of rows, if that is known, or by numbers that follow it. A column named
     vertex, index or nothing that has different whole numbers says which point a row is of.
     """
-    text = data.decode("utf-8-sig", errors="surrogateescape")
-    with reading(name, "columns of text"):
-        rows = _rows(text)
+    rows, may_have_commas = _rows(decoded(data), name)
     if not rows or any(len(row) != len(rows[0]) for row in rows):
         raise FormatError(
             f"{name}: expected columns of one row for each point, found "
             + ("rows of different lengths" if rows else "nothing")
             + "; export it again"
         )
-    has_header = _has_header(rows, n_rows)
+    has_header = _has_header(rows, n_rows, may_have_commas)
     titles = rows.pop(0) if has_header else []
     stem = Path(name).stem
-    columns = [_column(list(cells)) for cells in zip(*rows)]
+    columns = [_column(list(cells), may_have_commas) for cells in zip(*rows)]
     titles = titles or ([stem] if len(columns) == 1 else [f"{stem}_{i}" for i in range(len(columns))])
     index = None
     if len(columns) > 1 and has_header and titles[0].lower() in _INDEX_NAMES and _is_index(columns[0]):
@@ -90,56 +91,52 @@ def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
     writer = csv.writer(file, delimiter=mark, lineterminator="\n")
     writer.writerow(names)
     writer.writerows(zip(*columns))
-    return file.getvalue().encode("utf-8", "surrogateescape")
+    return file.getvalue().encode(errors="backslashreplace")
 
 
-def _rows(text: str) -> list[list[str]]:
-    """Split lines at the mark of the first one, or at blanks; lines at the beginning may be comments."""
+def _rows(text: str, name: str) -> tuple[list[list[str]], bool]:
+    """Split lines at a mark that is in the first one, or at blanks; lines at the beginning may be comments.
+
+    Return the cells, and whether numbers may have decimal commas, since none are between the cells.
+    """
     lines = [line for line in text.splitlines() if line.strip()]
     lines = list(dropwhile(lambda line: line.strip() == "#" or line.startswith("# "), lines))
-    mark = next((each for each in _MARKS if lines and each in lines[0]), None)
-    if mark:
-        return [
-            [cell.strip() for cell in row] for row in csv.reader(StringIO("\n".join(lines)), delimiter=mark)
-        ]
-    rows = [line.split() for line in lines]
-    is_table = all(len(row) == len(rows[0]) for row in rows)
-    return rows if is_table else [[line.strip()] for line in lines]
+    marks = [each for each in SEPARATORS if lines and each in lines[0]]
+    if marks:
+        rows, mark = separated("\n".join(lines), name, marks)
+        return [row for _, row in rows], mark != ","
+    words = [line.split() for line in lines]
+    is_table = all(len(row) == len(words[0]) for row in words)
+    return words if is_table else [[line.strip()] for line in lines], True
 
 
-def _has_header(rows: list[list[str]], n_rows: Collection[int]) -> bool:
+def _has_header(rows: list[list[str]], n_rows: Collection[int], may_have_commas: bool) -> bool:
+    def is_number(cell: str) -> bool:
+        with suppress(ValueError):
+            number_of(cell, may_have_commas)
+            return True
+        return False
+
     first, *others = rows
-    if any(_is_number(cell) for cell in first):
+    if any(map(is_number, first)):
         return False
     if len(first) > 1 and first[0].lower() in _INDEX_NAMES:
         return True
     if (len(rows) in n_rows) != (len(rows) - 1 in n_rows):
         return len(rows) not in n_rows
-    return bool(others) and (
-        any(_is_number(cell) for cell in others[0]) or not any(row == first for row in others)
-    )
+    return bool(others) and (any(map(is_number, others[0])) or not any(row == first for row in others))
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell  # which Python takes for a separator of digits
-
-
-def _column(cells: list[str]) -> AnyArray:
-    """Return whole numbers, numbers with nan for blanks, or texts."""
+def _column(cells: list[str], may_have_commas: bool) -> AnyArray:
+    """Return whole numbers, numbers with nan for blanks, or texts; commas are decimal if there are no points."""
     if any("_" in cell for cell in cells):
         return np.array(cells)
-    try:
+    with suppress(ValueError, OverflowError):
         return np.array([int(cell) for cell in cells], dtype=np.int64)
-    except (ValueError, OverflowError):
-        pass
-    try:
-        return np.array([np.nan if cell.lower() in _BLANK else float(cell) for cell in cells])
-    except ValueError:
-        return np.array(cells)
+    has_commas = may_have_commas and not any("." in cell for cell in cells)
+    with suppress(ValueError):
+        return np.array([np.nan if cell.lower() in _BLANK else number_of(cell, has_commas) for cell in cells])
+    return np.array(cells)
 
 
 def _is_index(column: AnyArray) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
@@ -87,8 +86,7 @@ def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
             raise FormatError(
                 f"{name}: expected {what}, found damaged contents ({problems[0]}); copy or export it again"
             )
-        notes = (f"{mesh.n_lines} lines are left out",) if mesh.n_lines else ()
-        return replace(held_by(mesh), notes=notes)
+        return held_by(mesh)
 
 
 def _declared_polygons(data: bytes) -> int:
