@@ -41,7 +41,7 @@ docs: $(DOCS)/bin/sphinx-build
 	NUMBA_CACHE_DIR=$(CURDIR)/$(DOCS)/loops $< -n -W --keep-going docs docs/_build/html
 
 told:
-	@echo 'all tests: about 7 minutes on two cores; `make test-long` runs 211 others'
+	@echo 'all tests: about 15 minutes on two cores; `make test-long` runs 211 others'
 
 test: told $(VENV)/dev lint  # types are checked beside the tests, and told in the end
 	$(BIN)/mypy >$(VENV)/types 2>&1 & checked=$$!; \
