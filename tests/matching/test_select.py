@@ -333,6 +333,19 @@ def test_the_weights_of_maps_that_agree_or_of_which_nothing_is_known_are_none():
     ]
 
 
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1], [1, 2, 0]])
+def test_of_maps_that_beat_each_other_in_a_ring_the_one_that_loses_least_wins(order):
+    """The first beats the second by 0.3 of the mismatch, the second the third by 0.05, and the third the first by 0.2."""
+    early = HERE < 50
+    images = [HERE, HERE + 5 * early, HERE + 5 * ~early]
+    mismatches = [np.where(early, *values) for values in ((0.2, 0.5), (0.5, 0.3), (0.6, 0.3))]
+    ordered = ([each[i] for i in order] for each in (images, mismatches))
+    costs = weighed([1.0] * 3, *ordered, line, [True] * 3, 2.0)
+    assert order[int(np.argmin(costs))] == 2
+    assert sorted(costs)[:2] == pytest.approx([1.0, 1.0])
+    assert max(costs) == pytest.approx(np.exp(2 * 0.2))
+
+
 def test_only_eligible_maps_are_the_standard():
     poor, good = 0.9 + 0 * HERE, 0.1 + 0 * HERE
     costs = weighed([1.0, 1.1], [HERE, THERE], [poor, good], line, [True, False], 1.0)

@@ -220,8 +220,9 @@ def weighed(
     """Multiply the costs of maps by what their images look like where they differ from the best map.
 
     The ratio of two costs is multiplied by exp(weight × the difference of their mean mismatches over the vertices that
-    they send to different places). The best map is found by comparing each with the best so far, cheapest first; then all
-    are compared with it.
+    they send to different places). Each two maps are compared, and the best is the one that loses least to any other:
+    as a rule it loses to none, but the regions differ, so that three maps may beat each other in a ring. Then all are
+    compared with it.
 
     Parameters
     ----------
@@ -248,13 +249,19 @@ def weighed(
             return 1.0
         return float(np.exp(weight * (mismatches[i] - mismatches[j])[known].mean()))
 
-    order = sorted(range(len(costs)), key=lambda i: costs[i])
-    best = next(i for i in order if eligible[i])
-    for i in order:
-        if eligible[i] and costs[i] * factor(i, best) < costs[best]:
-            best = i
+    may_win = sorted((i for i in range(len(costs)) if eligible[i]), key=lambda i: costs[i])
+    ratios = np.ones((len(costs), len(costs)))
+    for place, i in enumerate(may_win):
+        for j in may_win[:place]:
+            ratios[i, j] = costs[i] / max(costs[j], np.finfo(float).tiny) * factor(i, j)
+            ratios[j, i] = 1 / max(ratios[i, j], np.finfo(float).tiny)
+    best = min(may_win, key=lambda i: ratios[i].max())
     against_best = [cost * factor(i, best) for i, cost in enumerate(costs)]
-    return [max(cost, costs[best]) if may else cost for cost, may in zip(against_best, eligible)]
+    least = np.nextafter(costs[best], np.inf)
+    return [
+        costs[best] if i == best else max(cost, float(least)) if eligible[i] else cost
+        for i, cost in enumerate(against_best)
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
