@@ -241,26 +241,23 @@ def weighed(
     list of q float
         That of the best map is its own.
     """
-
-    def factor(i: int, j: int) -> float:
-        known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
-        known &= distance(images[i], images[j]) > ELSEWHERE
-        if known.mean() < LEAST_REGION:
-            return 1.0
-        return float(np.exp(weight * (mismatches[i] - mismatches[j])[known].mean()))
-
-    may_win = sorted((i for i in range(len(costs)) if eligible[i]), key=lambda i: costs[i])
-    ratios = np.ones((len(costs), len(costs)))
-    for place, i in enumerate(may_win):
-        for j in may_win[:place]:
-            ratios[i, j] = costs[i] / max(costs[j], np.finfo(float).tiny) * factor(i, j)
-            ratios[j, i] = 1 / max(ratios[i, j], np.finfo(float).tiny)
-    best = min(may_win, key=lambda i: ratios[i].max())
-    against_best = [cost * factor(i, best) for i, cost in enumerate(costs)]
+    n = len(costs)
+    looks = np.zeros((n, n))  # logarithm of the factor on the ratio of two costs
+    for i in range(n):
+        for j in range(i):
+            known = np.isfinite(mismatches[i]) & np.isfinite(mismatches[j])
+            known &= distance(images[i], images[j]) > ELSEWHERE
+            if known.mean() >= LEAST_REGION:
+                looks[i, j] = weight * (mismatches[i] - mismatches[j])[known].mean()
+                looks[j, i] = -looks[i, j]
+    against = np.array(costs)[:, None] * np.exp(looks)
+    lost = against / np.maximum(costs, np.finfo(float).tiny)
+    may_win = sorted(np.flatnonzero(eligible).tolist(), key=lambda i: costs[i])
+    best = min(may_win, key=lambda i: lost[i, may_win].max())
     least = np.nextafter(costs[best], np.inf)
     return [
-        costs[best] if i == best else max(cost, float(least)) if eligible[i] else cost
-        for i, cost in enumerate(against_best)
+        costs[best] if i == best else float(max(cost, least) if eligible[i] else cost)
+        for i, cost in enumerate(against[:, best])
     ]
 
 
