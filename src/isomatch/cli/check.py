@@ -20,7 +20,7 @@ Verb = Literal["distance", "basis", "match"]
 # how each command sets out, which is where it refuses a mesh
 _BEGINNINGS: dict[Verb, Callable[[isomatch.Mesh], object]] = {
     "distance": lambda mesh: isomatch.distance_engine(surface_of(mesh)),
-    "basis": lambda mesh: bases.basis_domain(_welded(mesh), n_columns=N_COLUMNS),
+    "basis": lambda mesh: bases.basis_domain(mending.without_seams(mesh)[0], n_columns=N_COLUMNS),
     "match": lambda mesh: shapes.body_of(surface_of(mesh), isomatch.Config().preparation),
 }
 
@@ -124,11 +124,6 @@ def _rows(records: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
         fit = ("no" if reason else "yes" for reason in record["refused_by"].values())
         defects = "; ".join([*record["fatal"], *record["warnings"], *record["notes"]])
         yield record["file"], str(record["n_vertices"]), str(record["n_faces"]), *fit, defects
-
-
-def _welded(mesh: isomatch.Mesh) -> isomatch.Mesh:
-    seams = mending.welded_surface(mesh)
-    return seams.mesh if seams else mesh
 
 
 def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:

@@ -6,10 +6,9 @@ import numpy as np
 
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.mending import welded_surface
 from isomatch.resolution import PlacedMesh, VertexGroups, normalised
 from isomatch.surfaces import Mesh, PrecisePoints, Surface
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.arrays import BoolArray, IntArray
 
 TORN = 4.0  # times the usual stretch of an edge by a map: more is a tear
 
@@ -115,18 +114,6 @@ def composed_on_surface(
     return composed_points, near[:, 1:].any(axis=1)
 
 
-def _nearest_image(target: Surface, images: IntArray) -> tuple[FloatArray, IntArray]:
-    """Distance along edges of each vertex to the nearest image, and which one that is; negative where there is none."""
-    seams = welded_surface(target)
-    if not seams:
-        return distance_along_edges_to_nearest(target, images)
-    point = seams.new_index
-    gap, near = distance_along_edges_to_nearest(seams.mesh, point[images])
-    image = np.full(seams.mesh.n_vertices, -1)
-    image[point[images]] = images
-    return gap[point], np.where(near < 0, near, image[near])[point]
-
-
 def inverse(
     image: IntArray, there: PrecisePoints, source: Surface, target: Surface, within: float
 ) -> tuple[PrecisePoints, BoolArray]:
@@ -138,7 +125,7 @@ def inverse(
     n = target.n_vertices
     if not matched.any():
         return PrecisePoints.at_vertices(np.full(n, -1)), np.zeros(n, dtype=bool)
-    gap, near = _nearest_image(target, np.unique(image[matched]))
+    gap, near = distance_along_edges_to_nearest(target, np.unique(image[matched]), weld=True)
     reached = gap <= within * np.sqrt(target.area)
     groups = VertexGroups.of(image, n)
     preimages = PrecisePoints.at_vertices(np.where(reached, groups.members[groups.start[near * reached]], -1))

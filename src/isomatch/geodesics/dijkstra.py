@@ -7,6 +7,7 @@ import scipy
 
 from isomatch.geodesics.protocol import ColumnEngine
 from isomatch.geodesics.units import require_finite
+from isomatch.mending import without_seams
 from isomatch.runtime.threads import parallel_map
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import FloatArray, IntArray
@@ -56,7 +57,9 @@ class Dijkstra(ColumnEngine):
         return np.concatenate(rows) if rows else np.zeros((0, self.n_points))
 
 
-def distance_along_edges_to_nearest(surface: Surface, vertices: IntArray) -> tuple[FloatArray, IntArray]:
+def distance_along_edges_to_nearest(
+    surface: Surface, vertices: IntArray, *, weld: bool = False
+) -> tuple[FloatArray, IntArray]:
     """Compute the distance along edges from each vertex to the nearest of some vertices, and which one that is.
 
     Parameters
@@ -65,6 +68,8 @@ def distance_along_edges_to_nearest(surface: Surface, vertices: IntArray) -> tup
         A shape of n points joined by edges that have lengths.
     vertices : (m,) array of int
         The vertices to measure from, at least one.
+    weld : bool
+        Whether vertices of a mesh at exactly the same position are one point of the surface.
 
     Returns
     -------
@@ -84,6 +89,13 @@ def distance_along_edges_to_nearest(surface: Surface, vertices: IntArray) -> tup
     >>> distance.tolist(), nearest.tolist()
     ([1.0, 0.0, 1.0, 2.0], [1, 1, 1, 1])
     """
+    surface, seams = without_seams(surface, weld)
+    if seams:
+        point = seams.new_index
+        gap, near = distance_along_edges_to_nearest(surface, point[vertices])
+        nearest = np.full(surface.n_vertices, -1)
+        nearest[point[vertices]] = vertices
+        return gap[point], np.where(near < 0, near, nearest[near])[point]
     i, j = surface.edges.T
     lengths = np.maximum(surface.edge_lengths, 1e-300)
     graph = scipy.sparse.coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()

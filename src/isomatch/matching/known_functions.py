@@ -12,7 +12,6 @@ from isomatch.errors import DescriptorError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import checked_descriptors
 from isomatch.matching.pair import ShapePair
-from isomatch.mending import welded_surface
 from isomatch.surfaces import Surface
 from isomatch.values.arrays import FloatArray, numbers_of
 
@@ -53,17 +52,12 @@ def with_functions(pair: ShapePair, functions: tuple[ArrayLike, ArrayLike] | Non
 
 def _filled(values: FloatArray, surface: Surface) -> FloatArray:
     """Take unknown values (n, q) from the nearest vertices along edges that have one; 0 where none is reached."""
-    if not np.isnan(values).any():
-        return values
-    seams = welded_surface(surface)
-    welded, at = (seams.mesh, seams.new_index) if seams else (surface, np.arange(len(values)))
     filled = values.copy()
     for column in filled.T:
-        unknown, known = np.flatnonzero(np.isnan(column)), np.flatnonzero(np.isfinite(column))
-        value_at = np.zeros(welded.n_vertices)
-        value_at[at[known]] = column[known]
-        apart, nearest = distance_along_edges_to_nearest(welded, np.unique(at[known]))
-        reached = np.isfinite(apart)
-        value_at[reached] = value_at[nearest[reached]]
-        column[unknown] = value_at[at[unknown]]
+        unknown = np.isnan(column)
+        if unknown.any():
+            apart, nearest = distance_along_edges_to_nearest(surface, np.flatnonzero(~unknown), weld=True)
+            reached = np.isfinite(apart)
+            column[unknown & ~reached] = 0.0
+            column[unknown & reached] = column[nearest[unknown & reached]]
     return filled

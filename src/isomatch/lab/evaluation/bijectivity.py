@@ -9,7 +9,7 @@ from isomatch.errors import MapError
 from isomatch.geodesics import DistanceEngine
 from isomatch.lab.evaluation.princeton import geodesic_errors
 from isomatch.matching import COVERAGE_RADIUS, covered_share
-from isomatch.mending import welded_surface
+from isomatch.mending import without_seams
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
@@ -50,10 +50,8 @@ def coverage(target: Mesh, correspondence: Correspondence, reach: float = COVERA
         raise MapError(
             f"{correspondence!r} does not fit {target!r}; give the target that the map was made for"
         )
-    images, seams = correspondence.vertices[correspondence.matched], welded_surface(target)
-    if seams:
-        return covered_share(seams.mesh, seams.new_index[images], reach)
-    return covered_share(target, images, reach)
+    images, (welded, seams) = correspondence.vertices[correspondence.matched], without_seams(target)
+    return covered_share(welded, seams.new_index[images] if seams else images, reach)
 
 
 def cycle_errors(
