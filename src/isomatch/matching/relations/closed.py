@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
 
 import numpy as np
 
@@ -64,9 +63,7 @@ class ClosedMatch:
 
     def mirrored_images(self, side: str) -> list[IntArray]:
         """Return the same by the best maps that reverse the orientation, which the match did not allow."""
-        least = self.pair.config.selection.orientation_threshold
-        turned = [each for each in self.found.eligible if each.orientation < -least]
-        best = sorted(turned, key=attrgetter("energy"))[:MOST_MIRRORED]
+        best = self.relation.turned(self.found.eligible)[:MOST_MIRRORED]
         fits = self.relation.contest(self.relation.begun(best))
         return [self._image(self.relation.everywhere(fit), side) for fit in fits]
 

@@ -265,22 +265,25 @@ class Isometry(Relation):
             or not self.pair.oriented
         ):
             return selection
-        settings, bounds = config.selection, config.outcome
-        wanted = 1 if config.orientation == "preserve" else -1
-        turned, kept = [], [np.inf]
-        for candidate in candidates:
-            if wanted * candidate.orientation < -settings.orientation_threshold:
-                turned.append(candidate)
-            elif wanted * candidate.orientation > 0:
-                kept.append(candidate.energy)
-        hopeful = [each for each in turned if each.energy < settings.mirrored_energy * min(kept)]
+        settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
+        kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
+        hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
         if not hopeful:
             return selection
-        hopeful.sort(key=attrgetter("energy"))
         fits = [selection.winner, *self.contest(self.begun(hopeful[:MOST_MIRRORED]))]
         costs = self.weighed(fits, [fit.score for fit in fits], [fit is selection.winner for fit in fits])
         ratio = max(min(costs[1:]), SCORE_NOISE) / max(costs[0], SCORE_NOISE)
         return replace(selection, mirrored=ratio) if ratio < bounds.mirror_image else selection
+
+    def turned(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates that clearly have the orientation that is not allowed, least energy first."""
+        least = self.pair.config.selection.orientation_threshold
+        turned = [c for c in candidates if self._wanted_sign * c.orientation < -least]
+        return sorted(turned, key=attrgetter("energy"))
+
+    @property
+    def _wanted_sign(self) -> int:
+        return 1 if self.pair.config.orientation == "preserve" else -1
 
     def _apart(self, fits: list[Fit]) -> FloatArray:
         return distances_between([fit.image for fit in fits], self.target.mean_distances)

@@ -18,7 +18,7 @@ from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distance
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
-from isomatch.matching.pair import SmoothPair
+from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import (
     contradicted_landmarks,
     covered_share,
@@ -227,11 +227,15 @@ class Part(Relation):
 
     @cached_property
     def _fits(self) -> PartFits:
-        pair = self.pair if self.side == "source" else self.pair.turned
-        landmarks = self._towards_whole(self.hints.landmarks)
+        landmarks, known = self._towards_whole(self.hints.landmarks), self._from_part.known
         return PartFits(
-            PartPair.of(self.source, self.target, pair.config, landmarks, pair.known), self._hinted_image
+            PartPair.of(self.source, self.target, self.pair.config, landmarks, known), self._hinted_image
         )
+
+    @property
+    def _from_part(self) -> ShapePair:
+        """The pair with the part as its source."""
+        return self.pair if self.side == "source" else self.pair.turned
 
     @cached_property
     def _hinted_image(self) -> IntArray | None:
@@ -284,7 +288,10 @@ class Part(Relation):
         images = [] if self.closed is None or self.hints.any else self.closed.mirrored_images(self.side)
         if not images:
             return False
-        fits = PartFits(PartPair.of(mirror_image(self.source), self.target, self.pair.config))
+        known = self._from_part.known
+        fits = PartFits(
+            PartPair.of(mirror_image(self.source), self.target, self.pair.config, functions=known)
+        )
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
         begun = [fits.begun(fits.pair.in_unit_of(image), image[rough], "") for image in images]
         refined = parallel_map(fits.refined, begun)

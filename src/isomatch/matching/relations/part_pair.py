@@ -9,6 +9,7 @@ import numpy as np
 from isomatch.correspondence import Embedding, IntervalCost
 from isomatch.descriptors import RADII, BallSignature, ball_signature
 from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.matching.pair import SmoothPair
 from isomatch.settings import Config
 from isomatch.shapes import N_BALLS, PreparedShape
 from isomatch.surfaces import Mesh
@@ -103,7 +104,7 @@ class PartPair:
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
         lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
         if functions is None:
-            functions = Embedding(*(np.zeros((shape.body.n_vertices, 0)) for shape in (part, whole)))
+            functions = SmoothPair(part, whole, config).known
         found = cls(
             part, whole, unit, config, missing, anchors, lower, along, landmarks[:, 1], UNKNOWN, functions
         )
