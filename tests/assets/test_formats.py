@@ -13,7 +13,7 @@ from isomatch import read_asset, read_mesh, write_asset
 from isomatch.assets import (
     FORMATS,
     asset_from,
-    base_colours,
+    looks_of,
     pixels_of,
     to_meshio,
     to_open3d,
@@ -139,10 +139,11 @@ def test_a_texture_of_trimesh_goes_out_and_in(kind):
     given = to_trimesh(textured())
     if kind == "PBR":
         given.visual.material = given.visual.material.to_pbr()
-    materials, [(picture, tint)] = base_colours(asset_from(given).document)
-    assert set(materials) == {0}
-    assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
-    assert tint == [1, 1, 1, 1]
+    looks = looks_of(asset_from(given))
+    [look] = looks.looks
+    assert set(looks.of_triangle) == {0}
+    assert np.array_equal(np.rint(255 * pixels_of(look.base.picture.data)), TEXTURE)
+    assert list(look.base.tint) == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize(
@@ -164,9 +165,9 @@ def test_the_tint_of_a_texture_of_trimesh_stays(change, tint, request, tmp_path)
     change(mesh.visual.material)
     write_asset(tmp_path / "tinted.glb", asset_from(mesh))
     asset = read_asset(tmp_path / "tinted.glb")
-    _, [(picture, found)] = base_colours(asset.document)
-    assert found == pytest.approx(tint)
-    assert np.array_equal(np.rint(255 * pixels_of(picture)), TEXTURE)
+    [look] = looks_of(asset).looks
+    assert list(look.base.tint) == pytest.approx(tint)
+    assert np.array_equal(np.rint(255 * pixels_of(look.base.picture.data)), TEXTURE)
 
     opened = to_trimesh(asset).visual.material.to_pbr()  # as trimesh writes it to a GLB file
     shown = np.asarray(opened.baseColorTexture) * (opened.baseColorFactor / 255)

@@ -5,15 +5,15 @@ import pytest
 from made import ATTRIBUTES, BY_CORNER, POINTS, POLYGONS, TEXTURE, textured, whole
 
 from isomatch import PointCloud, read_asset, write_asset
-from isomatch.assets import asset_from, base_colours, mesh_from, pixels_of, surface_from, to_open3d
+from isomatch.assets import asset_from, looks_of, mesh_from, pixels_of, surface_from, to_open3d
 
 o3d = pytest.importorskip("open3d")
 
 
 def shown(asset):
     """The pixels of the texture of an asset, as octets."""
-    _, [(picture, _)] = base_colours(asset.document)
-    return np.rint(255 * pixels_of(picture)).astype(np.uint8)
+    [look] = looks_of(asset).looks
+    return np.rint(255 * pixels_of(look.base.picture.data)).astype(np.uint8)
 
 
 def test_vertices_and_faces_are_the_same():

@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from isomatch import Config, Mesh, Outcome, match
+from isomatch import Config, Outcome, match
 from isomatch.datasets import creature
 from isomatch.lab.damage import cut
+from isomatch.surfaces import reflected
 from shapes import disguised
-
-
-def reflected(mesh):
-    return Mesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1])
 
 
 def lopsided(pose, **changes):

@@ -11,7 +11,6 @@ from isomatch.assets.files import (
     write_mesh,
 )
 from isomatch.assets.formats.gltf import with_key_weights_of
-from isomatch.assets.formats.gltf_looks import base_colours
 from isomatch.assets.formats.gltf_skins import animation_channels, is_posed, with_skin_of
 from isomatch.assets.formats.registry import FORMATS, MeshFormat
 from isomatch.assets.frame import Frame
@@ -44,7 +43,6 @@ __all__ = [
     "animation_channels",
     "as_written",
     "asset_from",
-    "base_colours",
     "files_beside",
     "holds_values",
     "is_posed",

@@ -11,7 +11,7 @@ import numpy as np
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch.cli.inputs import naming_files
-from isomatch.cli.outputs import claimed_files, notes_on, say_notes
+from isomatch.cli.outputs import claimed_files, notes_on, say_left_out, say_notes
 from isomatch.cli.terminal import Talk, say
 from isomatch.errors import FormatError, LandmarkError
 from isomatch.transfer import Side
@@ -94,7 +94,6 @@ def _summary(record: dict[str, Any], landmarks: isomatch.Landmarks, output: Path
         say(f"expected error: median {np.nanmedian(errors):.4g}, at most {errors[worst]:.4g} ({name})")
     if missing := [name or str(i + 1) for i, name in enumerate(landmarks.names) if not landmarks.placed[i]]:
         say(f"without an image: {', '.join(missing)}")
-    if record["left_out"]:
-        say(f"a {output.suffix} file has no place for {', '.join(record['left_out'])}")
+    say_left_out(record["left_out"], output)
     say_notes(record["notes"])
     say(f"wrote {output}")

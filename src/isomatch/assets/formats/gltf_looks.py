@@ -96,18 +96,6 @@ def with_looks(receiver: Asset, looks: Looks) -> Asset:
     return edited(receiver, _painted(document, gltf, looks.of_triangle, starts), gltf)
 
 
-def base_colours(document: object) -> tuple[IntArray, list[tuple[bytes, list[float]]]] | None:
-    """Find the look of each triangle, and of each look its picture (empty if none) and its tint.
-
-    None if it is no glTF file with materials.
-    """
-    looks = looks_of(document) if isinstance(document, GltfDocument) else None
-    if looks is None:
-        return None
-    bases = [look.base for look in looks.looks]
-    return looks.of_triangle, [(b.picture.data if b.picture else b"", list(b.tint)) for b in bases]
-
-
 def seen(of_triangle: IntArray, giver_triangle: IntArray) -> IntArray:
     """Return what each triangle takes from a triangle of the giver, and where that is −1, what most of them take."""
     held = of_triangle[giver_triangle]
