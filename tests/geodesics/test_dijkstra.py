@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isomatch import Graph, Mesh, MeshError, PointCloud, farthest_point_sampling, geodesic_distances
-from isomatch.geodesics import distance_engine, peripheral_vertex
+from isomatch.geodesics import distance_along_edges_to_nearest, distance_engine, peripheral_vertex
 from shapes import flat_grid
 
 
@@ -106,3 +106,13 @@ def test_edges_of_a_mesh_are_an_upper_bound():
 def test_a_path_may_use_an_edge_of_length_zero():
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 1]], [[0, 1, 2], [1, 2, 3]])
     assert geodesic_distances(mesh, [0], "dijkstra", weld=False)[0, 3] == pytest.approx(1 + 2**0.5)
+
+
+def test_the_nearest_vertex_across_a_seam_and_none_on_another_component():
+    """Two triangles whose common edge is split, and a third far away."""
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [9, 9, 9], [9, 8, 9], [8, 9, 9]]
+    mesh = Mesh(corners, [[0, 1, 2], [3, 5, 4], [6, 7, 8]])
+    distance, nearest = distance_along_edges_to_nearest(mesh, np.array([0]), weld=True)
+    assert distance.tolist() == [0, 1, 1, 1, 1, 2, np.inf, np.inf, np.inf]
+    assert nearest[:6].tolist() == [0] * 6
+    assert np.all(nearest[6:] < 0)

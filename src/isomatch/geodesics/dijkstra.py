@@ -95,7 +95,7 @@ def distance_along_edges_to_nearest(
         gap, near = distance_along_edges_to_nearest(surface, point[vertices])
         nearest = np.full(surface.n_vertices, -1)
         nearest[point[vertices]] = vertices
-        return gap[point], np.where(near < 0, near, nearest[near])[point]
+        return gap[point], np.where(near < 0, -1, nearest[np.maximum(near, 0)])[point]
     i, j = surface.edges.T
     lengths = np.maximum(surface.edge_lengths, 1e-300)
     graph = scipy.sparse.coo_array((lengths, (i, j)), shape=(surface.n_vertices,) * 2).tocsr()
