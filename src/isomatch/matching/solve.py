@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Solution, closed_evidence
+from isomatch.matching.judge import Evidence, Solution, closed_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.relations.closed import match_closed, with_doubt
+from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_cut, with_doubt
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
@@ -39,9 +39,32 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
         if pair.config.parts.close:
             timer.start("holes closed")
             closed = match_closed(pair, hints, stages, timer)
+        if closed and (cut := _contacts_cut(pair, hints, stages, timer, closed.score)):
+            solution = cut.solution(timer).with_evidence(Evidence(partial=True))
+            if solution.outcome is Outcome.PARTIAL:
+                return solution
+            closed = cut
         return Part(role, closed).on(pair, hints, stages).solution(timer)
     relation = Isometry().on(pair, hints, stages)
-    return solve_complete(relation, relation.match(timer), timer)
+    found = relation.match(timer)
+    cut = _contacts_cut(pair, hints, stages, timer, found.selection.winner.score)
+    return cut.solution(timer) if cut else solve_complete(relation, found, timer)
+
+
+def _contacts_cut(
+    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, score: float
+) -> ClosedMatch | None:
+    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
+    ours, theirs = pair.source.handles, pair.target.handles
+    more = max(ours - theirs, 0), max(theirs - ours, 0)
+    best = None
+    for counts in dict.fromkeys([more, (ours, theirs)]):
+        if max(counts):
+            timer.start("contacts cut")
+            found = match_cut(pair, hints, stages, timer, *counts)
+            if found and found.score < score:
+                best, score = found, found.score
+    return best
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:

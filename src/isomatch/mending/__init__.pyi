@@ -1,16 +1,20 @@
 from isomatch.mending.caps import capped
 from isomatch.mending.check import check
+from isomatch.mending.contacts import Cut, cut_contacts, handles
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
 from isomatch.mending.seams import welded_surface, without_seams
 from isomatch.mending.sheets import Separation, separate_sheets
 
 __all__ = [
+    "Cut",
     "MeshReport",
     "Repair",
     "Separation",
     "capped",
     "check",
+    "cut_contacts",
+    "handles",
     "repair",
     "separate_sheets",
     "welded_surface",

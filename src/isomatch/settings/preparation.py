@@ -33,6 +33,9 @@ class PreparationSettings(Settings):
     sheet_distance : float
         Sheets that are glued together, such as limbs that touch in a scan, are separated where they are at least so far
         apart along the surface, in √area; ``inf`` leaves them together.
+    contact_concavity : float
+        Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most
+        this; 0 cuts none.
     most_components : int
         Most components of a mesh, beside the largest, that are matched by themselves.
     """
@@ -55,4 +58,7 @@ class PreparationSettings(Settings):
     distance_unit: DistanceUnit = setting("average", "docs/paper.md, deviations: distances in mesh units")
     block_diagonal: bool = setting(True, "docs/paper.md, deviations: C not block-diagonal")
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
+    contact_concavity: float = setting(
+        0.5, "docs/robustness.md, touching limbs: seams have 0.16 to 0.36", least=0
+    )
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import capped
+from isomatch.mending import capped, cut_contacts
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
-from isomatch.surfaces import reflected
+from isomatch.surfaces import Mesh, reflected
+from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_method
 
 OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
@@ -25,17 +26,32 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 
     A body without a long boundary is taken as it is.
     """
-    if shape.triangles is None or shape.longest_boundary <= shape.config.parts.long_boundary:
-        same = np.arange(shape.body.n_vertices)
-        alone = replace(shape, surface=shape.body, body_vertex=same, user_vertex=same, scale=1.0, notes=())
-        alone = replace(alone, others=(), detail=None, finer=None, refining=None)
-        kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
-        alone.__dict__.update({name: getattr(shape, name) for name in kept})
-        return alone
-    closed, config = capped(shape.triangles), replace(shape.requested, resolution="full")
+    everything = np.arange(shape.body.n_vertices)
+    if shape.triangles is not None and shape.longest_boundary > shape.config.parts.long_boundary:
+        return _closed(shape, shape.triangles, everything)
+    alone = replace(
+        shape, surface=shape.body, body_vertex=everything, user_vertex=everything, scale=1.0, notes=()
+    )
+    alone = replace(alone, others=(), detail=None, finer=None, refining=None, origin=everything)
+    kept = OF_BODY if shape.config.preparation.distance_unit == "user" else (*OF_BODY, "symmetries")
+    alone.__dict__.update({name: getattr(shape, name) for name in kept})
+    return alone
+
+
+@cached_method
+def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
+    """Cut a body along the seams of so many contacts, and close all holes; its vertices are the first. None without any."""
+    cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
+    return _closed(shape, cut.mesh, cut.vertex_index) if cut.seams else None
+
+
+def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:
+    """Prepare the body of a shape, perhaps cut, with all holes closed, given the vertex of the body of each of its own."""
+    closed = capped(mesh)
+    config = replace(shape.requested, resolution="full")
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
-    on_cap = made.user_vertex >= shape.body.n_vertices
-    return replace(made, caps=np.flatnonzero(on_cap))
+    on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)
+    return replace(made, origin=np.concatenate([origin, on_caps]))
 
 
 @cached_method

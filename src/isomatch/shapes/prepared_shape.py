@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from isomatch.descriptors import (
 )
 from isomatch.errors import SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.mending import check
+from isomatch.mending import check, handles
 from isomatch.resolution import Prolongation
 from isomatch.settings import Config
 from isomatch.shapes.body import Body
@@ -77,8 +77,9 @@ class PreparedShape(SmoothShape):
         A finer level, on which maps of complete shapes are polished.
     refining : Prolongation, optional
         Between the finer level and the body.
-    caps : (c,) array of int
-        Vertices of the body that close its holes, and are none of the user's.
+    origin : (n_body,) array of int, optional
+        Of a shape that was closed or cut: the vertex of the shape that it was made from of each vertex of the body; −1
+        of those that close its holes.
     """
 
     scale: float
@@ -96,7 +97,7 @@ class PreparedShape(SmoothShape):
     others: tuple[Body, ...] = ()
     finer: Level | None = None
     refining: Prolongation | None = None
-    caps: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    origin: IntArray | None = None
 
     def save(self, path: str | Path) -> None:
         """Write everything to an ``.npz`` file, so that the shape need not be prepared again.
@@ -196,6 +197,11 @@ class PreparedShape(SmoothShape):
         return float(check(self.triangles).boundary_lengths[0]) if self.boundary_length else 0.0
 
     @cached_property
+    def handles(self) -> int:
+        """Number of handles of the body, see `mending.handles`; 0 of points and graphs."""
+        return 0 if self.triangles is None else handles(self.triangles)
+
+    @cached_property
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
         return self.triangles is not None and len(check(self.triangles).inconsistent_edges) > 0
@@ -247,8 +253,8 @@ class PreparedShape(SmoothShape):
         if self.triangles is None:
             return None
         found = ball_signature(self.triangles, unit=1.0, samples=self.sample_vertices[:N_BALLS], weld=False)
-        if len(self.caps):
-            to_caps, _ = distance_along_edges_to_nearest(self.triangles, self.caps)
+        if self.origin is not None and (self.origin < 0).any():
+            to_caps, _ = distance_along_edges_to_nearest(self.triangles, np.flatnonzero(self.origin < 0))
             found = replace(found, to_boundary=np.minimum(found.to_boundary, to_caps))
         return found
 

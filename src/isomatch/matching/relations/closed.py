@@ -21,7 +21,8 @@ from isomatch.matching.result import Alternative
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
-from isomatch.shapes import PreparedShape, capped_shape
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, capped_shape, cut_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -57,6 +58,11 @@ class ClosedMatch:
         """Where the map came from."""
         return self.relation.origin_of(self.found.selection.winner)
 
+    @property
+    def score(self) -> float:
+        """Cost of the map."""
+        return self.found.selection.winner.score
+
     def image_of(self, side: str) -> IntArray:
         """Vertex of the other shape for each vertex of the source or the target: the nearest one that is on no cap."""
         return self._image(self.found.embedding, side)
@@ -68,16 +74,16 @@ class ClosedMatch:
         return [self._image(self.relation.everywhere(fit), side) for fit in fits]
 
     def _image(self, embedding: Embedding, side: str) -> IntArray:
-        of_source, of_target = embedding
+        source, target = self.relation.pair.source, self.relation.pair.target
         if side == "source":
-            return _images(self.pair.source, of_source, self.pair.target, of_target)
-        return _images(self.pair.target, of_target, self.pair.source, of_source)
+            return _images(source, embedding.source, target, embedding.target)
+        return _images(target, embedding.target, source, embedding.source)
 
     @cached_property
     def doubt(self) -> PartDoubt:
         """How sure the map is, as one of the source as it is to the target with its holes closed."""
         selection, config = self.found.selection, self.pair.config
-        part, whole = self.pair.source, capped_shape(self.pair.target)
+        part, whole = self.pair.source, self.relation.pair.target
         pair = PartPair.of(part, whole, config)
         if config.scale != "area":  # the capped body was made from one of unit area
             pair = pair.with_unit(pair.unit / self.pair.target.scale)
@@ -136,21 +142,14 @@ class ClosedMatch:
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""
-        n_target = self.pair.target.body.n_vertices
         rows = slice(self.pair.source.body.n_vertices)
         vertices, corners, weights = closed.vertices[rows], closed.faces[rows], closed.barycentric[rows]
-        gap, owner = self._rim_of_target
+        gap, owner = _owners(self.relation.pair.target)
         matched = gap[vertices] <= self.pair.config.parts.rim * np.sqrt(self.pair.target.body.area)
         points = PrecisePoints.at_vertices(owner[vertices])
-        inside = (corners < n_target).all(axis=1)
-        points.corners[inside], points.barycentric[inside] = corners[inside], weights[inside]
+        inside = (gap[corners] == 0).all(axis=1)
+        points.corners[inside], points.barycentric[inside] = owner[corners[inside]], weights[inside]
         return points, matched
-
-    @cached_property
-    def _rim_of_target(self) -> tuple[FloatArray, IntArray]:
-        """Distance of each vertex of the capped target from the target, and its nearest vertex there."""
-        target = self.pair.target
-        return distance_along_edges_to_nearest(capped_shape(target).body, np.arange(target.body.n_vertices))
 
 
 def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> ClosedMatch | None:
@@ -158,17 +157,45 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
     if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
         return None  # distances across caps are not known
     source, target = parallel_map(capped_shape, (pair.source, pair.target))
-    config = pair.config
-    flipped = max(FLIPPED, config.search.flipped)
+    flipped = max(FLIPPED, pair.config.search.flipped)
+    config = replace(pair.config, search=replace(pair.config.search, flipped=flipped))
+    return _match_between(source, target, config, pair, hints, stages, timer)
+
+
+def match_cut(
+    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
+) -> ClosedMatch | None:
+    """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
+    source, target = (cut_shape(pair.source, n_source), cut_shape(pair.target, n_target))
+    if source is None and target is None:
+        return None
+    return _match_between(
+        source or capped_shape(pair.source),
+        target or capped_shape(pair.target),
+        pair.config,
+        pair,
+        hints,
+        stages,
+        timer,
+    )
+
+
+def _match_between(
+    source: PreparedShape,
+    target: PreparedShape,
+    config: Config,
+    pair: ShapePair,
+    hints: Hints,
+    stages: Stages,
+    timer: StageTimer,
+) -> ClosedMatch | None:
+    """Match two closed shapes, made of those of a pair."""
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     functions = None
     if pair.functions is not None:
         functions = Embedding(*map(_on_caps, (source, target), pair.known))
-    capped = ShapePair(
-        source, target, replace(config, search=replace(config.search, flipped=flipped)), functions
-    )
     closed = Hints(hints.landmarks, hints.initial_pairs, nothing, user_landmarks=hints.user_landmarks)
-    relation = Isometry().on(capped, closed, stages)
+    relation = Isometry().on(ShapePair(source, target, config, functions), closed, stages)
     try:
         return ClosedMatch(pair, hints, relation, relation.match(timer))
     except NotConvergedError:
@@ -177,8 +204,7 @@ def match_closed(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTime
 
 def _on_caps(capped: PreparedShape, values: FloatArray) -> FloatArray:
     """Values (n_body, q) of an open body on the surface with its holes closed: those of the rim on caps."""
-    nearest = distance_along_edges_to_nearest(capped.surface, np.arange(len(values)))[1]
-    return np.asarray(values[nearest])
+    return np.asarray(values[_owners(capped)[1]])
 
 
 def with_doubt(
@@ -190,9 +216,21 @@ def with_doubt(
 
 
 def _images(part: PreparedShape, of_part: FloatArray, whole: PreparedShape, of_whole: FloatArray) -> IntArray:
-    """Vertices (n_part,) of the body of a whole, by coordinates of the capped bodies of part and whole."""
-    image = capped_shape(whole).index.vertices(of_whole, of_part[: part.body.n_vertices])
-    real = np.arange(whole.body.n_vertices)
-    if len(real) < capped_shape(whole).body.n_vertices:
-        image = distance_along_edges_to_nearest(capped_shape(whole).body, real)[1][image]
-    return image
+    """Vertices (n_part,) of an open whole, by coordinates of the closed bodies of part and whole."""
+    n_part = 1 + int(_origin(part).max())
+    return np.asarray(_owners(whole)[1][whole.index.vertices(of_whole, of_part[:n_part])])
+
+
+def _owners(closed: PreparedShape) -> tuple[FloatArray, IntArray]:
+    """Distance of each vertex of a closed body from the open one, and the nearest vertex there."""
+    origin = _origin(closed)
+    real = np.flatnonzero(origin >= 0)
+    if len(real) == len(origin):
+        return np.zeros(len(origin)), origin
+    gap, near = distance_along_edges_to_nearest(closed.body, real)
+    return gap, origin[near]
+
+
+def _origin(closed: PreparedShape) -> IntArray:
+    assert closed.origin is not None  # made by `capped_shape` or `cut_shape`
+    return closed.origin
