@@ -16,7 +16,13 @@ from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 
-BUILT_IN = ("position", "stretch", "expected error", "mismatch")  # the first two are there of every map
+BUILT_IN = (
+    "position",
+    "stretch",
+    "expected error",
+    "mismatch",
+    "doubt",
+)  # the first two are there of every map
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
@@ -96,6 +102,16 @@ def mismatch(result: MatchResult) -> dict[str, Layer]:
         return {}
     meaning = "how differently the shapes look here, in standard deviations"
     return {"mismatch": Layer(result.mismatch, 0.0, MISMATCHED, meaning)}
+
+
+def doubt(result: MatchResult) -> dict[str, Layer]:
+    """Show the regions of doubt by their number, all else in grey; nothing where the map is not doubtful."""
+    if not result.regions:
+        return {}
+    number = np.full(len(result.map.vertices), np.nan)
+    for i, region in enumerate(result.regions, 1):
+        number[region.vertices] = i
+    return {"doubt": Layer(number, 0.0, len(result.regions), "regions where the map may be wrong, by number")}
 
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
