@@ -295,8 +295,9 @@ class Solution:
 
     @property
     def outcome(self) -> Outcome:
-        """What the evidence calls for."""
-        return outcome_of(self.evidence)
+        """What the evidence calls for, and the regions of doubt."""
+        doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
+        return outcome_of((*self.evidence, doubtful))
 
     def with_evidence(self, *more: Evidence) -> Self:
         """Add evidence."""

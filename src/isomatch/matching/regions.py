@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from isomatch.correspondence import UNMATCHED
-from isomatch.matching.confidence import ERROR_RADIUS, diffused
+from isomatch.errors import InputError
+from isomatch.matching.confidence import ERROR_RADIUS, diffused, nearest_refinement_rows
+from isomatch.matching.pair import ShapePair
 from isomatch.shapes import PreparedShape
 from isomatch.surfaces import linked
 from isomatch.values.arrays import FloatArray, IntArray
@@ -74,72 +76,74 @@ class DoubtfulRegion:
         )
 
 
-def doubtful_regions(
-    shape: PreparedShape,
-    doubts: Mapping[str, FloatArray],
-    least: float = LEAST_AREA,
-    rival: IntArray | None = None,
+def regions_of_doubt(
+    pair: ShapePair, mismatch: FloatArray | None = None, rivals: tuple[IntArray, IntArray] | None = None
 ) -> tuple[DoubtfulRegion, ...]:
-    """Find the connected regions of a body where a map is doubtful for any reason, the largest first.
+    """Find the connected regions of the source's body where a map is doubtful, the largest first.
 
     Parameters
     ----------
-    shape : PreparedShape
-        The source.
-    doubts : mapping of str to (n_s,) array of float
-        How doubtful the image of each vertex is, by reason: 1 is the bound, and nan where nothing is known.
-    least : float
-        Share of the surface that a region has at least.
-    rival : (n_s,) array of int, optional
-        Image of each vertex under another map; `ANOTHER_MAP` is the reason for which regions have it.
+    pair : ShapePair
+        The two shapes.
+    mismatch : (n_s,) array of float, optional
+        Of each vertex and its image; nan where nothing is known. Its mean over a neighbourhood tells what looks unlike
+        its image.
+    rivals : two (n_refine,) arrays of int, optional
+        Images of the refinement vertices under the map and under another one that fits nearly as well.
 
     Returns
     -------
     tuple of DoubtfulRegion
         In vertices of the bodies.
     """
-    body = shape.body
-    values = np.array([np.nan_to_num(each) for each in doubts.values()]).reshape(-1, body.n_vertices)
-    most = values.max(axis=0, initial=0.0)
+    source, target, bounds = pair.source, pair.target, pair.config.outcome
+    doubts, rival = {}, None  # 1 is the bound of each reason
+    if rivals is not None:
+        own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
+        doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
+    if mismatch is not None:
+        doubts[LOOKS_UNLIKE] = np.nan_to_num(around(source, mismatch) / bounds.doubtful_mismatch)
+    if not doubts:
+        return ()
+    body, most = source.body, np.max(list(doubts.values()), axis=0)
     inside = most > 1.0
     i, j = body.edges[inside[body.edges].all(axis=1)].T
     n, label = linked(body.n_vertices, (i, j))
-    shares = shape.share * np.bincount(label, inside * body.vertex_areas, n) / body.vertex_areas.sum()
+    shares = source.share * np.bincount(label, inside * body.vertex_areas, n) / body.vertex_areas.sum()
     regions = []
-    for region in np.argsort(-shares, kind="stable")[: (shares > least).sum()]:
+    for region in np.argsort(-shares, kind="stable")[: (shares > LEAST_AREA).sum()]:
         vertices = np.flatnonzero((label == region) & inside)
         vertices = vertices[np.argsort(-most[vertices], kind="stable")]
-        reasons = [reason for reason, each in zip(doubts, values) if (each[vertices] > 1.0).mean() > MAIN]
-        other = rival if ANOTHER_MAP in reasons else None
-        regions.append(
-            DoubtfulRegion(
-                vertices,
-                float(shares[region]),
-                " and ".join(reasons),
-                None if other is None else other[vertices],
-            )
-        )
+        reasons = [reason for reason, doubt in doubts.items() if (doubt[vertices] > 1.0).mean() > MAIN]
+        images = rival[vertices] if rival is not None and ANOTHER_MAP in reasons else None
+        regions.append(DoubtfulRegion(vertices, float(shares[region]), " and ".join(reasons), images))
     return tuple(regions)
 
 
-def unlike(shape: PreparedShape, mismatch: FloatArray, bound: float) -> FloatArray:
-    """Mean mismatch of the neighbourhood of each vertex of a body, over its bound: (n_s,), nan where little is known."""
-    known = np.isfinite(mismatch)
+def around(shape: PreparedShape, values: FloatArray) -> FloatArray:
+    """Mean of values in the neighbourhood of each vertex of a body: (n_s,), nan where most are not known."""
+    known = np.isfinite(values)
     total, weight = (
-        diffused(shape, each, ERROR_RADIUS) for each in (np.where(known, mismatch, 0.0), known.astype(float))
+        diffused(shape, each, ERROR_RADIUS) for each in (np.where(known, values, 0.0), known.astype(float))
     )
-    return np.where(weight > LEAST_KNOWN, total / np.maximum(weight, LEAST_KNOWN) / bound, np.nan)
+    return np.where(weight > LEAST_KNOWN, total / np.maximum(weight, LEAST_KNOWN), np.nan)
 
 
-def lifted(region: DoubtfulRegion, source: PreparedShape, target: PreparedShape) -> DoubtfulRegion:
-    """Carry a region of the bodies to the users' vertices."""
-    rank = np.full(source.body.n_vertices, -1)
-    rank[region.vertices] = np.arange(len(region.vertices))
-    ranks = source.lift(rank, -1)
-    vertices = np.flatnonzero(ranks >= 0)
-    vertices = vertices[np.argsort(ranks[vertices], kind="stable")]
-    rival = None if region.rival is None else target.user_vertex[region.rival[ranks[vertices]]]
-    return replace(region, vertices=vertices, rival=rival)
+def lifted(
+    regions: Iterable[DoubtfulRegion], source: PreparedShape, target: PreparedShape
+) -> tuple[DoubtfulRegion, ...]:
+    """Carry regions of the bodies to the users' vertices."""
+    found = []
+    for region in regions:
+        rank = np.full(source.body.n_vertices, -1)
+        rank[region.vertices] = np.arange(len(region.vertices))
+        ranks = source.lift(rank, -1)
+        vertices = np.flatnonzero(ranks >= 0)
+        vertices = vertices[np.argsort(ranks[vertices], kind="stable")]
+        rival = None if region.rival is None else target.user_vertex[region.rival[ranks[vertices]]]
+        if len(vertices):
+            found.append(replace(region, vertices=vertices, rival=rival))
+    return tuple(found)
 
 
 def doubt_in(regions: Sequence[DoubtfulRegion], n_vertices: int) -> FloatArray:
@@ -168,7 +172,10 @@ def unpacked(arrays: dict[str, Any], about: Sequence[tuple[float, str]]) -> tupl
     if "region_sizes" not in arrays:
         return ()
     ends = np.cumsum(arrays.pop("region_sizes"))
-    vertices, rivals = (np.split(arrays.pop(f"region_{name}"), ends)[:-1] for name in ("vertices", "rivals"))
+    stacked = [arrays.pop(f"region_{name}") for name in ("vertices", "rivals")]
+    if (np.diff(ends, prepend=0) < 1).any() or ends[-1:].sum() != len(stacked[0]):
+        raise InputError(f"regions that end at {ends.tolist()} of {len(stacked[0])} vertices")
+    vertices, rivals = (np.split(each, ends)[:-1] for each in stacked)
     return tuple(
         DoubtfulRegion(which, area, reason, rival if (rival != UNMATCHED).any() else None)
         for which, rival, (area, reason) in zip(vertices, rivals, about, strict=True)

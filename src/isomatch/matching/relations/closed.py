@@ -143,10 +143,8 @@ class ClosedMatch:
         for region in closed:
             kept = region.vertices < source.body.n_vertices
             rival = None if region.rival is None else owner[region.rival[kept]]
-            if kept.any():
-                opened = replace(region, vertices=region.vertices[kept], rival=rival)
-                regions.append(lifted(opened, source, target))
-        return tuple(regions)
+            regions.append(replace(region, vertices=region.vertices[kept], rival=rival))
+        return lifted(regions, source, target)
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""

@@ -15,6 +15,7 @@ from isomatch.matching.contest import Rules, Selection, distances_between, disti
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
+from isomatch.matching.regions import lifted, regions_of_doubt
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
@@ -283,6 +284,7 @@ class Elastic(Relation):
             origin=measured.origin,
             reason=reason,
             mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
+            regions=lifted(regions_of_doubt(pair, measured.mismatch), self.source, self.target),
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
-from isomatch.matching.confidence import doubt_of, expected_errors, nearest_refinement_rows
+from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
     SCORE_NOISE,
     Rules,
@@ -25,18 +25,10 @@ from isomatch.matching.contest import (
 )
 from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Candidate, Fit, Hypothesis
-from isomatch.matching.judge import Evidence, Solution, measured_evidence, region_evidence
+from isomatch.matching.judge import Evidence, Solution, measured_evidence
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
-from isomatch.matching.regions import (
-    ANOTHER_MAP,
-    LOOKS_UNLIKE,
-    DoubtfulRegion,
-    doubt_in,
-    doubtful_regions,
-    lifted,
-    unlike,
-)
+from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.screening import Screening, energy_of, extended
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
@@ -339,7 +331,10 @@ class Isometry(Relation):
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
         pair, hints, far = self.pair, self.hints, note is not None
-        regions = self._regions(found.selection, map_, far)
+        selection, rivals = found.selection, None
+        if selection.against and selection.rival < pair.config.outcome.tie and not far:
+            rivals = selection.winner.image, selection.against.image
+        regions = regions_of_doubt(pair, map_.mismatch, rivals)
         doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
         errors = expected_errors(pair, map_.points, doubt)
         against = contradicted_landmarks(pair, map_.points, hints)
@@ -351,10 +346,7 @@ class Isometry(Relation):
             points = self._polished(level, map_.fit)
         if self.source.detail or self.target.detail:
             timer.start("carry")
-        evidence = [
-            measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far),
-            region_evidence(regions, pair.config.outcome.doubtful_area),
-        ]
+        evidence = [measured_evidence(pair, map_.quality, pair.config.orientation, hints.any, far)]
         if pair.round and not hints.any:
             evidence.append(Evidence(ambiguous=True))
         return Solution(
@@ -375,20 +367,8 @@ class Isometry(Relation):
             map_.origin,
             map_.reason,
             mismatch=None if map_.mismatch is None else self.source.lift(map_.mismatch),
-            regions=tuple(lifted(region, self.source, self.target) for region in regions),
+            regions=lifted(regions, self.source, self.target),
         )
-
-    def _regions(self, selection: Selection[Fit], map_: Measured, far: bool) -> tuple[DoubtfulRegion, ...]:
-        """Find where the map is doubtful, in vertices of the bodies."""
-        settings, bounds = self.pair.config.selection, self.pair.config.outcome
-        doubts, rival, against = {}, None, selection.against
-        if against and selection.rival < bounds.tie and not far:
-            rows = nearest_refinement_rows(self.pair)
-            own, rival = selection.winner.image[rows], against.image[rows]
-            doubts[ANOTHER_MAP] = self.target.distance(own, rival) / settings.rival_distance
-        if map_.mismatch is not None:
-            doubts[LOOKS_UNLIKE] = unlike(self.source, map_.mismatch, bounds.doubtful_mismatch)
-        return doubtful_regions(self.source, doubts, rival=rival)
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
         """Polish a refined map at the finer levels of its shapes: image of each source vertex there."""
