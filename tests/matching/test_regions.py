@@ -90,15 +90,12 @@ def test_where_nothing_differs_nothing_is_doubtful(pair, exchanged):
     own, _ = exchanged
     nothing_known = np.full(pair.source.body.n_vertices, np.nan)
     assert regions_of_doubt(pair) == ()
-    for mismatch in (None, unlike_in(pair), nothing_known):
+    for mismatch in (None, unlike_in(pair), unlike_in(pair, slice(None)), nothing_known):
         assert regions_of_doubt(pair, mismatch, (own, own)) == ()
 
 
 def test_areas_sum_to_what_is_doubtful(pair):
     areas = pair.source.body.vertex_areas / pair.source.body.area
-    (everything,) = regions_of_doubt(pair, unlike_in(pair, slice(None)))
-    assert everything.area == pytest.approx(1.0)
-    assert len(everything.vertices) == pair.source.body.n_vertices
     first, second = patches(pair, 0, 1)
     assert not set(first) & set(second)
     regions = regions_of_doubt(pair, unlike_in(pair, first, second))

@@ -86,8 +86,8 @@ def regions_of_doubt(
     pair : ShapePair
         The two shapes.
     mismatch : (n_s,) array of float, optional
-        Of each vertex and its image; nan where nothing is known. Its mean over a neighbourhood tells what looks unlike
-        its image.
+        Of each vertex and its image; nan where nothing is known. What has a larger mean in its neighbourhood than most
+        of the surface looks unlike its image.
     rivals : two (n_refine,) arrays of int, optional
         Images of the refinement vertices under the map and under another one that fits nearly as well.
 
@@ -101,8 +101,11 @@ def regions_of_doubt(
     if rivals is not None:
         own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
         doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
-    if mismatch is not None:
-        doubts[LOOKS_UNLIKE] = np.nan_to_num(around(source, mismatch) / bounds.doubtful_mismatch)
+    if mismatch is not None and np.isfinite(mismatch[pair.refinement_vertices]).any():
+        usual = np.nanmedian(
+            mismatch[pair.refinement_vertices]
+        )  # of two people more than of one in two poses
+        doubts[LOOKS_UNLIKE] = np.nan_to_num((around(source, mismatch) - usual) / bounds.doubtful_mismatch)
     if not doubts:
         return ()
     body, most = source.body, np.max(list(doubts.values()), axis=0)
