@@ -105,13 +105,12 @@ def mismatch(result: MatchResult) -> dict[str, Layer]:
 
 
 def doubt(result: MatchResult) -> dict[str, Layer]:
-    """Show the regions of doubt by their number, all else in grey; nothing where the map is not doubtful."""
+    """Show the regions of doubt, all else in grey; nothing where the map is not doubtful."""
     if not result.regions:
         return {}
-    number = np.full(len(result.map.vertices), np.nan)
-    for i, region in enumerate(result.regions, 1):
-        number[region.vertices] = i
-    return {"doubt": Layer(number, 0.0, len(result.regions), "regions where the map may be wrong, by number")}
+    values = np.full(len(result.map.vertices), np.nan)
+    values[np.concatenate([region.vertices for region in result.regions])] = 1.0
+    return {"doubt": Layer(values, 0.0, 1.0, "the regions of doubt, all else in grey")}
 
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:
