@@ -218,7 +218,8 @@ class MatchResult:
         Maps of the source, and of the target, onto themselves, in words; empty where none was found, or for a baseline,
         which searches for none.
     regions : tuple of DoubtfulRegion
-        Where on the source the map may be wrong, and why, the largest region first; empty if nothing is doubtful.
+        Where on the source the map may be wrong, and why, the largest region first; empty if nothing is doubtful, and of
+        parts and baselines.
     """
 
     map: Correspondence

@@ -28,7 +28,6 @@ from isomatch.matching.quality import (
     mean_known,
     mismatch_of,
 )
-from isomatch.matching.regions import lifted, regions_of_doubt
 from isomatch.matching.relations.closed import ClosedMatch, with_doubt
 from isomatch.matching.relations.part_bending import ALL_FUNCTIONS, BentPart
 from isomatch.matching.relations.part_fits import PartFit, PartFits
@@ -341,7 +340,6 @@ class Part(Relation):
             (*evidence, Evidence(contradicted=contradicted)),
             np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
             mismatch=None if mismatch is None else pair.source.lift(mismatch),
-            regions=lifted(regions_of_doubt(pair, mismatch), pair.source, pair.target),
             origin=self.origin_of(best),
             reason=f"fits best of {1 + len(selection.rivals)} maps of a part refined to the end",
         )
