@@ -102,9 +102,8 @@ def regions_of_doubt(
         own, rival = (image[nearest_refinement_rows(pair)] for image in rivals)
         doubts[ANOTHER_MAP] = target.distance(own, rival) / pair.config.selection.rival_distance
     if mismatch is not None and np.isfinite(mismatch[pair.refinement_vertices]).any():
-        usual = np.nanmedian(
-            mismatch[pair.refinement_vertices]
-        )  # of two people more than of one in two poses
+        # two people look more different everywhere than two poses of one
+        usual = np.nanmedian(mismatch[pair.refinement_vertices])
         doubts[LOOKS_UNLIKE] = np.nan_to_num((around(source, mismatch) - usual) / bounds.doubtful_mismatch)
     if not doubts:
         return ()

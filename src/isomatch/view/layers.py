@@ -16,13 +16,8 @@ from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 
-BUILT_IN = (
-    "position",
-    "stretch",
-    "expected error",
-    "mismatch",
-    "doubt",
-)  # the first two are there of every map
+# the first two are there of every map
+BUILT_IN = ("position", "stretch", "expected error", "mismatch", "doubt")
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255

@@ -26,9 +26,9 @@ from isomatch.view.report_sections import (
     pictures_of_alternatives,
     png,
     quality_rows,
-    regions_of_doubt,
     sentence,
     table,
+    table_of_regions,
     tables_of_run,
     versions,
 )
@@ -124,7 +124,7 @@ def write_report(
     )
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = _template("details.html").substitute(
-        regions=regions_of_doubt(result),
+        regions=table_of_regions(result),
         quality=quality_rows(result),
         alternatives=pictures_of_alternatives(source, target, others),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),

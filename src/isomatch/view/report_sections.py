@@ -37,7 +37,7 @@ def quality_rows(result: MatchResult) -> str:
     return "".join(rows)
 
 
-def regions_of_doubt(result: MatchResult) -> str:
+def table_of_regions(result: MatchResult) -> str:
     """Make a table of the regions where the map may be wrong; nothing if there are none."""
     if not result.regions:
         return ""
