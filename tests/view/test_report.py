@@ -18,7 +18,7 @@ from isomatch import Config, Mesh, Outcome, Quality
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
 from isomatch.errors import DescriptorError, LandmarkError
-from isomatch.matching import Alternative, MatchResult
+from isomatch.matching import Alternative, DoubtfulRegion, MatchResult
 from isomatch.view import position_colours, report, write_report
 from isomatch.view.colours import to_screen
 from isomatch.view.layers import stretch
@@ -295,6 +295,31 @@ def test_layers_are_levels_between_their_ends_and_grey_without_a_value(pair, res
     assert 4.9 < layer["high"] < 5.0
 
 
+def test_regions_of_doubt_are_listed_and_shown(pair, result, tmp_path):
+    source, target, _ = pair
+    regions = (
+        DoubtfulRegion(np.array([30, 10]), 0.0834, "another <map>", np.array([77, 78])),
+        DoubtfulRegion(np.array([50]), 0.021, "it looks unlike its image"),
+    )
+    write_report(tmp_path / "report.html", source, target, dataclasses.replace(result, regions=regions))
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    cells = [each["text"] for each in page.found if each["tag"] == "td"]
+    at = cells.index("8.3%")
+    assert cells[at : at + 8] == [
+        *("8.3%", "30", "77", "another <map>"),
+        *("2.1%", "50", "", "it looks unlike its image"),
+    ]
+    scene = json.loads(page.by_id("scene")["text"])
+    shown = unpacked(scene["source"]["index"], "<u4")
+    levels = unpacked(scene["maps"][0]["layers"]["doubt"]["levels"], "u1")
+    assert set(shown[levels != 255]) == {10, 30, 50}
+
+
+def test_without_doubt_there_is_no_list_of_regions(page):
+    assert "Regions of doubt" not in [each["text"] for each in page.all("h2")]
+    assert "doubt" not in json.loads(page.by_id("scene")["text"])["maps"][0]["layers"]
+
+
 def test_the_stretch_of_a_similarity_is_one_and_of_a_scaled_part_its_scale(pair):
     mesh = pair[0]
     itself = Correspondence(np.arange(mesh.n_vertices), mesh.n_vertices)
@@ -308,7 +333,7 @@ def test_the_stretch_of_a_similarity_is_one_and_of_a_scaled_part_its_scale(pair)
     assert np.median(values[~far]) == 1.0
 
 
-@pytest.mark.parametrize("name", ["position", "stretch", "expected error"])
+@pytest.mark.parametrize("name", ["position", "stretch", "expected error", "doubt"])
 def test_a_layer_takes_no_name_of_another(pair, result, name, tmp_path):
     source, target, _ = pair
     with pytest.raises(DescriptorError, match=f"a layer '{name}' of its own"):

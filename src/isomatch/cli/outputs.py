@@ -163,9 +163,11 @@ _STYLES = {"CONVERGED": "bold green", "LOW_CONFIDENCE": "bold red", "MIRROR_IMAG
 
 
 def say_result(result: isomatch.MatchResult) -> None:
-    """Print the outcome, the quality, the timings and the notes."""
+    """Print the outcome, the regions of doubt, the quality, the timings and the notes."""
     say(f"{result.outcome.value}: {result.outcome.advice}", _STYLES.get(result.outcome.name, "bold yellow"))
     say(f"{result.map!r}, from {result.origin}")
+    for region in result.regions:
+        say(f"doubtful: {region}")
     say("")
     say_table(_quality_rows(result))
     say("")

@@ -13,7 +13,7 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, iterative_closest_points
 from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints, checked_initial_map, checked_landmarks
-from isomatch.matching.judge import judged
+from isomatch.matching.judge import Evidence, judged
 from isomatch.matching.known_functions import with_functions
 from isomatch.matching.match import require_landmarks_for_pins, solve_prepared, stages_of
 from isomatch.matching.pair import ShapePair, prepare_pair
@@ -124,7 +124,7 @@ def _both(
         hypotheses = _turned_hypotheses(found, pair, pair_back)
         relation_back = Isometry().on(pair_back, Hints.of(pair_back, *hints_back), stages)
         solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)
-        solution = solution.with_evidence(*solution_there.evidence)
+        solution = solution.with_evidence(Evidence.of(solution_there.outcome))
         note = (
             "the shapes were prepared for both directions at once; the hypotheses are the map of the other direction and "
             f"{len(hypotheses) - 1} rivals of it, turned around, and the outcome is at most as sure as there"

@@ -95,6 +95,7 @@ def composed(pair: ShapePair, matches: list[ComponentMatch], tied: bool, hints: 
         quality=quality,
         expected_error=errors,
         mismatch=mismatch,
+        regions=tuple(sorted(chain(*(m.solution.regions for m in matches)), key=lambda region: -region.area)),
         notes=(*notes, *(note for _, side_notes in unmatched for note in side_notes)),
     )
 

@@ -196,7 +196,8 @@ class _Components:
         tied = differs and not solution.quality.rival < 1 / pair.config.outcome.tie
         if self.stages.relation is not None or not (held and tied):
             return ComponentMatch(solution)
-        by_place = replace(solution, evidence=(decided,))
+        unlike = tuple(region for region in solution.regions if region.rival is None)
+        by_place = replace(solution, evidence=(decided,), regions=unlike)
         return ComponentMatch(by_place, "symmetric by itself, decided by its place")
 
     def _placed(self, pair: ShapePair, carrier: Carrier) -> Solution | None:

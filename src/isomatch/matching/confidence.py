@@ -67,7 +67,7 @@ def expected_errors(
     left_over = np.sqrt(((pulled_back - fit) ** 2).sum(axis=1) / np.maximum(fitted, TINY))
     strain = np.log(np.maximum(fitted, TINY) / np.maximum(unit**2 * own, TINY))
     local = ERROR_SCALE * np.sqrt(left_over * np.abs(strain))
-    return _diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
+    return diffused(source, local if doubt is None else local + doubt, ERROR_RADIUS)
 
 
 def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) -> FloatArray:
@@ -87,12 +87,17 @@ def doubt_of(pair: ShapePair, image: IntArray, rival: IntArray, ratio: float) ->
     (n_s,) array of float
         That of the nearest refinement vertex, in √area.
     """
-    vertices, chance = pair.refinement_vertices, 1 / (1 + ratio**RIVAL_EXPONENT)
-    apart = np.where(image == rival, 0.0, np.maximum(pair.target.distances.distance(image, rival), 0.0))
-    everywhere = np.zeros(pair.source.body.n_vertices)
-    everywhere[vertices] = chance * apart
-    doubt: FloatArray = everywhere[distance_along_edges_to_nearest(pair.source.body, vertices)[1]]
-    return doubt
+    chance = 1 / (1 + ratio**RIVAL_EXPONENT)
+    return np.asarray(chance * pair.target.distance(image, rival)[nearest_refinement_rows(pair)])
+
+
+def nearest_refinement_rows(pair: SmoothPair) -> IntArray:
+    """Find the refinement vertex nearest to each vertex of the source: its number, (n_s,)."""
+    vertices = pair.refinement_vertices
+    number = np.zeros(pair.source.body.n_vertices, dtype=np.int64)
+    number[vertices] = np.arange(len(vertices))
+    rows: IntArray = number[distance_along_edges_to_nearest(pair.source.body, vertices)[1]]
+    return rows
 
 
 @compiled()
@@ -111,7 +116,7 @@ def _gradient_energy(x: FloatArray, edges: IntArray, lengths: FloatArray) -> Flo
     return total / np.maximum(count, 1)
 
 
-def _diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
+def diffused(shape: SmoothShape, values: FloatArray, radius: float) -> FloatArray:
     """Spread values (n,) by heat diffusion over a radius; nowhere less than half the least of them."""
     time = radius**2 / 4  # the mean square distance in the plane is 4 t
     laplace = shape.laplace

@@ -11,6 +11,7 @@ import numpy as np
 from isomatch.correspondence import Correspondence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.regions import ANOTHER_MAP, LOOKS_UNLIKE, DoubtfulRegion
 from isomatch.matching.result import Alternative, MatchResult, Quality
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.settings import MatchSettings, Orientation, OutcomeSettings, PartSettings
@@ -123,6 +124,15 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
         quality.misfit > bounds.poor_misfit
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
+    )
+
+
+def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence:
+    """Weigh regions of doubt: those above a share of the surface are evidence against a map."""
+    large = [region for region in regions if region.area > least]
+    return Evidence(
+        poor=any(LOOKS_UNLIKE in region.reason for region in large),
+        ambiguous=any(ANOTHER_MAP in region.reason for region in large),
     )
 
 
@@ -266,6 +276,8 @@ class Solution:
         The settings of the method, if it is not `match`.
     mismatch : (n_source,) array of float, optional
         As in `MatchResult`.
+    regions : tuple of DoubtfulRegion
+        As in `MatchResult`.
     """
 
     pair: ShapePair
@@ -279,11 +291,13 @@ class Solution:
     reason: str = ""
     config: MatchSettings | None = None
     mismatch: FloatArray | None = None
+    regions: tuple[DoubtfulRegion, ...] = ()
 
     @property
     def outcome(self) -> Outcome:
-        """What the evidence calls for."""
-        return outcome_of(self.evidence)
+        """What the evidence calls for, and the regions of doubt."""
+        doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
+        return outcome_of((*self.evidence, doubtful))
 
     def with_evidence(self, *more: Evidence) -> Self:
         """Add evidence."""
@@ -299,6 +313,7 @@ def judged(solution: Solution, timer: StageTimer, seed: int) -> MatchResult:
         quality=solution.quality,
         expected_error=solution.expected_error,
         mismatch=solution.mismatch,
+        regions=solution.regions,
         alternatives=solution.alternatives,
         timings=timer.stop(),
         notes=solution.notes,

@@ -42,9 +42,9 @@ _ADVICE = {
         "orientation = 'any', or reflect one of the shapes."
     ),
     Outcome.LOW_CONFIDENCE: (
-        "The shapes fit badly under this map; it may be wrong in places or altogether. Look at the picture; give "
-        "three to five landmark pairs at extremities, or start = 'pose' if the shapes are roughly aligned in space; or "
-        "check that both shapes are complete and of one kind."
+        "The shapes fit badly under this map, as a whole or in its regions of doubt; it may be wrong there or "
+        "altogether. Look at the picture; give three to five landmark pairs at extremities, or start = 'pose' if the "
+        "shapes are roughly aligned in space; or check that both shapes are complete and of one kind."
     ),
     Outcome.SYMMETRY_AMBIGUOUS: (
         "A second, symmetric map fits as well, or the hints led to the mirror image. If sides matter, give landmarks: "

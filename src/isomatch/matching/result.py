@@ -17,6 +17,7 @@ from isomatch.assets import SurfaceLike
 from isomatch.correspondence import UNMATCHED, Correspondence, wrap
 from isomatch.errors import FormatError, InputError
 from isomatch.matching.outcome import Outcome
+from isomatch.matching.regions import DoubtfulRegion, packed, unpacked
 from isomatch.settings import MatchSettings
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
@@ -42,6 +43,9 @@ FORMAT = ArrayFormat(
         **{f"alternative_{name}": Stored(a.kind, ("a", *a.shape)) for name, a in MAP_ARRAYS.items()},
         "expected_error": Stored("float", ("n",)),
         "mismatch": Stored("float", ("m",)),
+        "region_sizes": Stored("integer", ("r",), group="regions"),
+        "region_vertices": Stored("integer", ("d",), index_of="n", group="regions"),
+        "region_rivals": Stored("integer", ("d",), group="regions"),
         "about": Stored("text"),
     },
 )
@@ -213,6 +217,9 @@ class MatchResult:
     symmetries : tuple of str
         Maps of the source, and of the target, onto themselves, in words; empty where none was found, or for a baseline,
         which searches for none.
+    regions : tuple of DoubtfulRegion
+        Where on the source the map may be wrong, and why, the largest region first; empty if nothing is doubtful, and of
+        parts and baselines.
     """
 
     map: Correspondence
@@ -229,6 +236,7 @@ class MatchResult:
     seed: int
     symmetries: tuple[str, str] = ("", "")
     mismatch: FloatArray | None = None
+    regions: tuple[DoubtfulRegion, ...] = ()
 
     @property
     def confidence(self) -> FloatArray:
@@ -268,6 +276,7 @@ class MatchResult:
             "outcome": self.outcome.name,
             "quality": asdict(self.quality),
             "alternatives": [[a.energy, a.orientation, a.origin] for a in self.alternatives],
+            "regions": [[region.area, region.reason] for region in self.regions],
             "settings": type(self.config).__name__,
             "config": self.config.to_dict(),
         }
@@ -276,6 +285,7 @@ class MatchResult:
             **stacked,
             "expected_error": np.nan_to_num(self.expected_error, nan=UNMATCHED),
             "mismatch": np.zeros(0) if self.mismatch is None else np.nan_to_num(self.mismatch, nan=UNMATCHED),
+            **packed(self.regions),
             "about": json.dumps(about),
         }
         stored = {name: np.array(arrays[name]) for name in FORMAT.arrays}
@@ -299,6 +309,7 @@ class MatchResult:
                 np.where(values == UNMATCHED, np.nan, values)
                 for values in (arrays.pop("expected_error"), arrays.pop("mismatch"))
             )
+            regions = unpacked(arrays, about.get("regions", []))
             found = Correspondence(**{**arrays, "n_target": int(arrays["n_target"])})
             maps = [replace(found, **dict(zip(MAP_ARRAYS, parts))) for parts in others]
             return cls(
@@ -307,6 +318,7 @@ class MatchResult:
                 quality=Quality(**about["quality"]),
                 expected_error=errors,
                 mismatch=mismatch if len(mismatch) else None,
+                regions=regions,
                 alternatives=tuple(
                     Alternative(partial(_itself, map), *evidence)
                     for map, evidence in zip(maps, about["alternatives"], strict=True)
@@ -323,7 +335,10 @@ class MatchResult:
 
     @classmethod
     def from_dict(cls, summary: dict[str, Any], found: Correspondence, config: MatchSettings) -> MatchResult:
-        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices."""
+        """Restore what `to_dict` told of a map, without alternatives and the expected errors of the vertices.
+
+        Of each region of doubt, the most doubtful vertex is known.
+        """
         quality = {name: math.nan if value is None else value for name, value in summary["quality"].items()}
         return cls(
             map=found,
@@ -334,6 +349,7 @@ class MatchResult:
             notes=tuple(summary["notes"]),
             config=config,
             symmetries=(summary["symmetries"]["source"], summary["symmetries"]["target"]),
+            regions=tuple(map(DoubtfulRegion.from_dict, summary.get("regions", []))),
             **{name: summary[name] for name in _PLAIN if name not in ("notes", "symmetries")},
         )
 
@@ -343,6 +359,7 @@ class MatchResult:
         rows |= {
             name: f"{value:.4g}" for name, value in asdict(self.quality).items() if not math.isnan(value)
         }
+        rows |= {"doubtful": "; ".join(map(str, self.regions))} if self.regions else {}
         rows |= {"notes": "; ".join(self.notes)} if self.notes else {}
         table = "".join(f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in rows.items())
         return f"<table>{table}</table>{self.map._repr_html_()}"
@@ -372,6 +389,7 @@ class MatchResult:
             "advice": self.outcome.advice,
             "quality": {key: finite(value) for key, value in asdict(self.quality).items()},
             "expected_error": self._errors_described(),
+            "regions": [region.to_dict() for region in self.regions],
             "alternatives": [
                 {"energy": finite(a.energy), "orientation": finite(a.orientation), "origin": a.origin}
                 for a in self.alternatives

@@ -32,6 +32,10 @@ class OutcomeSettings(Settings):
         Values above which a map is poor.
     poor_mismatch : float
         Mean mismatch, see `Quality`, above which a map between shapes far from isometric is poor.
+    doubtful_mismatch : float
+        Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful.
+    doubtful_area : float
+        Share of the surface from which a region of doubtful images lowers the outcome.
     poor_orientation : float
         Value below which a map is poor.
     contradiction : float
@@ -60,6 +64,8 @@ class OutcomeSettings(Settings):
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
     poor_mismatch: float = setting(0.42, "docs/notes/ball_signature.md", least=0)
+    doubtful_mismatch: float = setting(0.65, "docs/benchmarks.md, regions of doubt", least=0)
+    doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)
     torn_apart: float = setting(0.1, "0.07 to 0.15 do as well: docs/benchmarks.md, confidence", least=0)
     poor_torn_off: float = setting(
         0.005, "half a hand; right maps have at most 0.2 %: docs/benchmarks.md, confidence", least=0

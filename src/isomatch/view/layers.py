@@ -16,7 +16,8 @@ from isomatch.matching import MatchResult
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray, numbers_of
 
-BUILT_IN = ("position", "stretch", "expected error", "mismatch")  # the first two are there of every map
+# the first two are there of every map
+BUILT_IN = ("position", "stretch", "expected error", "mismatch", "doubt")
 N_STOPS = 9  # colours of a ramp between which a browser interpolates
 LEVELS = 254  # levels of a stored value
 NO_VALUE = 255
@@ -96,6 +97,15 @@ def mismatch(result: MatchResult) -> dict[str, Layer]:
         return {}
     meaning = "how differently the shapes look here, in standard deviations"
     return {"mismatch": Layer(result.mismatch, 0.0, MISMATCHED, meaning)}
+
+
+def doubt(result: MatchResult) -> dict[str, Layer]:
+    """Show the regions of doubt, all else in grey; nothing where the map is not doubtful."""
+    if not result.regions:
+        return {}
+    values = np.full(len(result.map.vertices), np.nan)
+    values[np.concatenate([region.vertices for region in result.regions])] = 1.0
+    return {"doubt": Layer(values, 0.0, 1.0, "the regions of doubt, all else in grey")}
 
 
 def stretch(source: Mesh, target: Mesh, correspondence: Correspondence) -> Layer:

@@ -19,7 +19,7 @@ from isomatch.storage.files import write_text
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import IntArray, array_of
 from isomatch.view import lighting
-from isomatch.view.layers import expected_error, mismatch, user_layers
+from isomatch.view.layers import doubt, expected_error, mismatch, user_layers
 from isomatch.view.report_sections import (
     drawn,
     paragraphs,
@@ -28,6 +28,7 @@ from isomatch.view.report_sections import (
     quality_rows,
     sentence,
     table,
+    table_of_regions,
     tables_of_run,
     versions,
 )
@@ -77,8 +78,8 @@ def write_report(
         Additional rows for the table about the run.
     layers : mapping of str to (n_source,) array_like of float, optional
         Values at the source's vertices by name, such as errors or a confidence, that can be shown as colours; ``nan`` is
-        grey. Positions, the stretch of the edges and, where they are known, the expected error and the mismatch are
-        always there.
+        grey. Positions, the stretch of the edges and, where they are known, the expected error, the mismatch and the
+        regions of doubt are always there.
     landmarks : (q, 2) array_like of int, optional
         Pairs (source vertex, target vertex) with which the list of landmarks begins; pairs of vertices that the shapes
         do not have are left out.
@@ -109,7 +110,12 @@ def write_report(
         source,
         target,
         maps,
-        layers=expected_error(result) | mismatch(result) | user_layers(layers or {}, source.n_vertices),
+        layers={
+            **doubt(result),
+            **expected_error(result),
+            **mismatch(result),
+            **user_layers(layers or {}, source.n_vertices),
+        },
         landmarks=pairs,
     )
     titles = _title("source", names[0]), _title("target", names[1])
@@ -118,6 +124,7 @@ def write_report(
     )
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = _template("details.html").substitute(
+        regions=table_of_regions(result),
         quality=quality_rows(result),
         alternatives=pictures_of_alternatives(source, target, others),
         notes=paragraphs(map(sentence, result.notes or ["Nothing was repaired, left out or replaced."])),

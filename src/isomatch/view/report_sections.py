@@ -37,6 +37,27 @@ def quality_rows(result: MatchResult) -> str:
     return "".join(rows)
 
 
+def table_of_regions(result: MatchResult) -> str:
+    """Make a table of the regions where the map may be wrong; nothing if there are none."""
+    if not result.regions:
+        return ""
+    heads = "".join(
+        f'<th scope="col">{name}</th>' for name in ("region", "area", "vertex", "other image", "reason")
+    )
+    rows = "".join(
+        f'<tr><th scope="row">{number}</th><td class="number">{region.area:.1%}</td>'
+        f'<td class="number">{region.vertices[0]}</td>'
+        f'<td class="number">{"" if region.rival is None else region.rival[0]}</td>'
+        f"<td>{escape(region.reason)}</td></tr>"
+        for number, region in enumerate(result.regions, 1)
+    )
+    return (
+        "<section><h2>Regions of doubt</h2><p>Where the map may be wrong; the colour “doubt” shows the regions. The "
+        "vertex is the most doubtful one of its region; the other image is where another map sends it.</p>"
+        f'<table class="quality"><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></section>'
+    )
+
+
 def pictures_of_alternatives(source: Mesh, target: Mesh, others: Sequence[Alternative]) -> str:
     """Draw the other maps side by side."""
     figures = "".join(

@@ -14,6 +14,7 @@ from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import contradicted_landmarks, covered_share, mean_known
+from isomatch.matching.regions import DoubtfulRegion, lifted
 from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, Isometry
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
@@ -129,6 +130,7 @@ class ClosedMatch:
                 mismatch=mean,
             ),
             mismatch=mismatch,
+            regions=self._opened_regions(closed.regions),
             notes=(
                 *self.pair.notes,
                 *self.hints.notes,
@@ -139,6 +141,16 @@ class ClosedMatch:
 
     def _opened_map(self, alternative: Alternative) -> Correspondence:
         return self.pair.source.correspondence(self.pair.target, *self._opened(alternative.map))
+
+    def _opened_regions(self, closed: tuple[DoubtfulRegion, ...]) -> tuple[DoubtfulRegion, ...]:
+        """Take the caps off regions of the capped bodies."""
+        source, target, (_, owner) = self.pair.source, self.pair.target, self._rim_of_target
+        regions = []
+        for region in closed:
+            kept = region.vertices < source.body.n_vertices
+            rival = None if region.rival is None else owner[region.rival[kept]]
+            regions.append(replace(region, vertices=region.vertices[kept], rival=rival))
+        return lifted(regions, source, target)
 
     def _opened(self, closed: Correspondence) -> tuple[PrecisePoints, BoolArray]:
         """Take the caps off a map of the capped bodies: points on the target's body, and which of them are images."""

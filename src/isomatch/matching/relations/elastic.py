@@ -15,6 +15,7 @@ from isomatch.matching.contest import Rules, Selection, distances_between, disti
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
+from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
@@ -273,16 +274,19 @@ class Elastic(Relation):
         pair, measured = self.pair, self.measure(selection, reason)
         against = contradicted_landmarks(pair, measured.points, self.hints)
         far = measured_evidence(pair, measured.quality, pair.config.orientation, self.hints.any, far=True)
+        regions = regions_of_doubt(pair, measured.mismatch)
+        doubt = doubt_in(regions, self.source.body.n_vertices)
         return Solution(
             pair,
             self.source.correspondence(self.target, measured.points),
             measured.quality,
             (far,),
-            self.source.lift_smooth(expected_errors(pair, measured.points)),
+            self.source.lift_smooth(expected_errors(pair, measured.points, doubt)),
             notes=(*pair.notes, *self.hints.notes, FAR, *against),
             origin=measured.origin,
             reason=reason,
             mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
+            regions=lifted(regions, self.source, self.target),
         )
 
 

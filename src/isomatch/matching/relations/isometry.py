@@ -28,6 +28,7 @@ from isomatch.matching.fit import Candidate, Fit, Hypothesis
 from isomatch.matching.judge import Evidence, Solution, measured_evidence
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
+from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.screening import Screening, energy_of, extended
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
@@ -330,7 +331,12 @@ class Isometry(Relation):
     ) -> Solution:
         """Polish, carry and sum up a map; one between shapes far from isometric comes with a ``note``."""
         pair, hints, far = self.pair, self.hints, note is not None
-        errors = expected_errors(pair, map_.points, map_.doubt)
+        selection, rivals = found.selection, None
+        if selection.against and selection.rival < pair.config.outcome.tie and not far:
+            rivals = selection.winner.image, selection.against.image
+        regions = regions_of_doubt(pair, map_.mismatch, rivals)
+        doubt = doubt_in(regions, self.source.body.n_vertices) + (0.0 if map_.doubt is None else map_.doubt)
+        errors = expected_errors(pair, map_.points, doubt)
         against = contradicted_landmarks(pair, map_.points, hints)
         level: SmoothPair = pair
         points = map_.points
@@ -361,6 +367,7 @@ class Isometry(Relation):
             map_.origin,
             map_.reason,
             mismatch=None if map_.mismatch is None else self.source.lift(map_.mismatch),
+            regions=lifted(regions, self.source, self.target),
         )
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
