@@ -40,9 +40,17 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the seams of so many contacts, and close all holes; its vertices are the first. None without any."""
+    """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None if it has no seams."""
     cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
-    return _closed(shape, cut.mesh, cut.vertex_index) if cut.seams else None
+    if not cut.seams:
+        return None
+    longest = max(cut.seams, key=len)
+    note = (
+        f"cut where limbs seem to be fused, along {len(cut.seams)} {'seam' if len(cut.seams) == 1 else 'seams'}; the "
+        f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, set "
+        "preparation.contact_concavity = 0"
+    )
+    return replace(_closed(shape, cut.mesh, cut.vertex_index), notes=(note,))
 
 
 def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:
@@ -51,7 +59,7 @@ def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape
     config = replace(shape.requested, resolution="full")
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
     on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)
-    return replace(made, origin=np.concatenate([origin, on_caps]))
+    return replace(made, origin=np.concatenate([origin, on_caps]), notes=())
 
 
 @cached_method

@@ -135,6 +135,7 @@ class ClosedMatch:
                 *self.pair.notes,
                 *self.hints.notes,
                 *contradicted_landmarks(self.pair, points, self.hints),
+                *self.relation.pair.notes,
                 "stretch, residual and distortion are those of the shapes with their holes closed",
             ),
         )
@@ -144,7 +145,7 @@ class ClosedMatch:
 
     def _opened_regions(self, closed: tuple[DoubtfulRegion, ...]) -> tuple[DoubtfulRegion, ...]:
         """Take the caps off regions of the capped bodies."""
-        source, target, (_, owner) = self.pair.source, self.pair.target, self._rim_of_target
+        source, target, (_, owner) = self.pair.source, self.pair.target, _owners(self.relation.pair.target)
         regions = []
         for region in closed:
             kept = region.vertices < source.body.n_vertices
