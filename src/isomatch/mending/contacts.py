@@ -145,7 +145,8 @@ class _Closed:
         self.mesh, self.n_real = mesh, n_real
         self.ends = mesh.edges[met.edge[met.is_pair]]  # of edges of two faces, (e, 2)
         self.beside = met.sides[met.is_pair] // 3  # these faces, (e, 2)
-        self.is_real = (mesh.faces < n_real).all(axis=1)[self.beside].all(axis=1)
+        is_real = np.all(mesh.faces < n_real, axis=1)
+        self.is_real: BoolArray = is_real[self.beside].all(axis=1)
 
     def pieces(self, *loops: IntArray) -> int:
         """Count the pieces into which loops cut what is real; each face that closes a hole counts as one."""
@@ -160,7 +161,8 @@ class _Closed:
         here, there = self.beside.T
         cosine = np.einsum("ij,ij->i", normals[here], normals[there])
         rises = np.einsum("ij,ij->i", centres[there] - centres[here], normals[here]) > 0
-        return np.degrees(np.arccos(np.clip(cosine, -1, 1))) * np.where(rises, -1.0, 1.0)
+        angles: FloatArray = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        return np.where(rises, -angles, angles)
 
 
 def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArray]:
@@ -203,28 +205,27 @@ def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
             graph, directed=False, indices=root, return_predecessors=True, limit=reach
         )
         closing, totals = _closing_edges(distance, before, ends, closed.beside, costs, mesh.n_faces)
-        for edge in closing[np.argsort(totals, kind="stable")[:LOOPS_OF_ROOT]]:
-            loop = _loop(before, *ends[edge])
+        for k in np.argsort(totals, kind="stable")[:LOOPS_OF_ROOT]:
+            loop, first = _loop(before, *ends[closing[k]])
             if (loop < closed.n_real).all() and len(loop) > 2:
-                following = np.roll(loop, -1)
-                cost = graph[np.minimum(loop, following), np.maximum(loop, following)].sum()
-                length = np.linalg.norm(mesh.vertices[loop] - mesh.vertices[following], axis=1).sum()
-                yield float(cost), float(length), loop
+                sides = mesh.vertices[loop] - mesh.vertices[np.roll(loop, -1)]
+                cost = totals[k] - 2 * distance[first]  # without the way to the loop and back
+                yield float(cost), float(np.linalg.norm(sides, axis=1).sum()), loop
 
 
-def _loop(before: AnyArray, *ends: int) -> IntArray:
-    """Vertices along the loop that an edge closes in a tree, without what its two paths to the root have in common."""
+def _loop(before: AnyArray, *ends: int) -> tuple[IntArray, int]:
+    """Vertices along the loop that an edge closes in a tree, and the one that is nearest to the root."""
     paths = []
     for vertex in ends:
         path = [int(vertex)]
         while before[path[-1]] >= 0:
             path.append(int(before[path[-1]]))
         paths.append(path)
-    first, second = paths
-    while len(first) > 1 and len(second) > 1 and first[-2] == second[-2]:
-        first.pop()
-        second.pop()
-    return np.array(first + second[-2::-1])
+    here, there = paths
+    while len(here) > 1 and len(there) > 1 and here[-2] == there[-2]:
+        here.pop()
+        there.pop()
+    return np.array(here + there[-2::-1]), here[-1]
 
 
 @compiled()

@@ -40,21 +40,21 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None if it has no seams."""
+    """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None without seams."""
     cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
     if not cut.seams:
         return None
     longest = max(cut.seams, key=len)
     note = (
         f"cut where limbs seem to be fused, along {len(cut.seams)} {'seam' if len(cut.seams) == 1 else 'seams'}; the "
-        f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, set "
-        "preparation.contact_concavity = 0"
+        f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, "
+        "set preparation.contact_concavity = 0"
     )
     return replace(_closed(shape, cut.mesh, cut.vertex_index), notes=(note,))
 
 
 def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:
-    """Prepare the body of a shape, perhaps cut, with all holes closed, given the vertex of the body of each of its own."""
+    """Prepare the body of a shape, perhaps cut, with all holes closed, given the old vertex of each of its own."""
     closed = capped(mesh)
     config = replace(shape.requested, resolution="full")
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
