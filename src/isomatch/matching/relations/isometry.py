@@ -30,7 +30,7 @@ from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.screening import Screening, energy_of, extended
-from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
+from isomatch.matching.search import combinations, hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
@@ -168,6 +168,8 @@ class Isometry(Relation):
         searched = pair.config.hypotheses == "all" or self.searches_rivals
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
         if pair.config.hypotheses == "all":
+            maps = [candidate.target_row for candidate in eligible]
+            variants += screen(combinations(pair, maps))
             return self._ranked([*eligible, *variants], hinted=True), []
         return eligible, self._ranked([*screen(list(only_rivals)), *variants])
 
