@@ -79,34 +79,29 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
-COMBINED, HALVES, MOST_COMBINED = 4, 4, 6
-
-
 def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
-    """Combine maps of the search vertices (m_s,): one on one half of the source, and another on the other half.
+    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
 
-    A right map and its half twist agree on one half of a body.
+    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
+    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
     """
     settings = pair.config.search
-    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + HALVES].T > 0
-    starts = [np.where(half, *two) for half in halves for two in permutations(maps[:COMBINED], 2)]
-    if not starts:
-        return []
-    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0)
+    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
+    starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
+    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
     chosen = distinct(
-        sorted(aligned, key=lambda each: each.residual),
-        lambda each: each.target_row,
+        sorted(aligned, key=lambda alignment: alignment.residual),
+        lambda alignment: alignment.target_row,
         pair.distances_between_maps,
         settings.same_map,
-        MOST_COMBINED,
+        settings.most_combined,
         maps,
     )
     if not chosen:
         return []
-    moved = iterative_closest_points(
-        *pair.search_points, np.array([each.target_row for each in chosen]), settings.flip_steps, settings.unchanged
-    )
-    return [Hypothesis(each, "combination") for each in moved]
+    rows = np.array([alignment.target_row for alignment in chosen])
+    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
+    return [Hypothesis(alignment, "combination") for alignment in moved]
 
 
 def search(
@@ -230,26 +225,20 @@ class FromFlips(PoolStart):
 
 
 class FromOtherSide(PoolStart):
-    """Maps found in the same way from the target to the source, and inverted."""
+    """Maps found in the same way from the target to the source, in fewer steps, and inverted."""
 
     name: ClassVar[str] = "other side"
 
     def extend(self, pool: Pool) -> None:
         """Add them."""
-        settings = pool.pair.config.search
-        other = Pool(pool.pair.turned, settings.n_hypotheses)
-        known=set()
-        if "s" in MODE and pool.hypotheses:
-            inv = np.array([pool.pair.inverted(h.target_row) for h in pool.hypotheses])
-            other.merge([Hypothesis(a, self.name) for a in iterative_closest_points(*other.pair.search_points, inv, 0)])
-            known={id(h) for h in other.hypotheses}
-        if "e" in MODE: other.add(starts_from_extremities(other.pair), OTHER_STEPS, self.name)
-        if FLIPPED: other.flip(other.hypotheses[: FLIPPED], self.name)
-        inverted = [other.pair.inverted(h.target_row) for h in other.hypotheses if id(h) not in known]
+        pair, settings = pool.pair.turned, pool.pair.config.search
+        other = Pool(pair, settings.n_hypotheses)
+        other.add(starts_from_extremities(pair), settings.flip_steps, self.name)
+        other.flip(other.hypotheses[: settings.flipped], self.name)
+        inverted = [pair.inverted(hypothesis.target_row) for hypothesis in other.hypotheses]
         pool.add(inverted, settings.compare_every, self.name)
 
 
-MODE="e"; OTHER_STEPS=12; FLIPPED=3
 default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips(), FromOtherSide())
 """The starts of a match to which none are handed; hints of the user come before them."""
 
