@@ -27,6 +27,7 @@ from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import serial_blas
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape
+from isomatch.values.arrays import IntArray
 
 THERE = 0.75  # of the time, with the preparation
 
@@ -161,9 +162,16 @@ def _turned_hypotheses(found: IsometricMatch, pair: ShapePair, pair_back: ShapeP
     ]
     others = others[: pair.config.selection.most_contenders]
     images += [pair.target_vertices[candidate.target_row] for candidate in others]
-    starts = np.array([pair.inverted(image) for image in images])
+    starts = np.array([_turned_rows(pair, image) for image in images])
     aligned = iterative_closest_points(*pair_back.search_points, starts, HINT_STEPS)
     return [
         Hypothesis(alignment, candidate.hypothesis.origin)
         for alignment, candidate in zip(aligned, refined + others)
     ]
+
+
+def _turned_rows(pair: ShapePair, target_vertex: IntArray) -> IntArray:
+    """For each search vertex of the target, the row of the source whose image is nearest, by geodesic distance."""
+    apart = pair.target.distances.between(pair.target_vertices, target_vertex)
+    rows: IntArray = apart.argmin(axis=1)
+    return rows

@@ -204,10 +204,9 @@ class ShapePair(SmoothPair):
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
         return means
 
-    def inverted(self, target_vertex: IntArray) -> IntArray:
-        """Invert a map of the search vertices (m_s,): row whose image is nearest to each of the target's, (m_t,)."""
-        apart = self.target.distances.between(self.target_vertices, target_vertex)
-        rows: IntArray = apart.argmin(axis=1)
+    def inverted(self, target_row: IntArray) -> IntArray:
+        """Invert a map (m_s,): for each search vertex of the target the row whose image is nearest, (m_t,)."""
+        rows: IntArray = self._target_row_distances[:, target_row].argmin(axis=1)
         return rows
 
     def differs(self, target_row: IntArray, others: Sequence[IntArray], least: float) -> bool:

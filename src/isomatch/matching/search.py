@@ -235,7 +235,7 @@ class FromOtherSide(PoolStart):
         other = Pool(pair, settings.n_hypotheses)
         other.add(starts_from_extremities(pair), settings.flip_steps, self.name)
         other.flip(other.hypotheses[: settings.flipped], self.name)
-        inverted = [pair.inverted(pair.target_vertices[h.target_row]) for h in other.hypotheses]
+        inverted = [pair.inverted(hypothesis.target_row) for hypothesis in other.hypotheses]
         pool.add(inverted, settings.compare_every, self.name)
 
 
