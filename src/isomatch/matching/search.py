@@ -26,6 +26,8 @@ HINT_STEPS = 8
 # little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
+COMBINATION = "combination"  # origin of hypotheses that two others make
+
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -101,7 +103,7 @@ def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
         return []
     rows = np.array([alignment.target_row for alignment in chosen])
     moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
-    return [Hypothesis(alignment, "combination") for alignment in moved]
+    return [Hypothesis(alignment, COMBINATION) for alignment in moved]
 
 
 def search(

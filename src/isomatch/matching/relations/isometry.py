@@ -13,6 +13,7 @@ from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
+    CLEARLY_BETTER,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -30,7 +31,13 @@ from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
 from isomatch.matching.screening import Screening, energy_of, extended
-from isomatch.matching.search import combinations, hypotheses_from_hints, search, symmetric_variants
+from isomatch.matching.search import (
+    COMBINATION,
+    combinations,
+    hypotheses_from_hints,
+    search,
+    symmetric_variants,
+)
 from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
@@ -249,7 +256,7 @@ class Isometry(Relation):
             fits,
             self._apart(fits),
             self.rules,
-            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
+            scores=self.weighed(fits, [_handicap(fit) * fit.score for fit in fits], may_win),
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
             n_tried=len(eligible) + len(rivals),
@@ -408,6 +415,11 @@ class Isometry(Relation):
             )
             for c in kept[1:]
         )
+
+
+def _handicap(fit: Fit) -> float:
+    """Factor on the score: a combination has to be clearly better than the maps that it is made of."""
+    return CLEARLY_BETTER if fit.origin == COMBINATION else 1.0
 
 
 def _polishing_described(pair: ShapePair, level: SmoothPair) -> list[str]:
