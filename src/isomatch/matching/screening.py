@@ -80,8 +80,7 @@ def energy_of(
     curvatures, or 1 where a shape has none, and of known functions.
     """
     source, target = pair.source, pair.target
-    points = source.points.at(source_vertex, rank), target.points.at(target_vertex, rank)
-    residual = alignment_residual(*points, signed_procrustes(*points))
+    residual = residual_of(pair, source_vertex, target_vertex, rank)
     mismatch = 1.0
     if pair.oriented:
         mismatch = np.abs(target.curvature[target_vertex] - source.curvature[source_vertex]).mean()
@@ -89,6 +88,14 @@ def energy_of(
     # as much, against curvature, as in the refinement
     mismatch += known.sum(axis=1).mean() / CURVATURE_WEIGHT
     return float(residual * mismatch**pair.config.selection.curvature_exponent)
+
+
+def residual_of(
+    pair: ShapePair, source_vertex: IntArray, target_vertex: IntArray, rank: int | None = None
+) -> float:
+    """Descriptor residual of a map (m,) of body vertices: how well it keeps distances."""
+    points = pair.source.points.at(source_vertex, rank), pair.target.points.at(target_vertex, rank)
+    return alignment_residual(*points, signed_procrustes(*points))
 
 
 def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:

@@ -26,8 +26,6 @@ HINT_STEPS = 8
 # little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
-COMBINATION = "combination"  # origin of hypotheses that two others make
-
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -81,31 +79,6 @@ def symmetric_variants(pair: ShapePair, target_row: IntArray) -> list[Hypothesis
     return [Hypothesis(alignment, "symmetry") for alignment in moved]
 
 
-def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
-    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
-
-    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
-    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
-    """
-    settings = pair.config.search
-    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
-    starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
-    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
-    chosen = distinct(
-        sorted(aligned, key=lambda alignment: alignment.residual),
-        lambda alignment: alignment.target_row,
-        pair.distances_between_maps,
-        settings.same_map,
-        settings.most_combined,
-        maps,
-    )
-    if not chosen:
-        return []
-    rows = np.array([alignment.target_row for alignment in chosen])
-    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
-    return [Hypothesis(alignment, COMBINATION) for alignment in moved]
-
-
 def search(
     pair: ShapePair, from_hints: list[Hypothesis], starts: Sequence[Start] | None = None
 ) -> list[Hypothesis]:
@@ -131,6 +104,42 @@ def search(
             rows = [start_from_pairs(pair, pairs) for pairs, _ in first_maps_of([start], pair)]
             pool.add(rows, HINT_STEPS, name_of(start))
     return pool.hypotheses
+
+
+def search_back(pair: ShapePair) -> list[Hypothesis]:
+    """Search from the target to the source, in fewer steps, and invert what is found."""
+    settings, turned = pair.config.search, pair.turned
+    back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
+    back.add(starts_from_extremities(turned), settings.flip_steps, "other side")
+    back.flip(back.hypotheses[: settings.flipped], "other side")
+    inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
+    there.add(inverted, settings.compare_every, "other side")
+    return there.hypotheses
+
+
+def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
+    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
+
+    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
+    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
+    """
+    settings = pair.config.search
+    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
+    starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
+    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
+    chosen = distinct(
+        sorted(aligned, key=lambda alignment: alignment.residual),
+        lambda alignment: alignment.target_row,
+        pair.distances_between_maps,
+        settings.same_map,
+        settings.most_combined,
+        maps,
+    )
+    if not chosen:
+        return []
+    rows = np.array([alignment.target_row for alignment in chosen])
+    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
+    return [Hypothesis(alignment, "combination") for alignment in moved]
 
 
 class Pool:
@@ -226,22 +235,7 @@ class FromFlips(PoolStart):
         pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
 
 
-class FromOtherSide(PoolStart):
-    """Maps found in the same way from the target to the source, in fewer steps, and inverted."""
-
-    name: ClassVar[str] = "other side"
-
-    def extend(self, pool: Pool) -> None:
-        """Add them."""
-        pair, settings = pool.pair.turned, pool.pair.config.search
-        other = Pool(pair, settings.n_hypotheses)
-        other.add(starts_from_extremities(pair), settings.flip_steps, self.name)
-        other.flip(other.hypotheses[: settings.flipped], self.name)
-        inverted = [pair.inverted(hypothesis.target_row) for hypothesis in other.hypotheses]
-        pool.add(inverted, settings.compare_every, self.name)
-
-
-default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips(), FromOtherSide())
+default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
 
 

@@ -14,6 +14,8 @@ from isomatch.errors import SettingError
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
     CLEARLY_BETTER,
+    ENERGY_NOISE,
+    SAME_ENERGY,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -30,12 +32,12 @@ from isomatch.matching.judge import Evidence, Solution, measured_evidence
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.screening import Screening, energy_of, extended
+from isomatch.matching.screening import Screening, energy_of, extended, residual_of
 from isomatch.matching.search import (
-    COMBINATION,
     combinations,
     hypotheses_from_hints,
     search,
+    search_back,
     symmetric_variants,
 )
 from isomatch.matching.stages import Relation
@@ -45,6 +47,10 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 # in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
 ELSEWHERE_DISTANCE = 0.3
+
+MOST_CHALLENGERS = (
+    2  # maps found from the other side, or combined, which are refined; chosen: the cost of a match
+)
 
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
@@ -137,7 +143,10 @@ class Isometry(Relation):
         timer.start("selection")
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
-        selection = self._against_mirror_image(self._contest(eligible, rivals), eligible)
+        selection = self._contest(eligible, rivals)
+        if hypotheses is None and self.stages.starts is None:
+            selection = self._challenged(selection, eligible)
+        selection = self._against_mirror_image(selection, eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
 
@@ -175,8 +184,6 @@ class Isometry(Relation):
         searched = pair.config.hypotheses == "all" or self.searches_rivals
         variants = screen(symmetric_variants(pair, eligible[0].target_row)) if searched else []
         if pair.config.hypotheses == "all":
-            maps = [candidate.target_row for candidate in eligible]
-            variants += screen(combinations(pair, maps))
             return self._ranked([*eligible, *variants], hinted=True), []
         return eligible, self._ranked([*screen(list(only_rivals)), *variants])
 
@@ -256,24 +263,82 @@ class Isometry(Relation):
             fits,
             self._apart(fits),
             self.rules,
-            scores=self.weighed(fits, [_handicap(fit) * fit.score for fit in fits], may_win),
+            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
             n_tried=len(eligible) + len(rivals),
+        )
+
+    def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
+        """Compare the winner with maps found from the other side, and with combinations of candidates.
+
+        They are many, and of many maps some fit well by chance. So one takes the winner's place only if it is better by
+        every measure, or another map and clearly better.
+        """
+        if not self._sided or selection.winner.candidate is None:
+            return selection
+        pair, config = self.pair, self.pair.config
+        known = [candidate.target_row for candidate in candidates]
+        found = distinct(
+            [*search_back(pair), *combinations(pair, known)],
+            lambda hypothesis: hypothesis.target_row,
+            pair.distances_between_maps,
+            config.search.same_map,
+            known=known,
+        )
+        limit = SAME_ENERGY * max(selection.winner.candidate.energy, ENERGY_NOISE)
+        least = config.selection.orientation_threshold
+        hopeful = [
+            candidate
+            for candidate in self._ranked(Screening(pair, self.hints)(found))
+            if candidate.energy <= limit and self._wanted_sign * candidate.orientation > least
+        ]
+        challengers = self.contest(self.begun(hopeful[:MOST_CHALLENGERS]))
+        better = [fit for fit in challengers if self._beats(fit, selection.winner)]
+        if not better:
+            return selection
+        fits = [selection.winner, *selection.rivals, *better]
+        may_win = [fit in better for fit in fits]
+        return select(
+            fits,
+            self._apart(fits),
+            self.rules,
+            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
+            eligible=may_win,
+            elsewhere=self._shares_elsewhere(fits),
+        )
+
+    def _beats(self, challenger: Fit, winner: Fit) -> bool:
+        """Whether a map is better than the winner by every measure, or another map and clearly better."""
+        fits = [challenger, winner]
+        cost, bound = self.weighed(fits, [fit.score for fit in fits], [True, True])
+        other = (
+            self.target.mean_distance(*(fit.image for fit in fits))
+            > self.pair.config.selection.rival_distance
+        )
+        if other and CLEARLY_BETTER * cost < bound:
+            return True
+        kept, before = (residual_of(self.pair, self.vertices, fit.image) for fit in fits)
+        return cost < bound and challenger.misfit < winner.misfit and kept < before
+
+    @property
+    def _sided(self) -> bool:
+        """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
+        config = self.pair.config
+        return (
+            config.orientation != "any"
+            and config.hypotheses == "all"
+            and not self.hints.any
+            and self.pair.oriented
         )
 
     def _against_mirror_image(
         self, selection: Selection[Fit], candidates: Sequence[Candidate]
     ) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
-        config = self.pair.config
-        if (
-            config.orientation == "any"
-            or config.hypotheses != "all"
-            or self.hints.any
-            or not self.pair.oriented
-        ):
+        if not self._sided:
             return selection
+        config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
         kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
@@ -415,11 +480,6 @@ class Isometry(Relation):
             )
             for c in kept[1:]
         )
-
-
-def _handicap(fit: Fit) -> float:
-    """Factor on the score: a combination has to be clearly better than the maps that it is made of."""
-    return CLEARLY_BETTER if fit.origin == COMBINATION else 1.0
 
 
 def _polishing_described(pair: ShapePair, level: SmoothPair) -> list[str]:
