@@ -49,8 +49,11 @@ from isomatch.values.arrays import FloatArray, IntArray
 ELSEWHERE_DISTANCE = 0.3
 
 MOST_CHALLENGERS = (
-    2  # maps found from the other side, or combined, which are refined; chosen: the cost of a match
+    2  # maps found from the other side, or combined, which are refined; docs/notes/both_ways.md
 )
+
+# mean cosine between normals, from which such a map is refined; right maps have more, see SelectionSettings
+RIGHT_ORIENTATION = 0.54
 
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
@@ -287,18 +290,21 @@ class Isometry(Relation):
             known=known,
         )
         limit = SAME_ENERGY * max(selection.winner.candidate.energy, ENERGY_NOISE)
-        least = config.selection.orientation_threshold
         hopeful = [
             candidate
             for candidate in self._ranked(Screening(pair, self.hints)(found))
-            if candidate.energy <= limit and self._wanted_sign * candidate.orientation > least
+            if candidate.energy <= limit and self._wanted_sign * candidate.orientation > RIGHT_ORIENTATION
         ]
         challengers = self.contest(self.begun(hopeful[:MOST_CHALLENGERS]))
-        better = [fit for fit in challengers if self._beats(fit, selection.winner)]
-        if not better:
+        winner = selection.winner
+        for fit in sorted(
+            challengers, key=lambda fit: self.target.mean_distance(fit.image, selection.winner.image)
+        ):
+            winner = fit if self._beats(fit, winner) else winner
+        if winner is selection.winner:
             return selection
-        fits = [selection.winner, *selection.rivals, *better]
-        may_win = [fit in better for fit in fits]
+        fits = [selection.winner, *selection.rivals, *challengers]
+        may_win = [fit is winner for fit in fits]
         return select(
             fits,
             self._apart(fits),
@@ -309,17 +315,19 @@ class Isometry(Relation):
         )
 
     def _beats(self, challenger: Fit, winner: Fit) -> bool:
-        """Whether a map is better than the winner by every measure, or another map and clearly better."""
+        """Whether a map is better by every measure, or another map and clearly better.
+
+        What the surfaces look like counts between other maps only: where variants differ is too small a region.
+        """
         fits = [challenger, winner]
-        cost, bound = self.weighed(fits, [fit.score for fit in fits], [True, True])
-        other = (
-            self.target.mean_distance(*(fit.image for fit in fits))
-            > self.pair.config.selection.rival_distance
-        )
-        if other and CLEARLY_BETTER * cost < bound:
-            return True
-        kept, before = (residual_of(self.pair, self.vertices, fit.image) for fit in fits)
-        return cost < bound and challenger.misfit < winner.misfit and kept < before
+        apart = self.target.mean_distance(*(fit.image for fit in fits))
+        scores = [fit.score for fit in fits]
+        if apart > self.pair.config.selection.rival_distance:
+            scores = self.weighed(fits, scores, [True, True])
+            if CLEARLY_BETTER * scores[0] < scores[1]:
+                return True
+        residuals = [residual_of(self.pair, self.vertices, fit.image) for fit in fits]
+        return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]
 
     @property
     def _sided(self) -> bool:
