@@ -14,8 +14,6 @@ from isomatch.errors import SettingError
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
     CLEARLY_BETTER,
-    ENERGY_NOISE,
-    SAME_ENERGY,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -32,14 +30,8 @@ from isomatch.matching.judge import Evidence, Solution, measured_evidence
 from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.screening import Screening, energy_of, extended, residual_of
-from isomatch.matching.search import (
-    combinations,
-    hypotheses_from_hints,
-    search,
-    search_back,
-    symmetric_variants,
-)
+from isomatch.matching.screening import Screening, challengers, energy_of, extended, residual_of
+from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
@@ -47,13 +39,6 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 # in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
 ELSEWHERE_DISTANCE = 0.3
-
-MOST_CHALLENGERS = (
-    2  # maps found from the other side, or combined, which are refined; docs/notes/both_ways.md
-)
-
-# mean cosine between normals, from which such a map is refined; right maps have more, see SelectionSettings
-RIGHT_ORIENTATION = 0.54
 
 MOST_MIRRORED = 3  # maps of the orientation that is not allowed, which are refined
 
@@ -273,37 +258,23 @@ class Isometry(Relation):
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare the winner with maps found from the other side, and with combinations of candidates.
+        """Compare the winner with maps from the other side and combinations of candidates, those like it first.
 
         They are many, and of many maps some fit well by chance. So one takes the winner's place only if it is better by
         every measure, or another map and clearly better.
         """
-        if not self._sided or selection.winner.candidate is None:
+        first = winner = selection.winner
+        if not self._sided or first.candidate is None:
             return selection
-        pair, config = self.pair, self.pair.config
         known = [candidate.target_row for candidate in candidates]
-        found = distinct(
-            [*search_back(pair), *combinations(pair, known)],
-            lambda hypothesis: hypothesis.target_row,
-            pair.distances_between_maps,
-            config.search.same_map,
-            known=known,
-        )
-        limit = SAME_ENERGY * max(selection.winner.candidate.energy, ENERGY_NOISE)
-        hopeful = [
-            candidate
-            for candidate in self._ranked(Screening(pair, self.hints)(found))
-            if candidate.energy <= limit and self._wanted_sign * candidate.orientation > RIGHT_ORIENTATION
-        ]
-        challengers = self.contest(self.begun(hopeful[:MOST_CHALLENGERS]))
-        winner = selection.winner
-        for fit in sorted(
-            challengers, key=lambda fit: self.target.mean_distance(fit.image, selection.winner.image)
-        ):
+        found = challengers(self.pair, self.hints, known, self._wanted_sign, first.candidate.energy)
+        fits = self.contest(self.begun(found))
+        for fit in sorted(fits, key=lambda fit: self.target.mean_distance(fit.image, first.image)):
             winner = fit if self._beats(fit, winner) else winner
-        if winner is selection.winner:
+        if winner is first:
             return selection
-        fits = [selection.winner, *selection.rivals, *challengers]
+        others = [fit for fit in (first, *fits) if self._is_another(fit, winner)]
+        fits = [winner, *selection.rivals, *others]
         may_win = [fit is winner for fit in fits]
         return select(
             fits,
@@ -320,14 +291,18 @@ class Isometry(Relation):
         What the surfaces look like counts between other maps only: where variants differ is too small a region.
         """
         fits = [challenger, winner]
-        apart = self.target.mean_distance(*(fit.image for fit in fits))
         scores = [fit.score for fit in fits]
-        if apart > self.pair.config.selection.rival_distance:
+        if self._is_another(challenger, winner):
             scores = self.weighed(fits, scores, [True, True])
             if CLEARLY_BETTER * scores[0] < scores[1]:
                 return True
         residuals = [residual_of(self.pair, self.vertices, fit.image) for fit in fits]
         return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]
+
+    def _is_another(self, fit: Fit, other: Fit) -> bool:
+        """Whether a map is another one, and no variant."""
+        apart = self.target.mean_distance(fit.image, other.image)
+        return apart > self.pair.config.selection.rival_distance
 
     @property
     def _sided(self) -> bool:
