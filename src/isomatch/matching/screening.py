@@ -121,7 +121,7 @@ def challengers(
         That of the winner.
     """
     found = distinct(
-        [*search_back(pair), *combinations(pair, known)],
+        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
         lambda hypothesis: hypothesis.target_row,
         pair.distances_between_maps,
         pair.config.search.same_map,

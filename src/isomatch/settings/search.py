@@ -43,6 +43,8 @@ class SearchSettings(Settings):
         Best hypotheses whose flips are tried.
     flipped_functions : int
         Leading Laplace–Beltrami functions whose sign is flipped.
+    both_ways : bool
+        Whether maps are also searched from the target, and inverted.
     combined : int
         Best candidates that are combined with each other, one on one half of the source and one on the other.
     halves : int
@@ -83,6 +85,7 @@ class SearchSettings(Settings):
     )
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
+    both_ways: bool = setting(True, "docs/notes/both_ways.md: mesh014–mesh003, 22.3 without, 1.4 with")
     combined: int = setting(4, "docs/notes/both_ways.md", least=0)
     halves: int = setting(4, "docs/notes/both_ways.md", least=0)
     most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
