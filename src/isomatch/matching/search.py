@@ -110,7 +110,7 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
     """Search from the target to the source, in fewer steps, and invert what is found."""
     settings, turned = pair.config.search, pair.turned
     back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
-    back.add(starts_from_extremities(turned), settings.flip_steps, "other side")
+    back.add(starts_from_extremities(turned), settings.compare_every, "other side")
     back.flip(back.hypotheses[: settings.flipped], "other side")
     inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
     there.add(inverted, settings.compare_every, "other side")

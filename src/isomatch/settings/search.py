@@ -30,11 +30,11 @@ class SearchSettings(Settings):
     eccentricity_weight : float
         Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
     start_steps, flip_steps : int
-        Iterations of closest points from extremities; after flips and combinations, and from extremities on the way back.
+        Iterations of closest points from extremities; after flips and combinations.
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
-        Iterations between comparisons of the maps under way.
+        Iterations between comparisons of the maps under way; as many from extremities on the way back.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
     n_hypotheses : int
@@ -85,7 +85,7 @@ class SearchSettings(Settings):
     )
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
-    both_ways: bool = setting(True, "docs/notes/both_ways.md: mesh014–mesh003, 22.3 without, 1.4 with")
+    both_ways: bool = setting(True, "docs/notes/both_ways.md: victoria2–victoria23, 18.4 without, 4.5 with")
     combined: int = setting(4, "docs/notes/both_ways.md", least=0)
     halves: int = setting(4, "docs/notes/both_ways.md", least=0)
     most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
