@@ -276,7 +276,7 @@ class Isometry(Relation):
         others = [fit for fit in (first, *fits) if self._is_another(fit, winner)]
         fits = [winner, *selection.rivals, *others]
         may_win = [fit is winner for fit in fits]
-        return select(
+        challenged = select(
             fits,
             self._apart(fits),
             self.rules,
@@ -284,6 +284,7 @@ class Isometry(Relation):
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
         )
+        return selection if challenged.rival < 1.0 else challenged  # it loses to a rival of the first
 
     def _beats(self, challenger: Fit, winner: Fit) -> bool:
         """Whether a map is better by every measure, or another map and clearly better.
