@@ -109,11 +109,12 @@ def search(
 def search_back(pair: ShapePair) -> list[Hypothesis]:
     """Search from the target to the source, in fewer steps, and invert what is found."""
     settings, turned = pair.config.search, pair.turned
+    steps = settings.compare_every
     back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
-    back.add(starts_from_extremities(turned), settings.compare_every, "other side")
-    back.flip(back.hypotheses[: settings.flipped], "other side")
+    back.add(starts_from_extremities(turned), steps, "other side")
+    back.flip(back.hypotheses[: settings.flipped], "other side", steps)
     inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
-    there.add(inverted, settings.compare_every, "other side")
+    there.add(inverted, steps, "other side")
     return there.hypotheses
 
 
@@ -165,7 +166,7 @@ class Pool:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(self, parents: list[Hypothesis], origin: str) -> None:
+    def flip(self, parents: list[Hypothesis], origin: str, steps: int | None = None) -> None:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
@@ -173,7 +174,7 @@ class Pool:
         # the first function is constant; leaving out the second is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
-        self.add(starts, self._settings.flip_steps, origin)
+        self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
 
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.

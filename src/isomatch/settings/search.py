@@ -34,7 +34,7 @@ class SearchSettings(Settings):
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
-        Iterations between comparisons of the maps under way; as many from extremities on the way back.
+        Iterations between comparisons of the maps under way; as many on the way back.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
     n_hypotheses : int
