@@ -21,7 +21,7 @@ class Hypothesis:
         Target row of each source row, rotation and residual.
     origin : str
         Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip",
-        "symmetry", or the name of a start.
+        "symmetry", "other side", "combination", or the name of a start.
     """
 
     alignment: Alignment

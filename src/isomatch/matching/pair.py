@@ -204,6 +204,11 @@ class ShapePair(SmoothPair):
         means: FloatArray = self._target_row_distances[np.array(others), target_row].mean(axis=1)
         return means
 
+    def inverted(self, target_row: IntArray) -> IntArray:
+        """Invert a map (m_s,): for each search vertex of the target the row whose image is nearest, (m_t,)."""
+        rows: IntArray = self._target_row_distances[:, target_row].argmin(axis=1)
+        return rows
+
     def differs(self, target_row: IntArray, others: Sequence[IntArray], least: float) -> bool:
         """Tell whether a map (m_s,) differs from each of q others by more than a mean distance, in √area."""
         return bool((self.distances_between_maps(target_row, others) > least).all())

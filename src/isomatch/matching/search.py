@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 from typing import ClassVar
 
 import numpy as np
@@ -105,6 +106,43 @@ def search(
     return pool.hypotheses
 
 
+def search_back(pair: ShapePair) -> list[Hypothesis]:
+    """Search from the target to the source, in fewer steps, and invert what is found."""
+    settings, turned = pair.config.search, pair.turned
+    steps = settings.compare_every
+    back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
+    back.add(starts_from_extremities(turned), steps, "other side")
+    back.flip(back.hypotheses[: settings.flipped], "other side", steps)
+    inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
+    there.add(inverted, steps, "other side")
+    return there.hypotheses
+
+
+def combinations(pair: ShapePair, maps: Sequence[IntArray]) -> list[Hypothesis]:
+    """Combine the first of some maps of the search vertices (m_s,): one on one half of the source, another on the other.
+
+    Of two half twists, one has its arms right and one its legs. The halves are those in which a smooth function is
+    positive and negative, so that a body is cut at its waist. Combinations near any of the maps are left out.
+    """
+    settings = pair.config.search
+    halves = pair.source.laplace.vectors[pair.source_vertices, 1 : 1 + settings.halves].T > 0
+    starts = [np.where(half, *two) for half in halves for two in permutations(maps[: settings.combined], 2)]
+    aligned = iterative_closest_points(*pair.search_points, np.array(starts), 0) if starts else []
+    chosen = distinct(
+        sorted(aligned, key=lambda alignment: alignment.residual),
+        lambda alignment: alignment.target_row,
+        pair.distances_between_maps,
+        settings.same_map,
+        settings.most_combined,
+        maps,
+    )
+    if not chosen:
+        return []
+    rows = np.array([alignment.target_row for alignment in chosen])
+    moved = iterative_closest_points(*pair.search_points, rows, settings.flip_steps, settings.unchanged)
+    return [Hypothesis(alignment, "combination") for alignment in moved]
+
+
 class Pool:
     """The best distinct hypotheses so far, at most so many."""
 
@@ -128,7 +166,7 @@ class Pool:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(self, parents: list[Hypothesis], origin: str) -> None:
+    def flip(self, parents: list[Hypothesis], origin: str, steps: int | None = None) -> None:
         """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
@@ -136,7 +174,7 @@ class Pool:
         # the first function is constant; leaving out the second is chosen, not measured
         flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
-        self.add(starts, self._settings.flip_steps, origin)
+        self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
 
     def converged(self, starts: list[IntArray], steps: int) -> list[Alignment]:
         """Run iterative closest points from many first maps; one that meets another, or a known map, is dropped.

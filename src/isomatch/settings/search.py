@@ -30,11 +30,11 @@ class SearchSettings(Settings):
     eccentricity_weight : float
         Weight of differences of average distance, against those of mutual distances, in the cost of an assignment.
     start_steps, flip_steps : int
-        Iterations of closest points from extremities, and after flips.
+        Iterations of closest points from extremities; after flips and combinations.
     unchanged : float
         Share of unchanged images at which an iteration has converged.
     compare_every : int
-        Iterations between comparisons of the maps under way.
+        Iterations between comparisons of the maps under way; as many on the way back.
     same_start, same_map : float
         Mean distance of images, in √area, below which two starts, and two converged maps, are one.
     n_hypotheses : int
@@ -43,6 +43,14 @@ class SearchSettings(Settings):
         Best hypotheses whose flips are tried.
     flipped_functions : int
         Leading Laplace–Beltrami functions whose sign is flipped.
+    both_ways : bool
+        Whether maps are also searched from the target, and inverted.
+    combined : int
+        Best candidates that are combined with each other, one on one half of the source and one on the other.
+    halves : int
+        Laplace–Beltrami functions whose signs part the source in such halves.
+    most_combined : int
+        Most combinations, those of least residual, that are compared with the candidates.
     flip_landmarks : bool
         Whether flips of the map from landmarks are tried too, where no automatic hypotheses compete. Landmarks at
         extremities leave the front and the back of a thin body undecided.
@@ -77,6 +85,10 @@ class SearchSettings(Settings):
     )
     flipped: int = setting(3, "ablation: no flips", least=0)
     flipped_functions: int = setting(20, "ablation: no flips", least=0)
+    both_ways: bool = setting(True, "docs/notes/both_ways.md: victoria2–victoria23, 18.4 without, 4.5 with")
+    combined: int = setting(4, "docs/notes/both_ways.md", least=0)
+    halves: int = setting(4, "docs/notes/both_ways.md", least=0)
+    most_combined: int = setting(6, "docs/notes/both_ways.md", least=0)
     flip_landmarks: bool = setting(
         True, "docs/paper.md: victoria12–victoria23 from landmarks, 7.9 without, 4.2 with"
     )

@@ -13,6 +13,7 @@ from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
+    CLEARLY_BETTER,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -30,7 +31,7 @@ from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.screening import Screening, energy_of, extended
+from isomatch.matching.screening import Screening, challengers, energy_of, extended, residual_of
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
@@ -131,7 +132,10 @@ class Isometry(Relation):
         timer.start("selection")
         eligible, rivals = self.candidates(may_win, only_rivals)
         timer.start("refinement")
-        selection = self._against_mirror_image(self._contest(eligible, rivals), eligible)
+        selection = self._contest(eligible, rivals)
+        if hypotheses is None and self.stages.starts is None:
+            selection = self._challenged(selection, eligible)
+        selection = self._against_mirror_image(selection, eligible)
         embedding = self.everywhere(selection.winner)
         return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
 
@@ -254,18 +258,72 @@ class Isometry(Relation):
             n_tried=len(eligible) + len(rivals),
         )
 
+    def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
+        """Compare the winner with maps from the other side and combinations of candidates, those like it first.
+
+        They are many, and of many maps some fit well by chance. So one takes the winner's place only if it is better by
+        every measure, or another map and clearly better.
+        """
+        first = winner = selection.winner
+        if not self._sided or first.candidate is None:
+            return selection
+        known = [candidate.target_row for candidate in candidates]
+        found = challengers(self.pair, self.hints, known, self._wanted_sign, first.candidate.energy)
+        fits = self.contest(self.begun(found))
+        for fit in sorted(fits, key=lambda fit: self.target.mean_distance(fit.image, first.image)):
+            winner = fit if self._beats(fit, winner) else winner
+        if winner is first:
+            return selection
+        others = [fit for fit in (first, *fits) if self._is_another(fit, winner)]
+        fits = [winner, *selection.rivals, *others]
+        may_win = [fit is winner for fit in fits]
+        challenged = select(
+            fits,
+            self._apart(fits),
+            self.rules,
+            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
+            eligible=may_win,
+            elsewhere=self._shares_elsewhere(fits),
+        )
+        return selection if challenged.rival < 1.0 else challenged  # it loses to a rival of the first
+
+    def _beats(self, challenger: Fit, winner: Fit) -> bool:
+        """Whether a map is better by every measure, or another map and clearly better.
+
+        What the surfaces look like counts between other maps only: where variants differ is too small a region.
+        """
+        fits = [challenger, winner]
+        scores = [fit.score for fit in fits]
+        if self._is_another(challenger, winner):
+            scores = self.weighed(fits, scores, [True, True])
+            if CLEARLY_BETTER * scores[0] < scores[1]:
+                return True
+        residuals = [residual_of(self.pair, self.vertices, fit.image) for fit in fits]
+        return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]
+
+    def _is_another(self, fit: Fit, other: Fit) -> bool:
+        """Whether a map is another one, and no variant."""
+        apart = self.target.mean_distance(fit.image, other.image)
+        return apart > self.pair.config.selection.rival_distance
+
+    @property
+    def _sided(self) -> bool:
+        """Whether one orientation is wanted, of shapes that have one, and nothing else is known of the map."""
+        config = self.pair.config
+        return (
+            config.orientation != "any"
+            and config.hypotheses == "all"
+            and not self.hints.any
+            and self.pair.oriented
+        )
+
     def _against_mirror_image(
         self, selection: Selection[Fit], candidates: Sequence[Candidate]
     ) -> Selection[Fit]:
         """Compare the winner with the best map of the orientation that is not allowed, if that seems to fit better."""
-        config = self.pair.config
-        if (
-            config.orientation == "any"
-            or config.hypotheses != "all"
-            or self.hints.any
-            or not self.pair.oriented
-        ):
+        if not self._sided:
             return selection
+        config = self.pair.config
         settings, bounds, wanted = config.selection, config.outcome, self._wanted_sign
         kept = min((c.energy for c in candidates if wanted * c.orientation > 0), default=np.inf)
         hopeful = [c for c in self.turned(candidates) if c.energy < settings.mirrored_energy * kept]
