@@ -55,6 +55,8 @@ def _contacts_cut(
     pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, score: float
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
+    if not stages.refinement.looks_further or hints.functions[0].shape[1]:
+        return None
     ours, theirs = pair.source.handles, pair.target.handles
     more = max(ours - theirs, 0), max(theirs - ours, 0)
     best = None

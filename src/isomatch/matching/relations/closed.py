@@ -179,6 +179,8 @@ def match_cut(
     pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
 ) -> ClosedMatch | None:
     """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
+    if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
+        return None  # which say what is connected
     source, target = (cut_shape(pair.source, n_source), cut_shape(pair.target, n_target))
     if source is None and target is None:
         return None
