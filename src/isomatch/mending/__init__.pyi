@@ -1,6 +1,7 @@
 from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.contacts import Cut, cut_contacts, handles
+from isomatch.mending.creases import creases, cut_along
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
 from isomatch.mending.seams import welded_surface, without_seams
@@ -13,6 +14,8 @@ __all__ = [
     "Separation",
     "capped",
     "check",
+    "creases",
+    "cut_along",
     "cut_contacts",
     "handles",
     "repair",

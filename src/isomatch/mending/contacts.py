@@ -60,7 +60,7 @@ def handles(mesh: Mesh) -> int:
     >>> handles(example_pair()[0].mesh)
     0
     """
-    mesh, _ = _opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
+    mesh, _ = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
     pieces = len(np.unique(mesh.components[mesh.faces[:, 0]]))
     euler = len(np.unique(mesh.faces)) - len(mesh.edges) + mesh.n_faces + len(boundary_loops(mesh))
     return max((2 * pieces - euler) // 2, 0)
@@ -101,18 +101,18 @@ def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     """
     index, seams = np.arange(mesh.n_vertices), list[IntArray]()
     while len(seams) < most:
-        opened, vertex = _opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
-        found = _seams(capped(opened), opened.n_vertices, most - len(seams), concavity)
+        apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
+        found = _seams(capped(apart), apart.n_vertices, most - len(seams), concavity)
         if not found:
             break
         loops = [vertex[loop] for loop in found]
         seams += [index[loop] for loop in loops]
-        mesh, copied = _opened(mesh, _on_loops(mesh.edges, loops), np.concatenate(loops))
+        mesh, copied = opened(mesh, _on_loops(mesh.edges, loops), np.concatenate(loops))
         index = index[copied]
     return Cut(mesh, index, tuple(seams))
 
 
-def _opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
+def opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
     """Cut a mesh along edges, (e,), with a copy of some vertices for each fan; returns also the old number of each."""
     met = meetings(mesh.edge_table, mesh.faces)
     kept = ~cut[met.edge]
@@ -153,16 +153,17 @@ class _Closed:
         here, there = self.beside[self.is_real & ~_on_loops(self.ends, loops)].T
         return linked(self.mesh.n_faces, (here, there))[0]
 
-    def bends(self) -> FloatArray:
-        """Angle in degrees by which the surface bends at each edge, (e,); negative where it is concave."""
-        cross = self.mesh.face_cross
-        normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
-        centres = self.mesh.vertices[self.mesh.faces].mean(axis=1)
-        here, there = self.beside.T
-        cosine = np.einsum("ij,ij->i", normals[here], normals[there])
-        rises = np.einsum("ij,ij->i", centres[there] - centres[here], normals[here]) > 0
-        angles: FloatArray = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-        return np.where(rises, -angles, angles)
+
+def bends_at(mesh: Mesh, beside: IntArray) -> FloatArray:
+    """Angle in degrees by which a surface bends between two faces (e, 2) of an edge, (e,); negative where concave."""
+    cross = mesh.face_cross
+    normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
+    centres = mesh.vertices[mesh.faces].mean(axis=1)
+    here, there = beside.T
+    cosine = np.einsum("ij,ij->i", normals[here], normals[there])
+    rises = np.einsum("ij,ij->i", centres[there] - centres[here], normals[here]) > 0
+    angles: FloatArray = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return np.where(rises, -angles, angles)
 
 
 def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArray]:
@@ -191,7 +192,7 @@ def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArra
 def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
     """Yield the shortest loops near concave edges that do not separate a closed mesh: cost, length and vertices."""
     mesh, ends, n = closed.mesh, closed.ends, closed.mesh.n_vertices
-    bends = closed.bends()
+    bends = bends_at(mesh, closed.beside)
     lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
     costs = lengths * np.interp(bends, BENDS, COSTS)
     concave = np.unique(ends[(bends < CONCAVE) & (ends < closed.n_real).all(axis=1)])

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import capped, cut_contacts
+from isomatch.mending import capped, creases, cut_along, cut_contacts
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
 from isomatch.surfaces import Mesh, reflected
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
 OF_BODY = "functions", "index", "signatures", "curvature"  # what is kept of a body alone
@@ -51,6 +51,22 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
         "set preparation.contact_concavity = 0"
     )
     return replace(_closed(shape, cut.mesh, cut.vertex_index), notes=(note,))
+
+
+def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
+    """Cut a body along the seams of contacts and along its creases, of which either end is torn (n_body,), and close it.
+
+    None if it has no creases.
+    """
+    cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
+    edges = creases(cut.mesh)
+    if torn is not None:
+        edges = edges[torn[cut.vertex_index[edges]].any(axis=1)]
+    if not len(edges):
+        return None
+    mesh, index = cut_along(cut.mesh, edges)
+    note = f"cut along creases where limbs may be fused, {len(edges)} edges"
+    return replace(_closed(shape, mesh, cut.vertex_index[index]), notes=(note,))
 
 
 def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:

@@ -7,9 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
+from isomatch.correspondence import Correspondence, Embedding, PrecisePoints, iterative_closest_points
 from isomatch.errors import NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, PartDoubt, Solution
 from isomatch.matching.pair import ShapePair
@@ -19,17 +20,22 @@ from isomatch.matching.relations.isometry import MOST_MIRRORED, IsometricMatch, 
 from isomatch.matching.relations.part_fits import PartFit, PartFits
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.result import Alternative
+from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.stages import Stages
+from isomatch.matching.starts import start_from_pairs
+from isomatch.mending import creases
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, capped_shape, cut_shape
+from isomatch.shapes import PreparedShape, capped_shape, creased_shape, cut_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 # best hypotheses whose flips are tried, as the best one is more often wrong than of complete shapes;
 # mesh018–mesh014 with holes: 30 with 3
 FLIPPED = 6
+
+TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
 
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
 
@@ -79,6 +85,28 @@ class ClosedMatch:
         if side == "source":
             return _images(source, embedding.source, target, embedding.target)
         return _images(target, embedding.target, source, embedding.source)
+
+    @property
+    def pairs(self) -> IntArray:
+        """Vertices of both open bodies that correspond, (q, 2)."""
+        n_source, n_target = self.pair.source.body.n_vertices, self.pair.target.body.n_vertices
+        of_source, of_target = self.found.embedding
+        image = self.relation.pair.target.index.vertices(of_target, of_source[:n_source])
+        kept = np.flatnonzero(image < n_target)
+        return np.column_stack([kept, image[kept]])
+
+    def torn(self, side: int) -> BoolArray:
+        """Which vertices of the open source or target have copies whose images are far apart, (n_body,)."""
+        here, there = (self.relation.pair.source, self.relation.pair.target)[:: 1 if side == 0 else -1]
+        at, to = self.found.embedding[:: 1 if side == 0 else -1]
+        image = there.index.vertices(to, at)
+        origin = _origin(here)
+        n = 1 + int(origin.max())
+        copies = np.arange(n, len(origin))
+        copies = copies[origin[copies] >= 0]
+        torn = np.zeros(n, dtype=bool)
+        torn[origin[copies]] = there.distance(image[copies], image[origin[copies]]) > TORN
+        return torn
 
     @cached_property
     def doubt(self) -> PartDoubt:
@@ -195,6 +223,37 @@ def match_cut(
     )
 
 
+def match_creased(
+    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
+) -> list[ClosedMatch]:
+    """Match two shapes of which the one with longer creases is cut along them; then along those that the map tears."""
+    sides = pair.source, pair.target
+    counts = n_source, n_target
+    creased = max(range(2), key=lambda i: (counts[i], crease_length(sides[i])))
+    other = cut_shape(sides[1 - creased], counts[1 - creased]) or capped_shape(sides[1 - creased])
+    found: list[ClosedMatch] = []
+    torn = None
+    for _ in range(3):
+        shape = creased_shape(sides[creased], counts[creased], torn)
+        if shape is None:
+            break
+        source, target = (shape, other) if creased == 0 else (other, shape)
+        match = _match_between(
+            source, target, pair.config, pair, hints, stages, timer, found[-1] if found else None
+        )
+        if match is None:
+            break
+        found.append(match)
+        torn = match.torn(creased)
+    return found
+
+
+def crease_length(shape: PreparedShape) -> float:
+    edges = creases(shape.mesh_body)
+    v = shape.mesh_body.vertices
+    return float(np.linalg.norm(v[edges[:, 0]] - v[edges[:, 1]], axis=1).sum())
+
+
 def _match_between(
     source: PreparedShape,
     target: PreparedShape,
@@ -203,16 +262,23 @@ def _match_between(
     hints: Hints,
     stages: Stages,
     timer: StageTimer,
+    before: ClosedMatch | None = None,
 ) -> ClosedMatch | None:
-    """Match two closed shapes, made of those of a pair."""
+    """Match two closed shapes, made of those of a pair; from a match of shapes closed otherwise, if there is one."""
     nothing = np.zeros((source.body.n_vertices, 0)), np.zeros((target.body.n_vertices, 0))
     functions = None
     if pair.functions is not None:
         functions = Embedding(*map(_on_caps, (source, target), pair.known))
     closed = Hints(hints.landmarks, hints.initial_pairs, nothing, user_landmarks=hints.user_landmarks)
-    relation = Isometry().on(ShapePair(source, target, config, functions), closed, stages)
+    both = ShapePair(source, target, config, functions)
+    relation = Isometry().on(both, closed, stages)
+    start = None
+    if before is not None:
+        first = start_from_pairs(both, before.pairs)
+        alignment = iterative_closest_points(*both.search_points, first[None], HINT_STEPS)[0]
+        start = [Hypothesis(alignment, before.origin)]
     try:
-        return ClosedMatch(pair, hints, relation, relation.match(timer))
+        return ClosedMatch(pair, hints, relation, relation.match(timer, start))
     except NotConvergedError:
         return None
 
