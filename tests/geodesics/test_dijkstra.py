@@ -110,7 +110,17 @@ def test_a_path_may_use_an_edge_of_length_zero():
 
 def test_the_nearest_vertex_across_a_seam_and_none_on_another_component():
     """Two triangles whose common edge is split, and a third far away."""
-    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [9, 9, 9], [9, 8, 9], [8, 9, 9]]
+    corners = [
+        [0, 0, 0],
+        [1, 0, 0],
+        [0, 1, 0],
+        [1, 0, 0],
+        [0, 1, 0],
+        [1, 1, 0],
+        [9, 9, 9],
+        [9, 8, 9],
+        [8, 9, 9],
+    ]
     mesh = Mesh(corners, [[0, 1, 2], [3, 5, 4], [6, 7, 8]])
     distance, nearest = distance_along_edges_to_nearest(mesh, np.array([0]), weld=True)
     assert distance.tolist() == [0, 1, 1, 1, 1, 2, np.inf, np.inf, np.inf]
