@@ -103,6 +103,14 @@ def cup(triangulation: int = 0) -> Mesh:
     return _smooth([*wall, *bottom, _chain(handle, [0.05, 0.04, 0.04, 0.04, 0.05])], triangulation)
 
 
+def basket() -> Mesh:
+    """A ball with a handle that is attached with a sharp crease at both ends."""
+    ball = _skin(_ball(np.array([0, 0, -0.4]), 0.45))
+    handle = [[-0.3, 0, -0.3], [-0.4, 0, 0.2], [0, 0, 0.6], [0.4, 0, 0.2], [0.3, 0, -0.3]]
+    bar = _skin(_chain(handle, [0.1] * 5))
+    return _surface(lambda points: np.minimum(ball.field(points)[:, 0], bar.field(points)[:, 0]), 0)
+
+
 def _smooth(cones: list[np.ndarray], triangulation: int = 0) -> Mesh:
     skin = _skin(np.concatenate(cones), blend=0.05)
     return _surface(lambda points: skin.field(points)[:, 0], triangulation)

@@ -6,7 +6,7 @@ import pytest
 from isomatch import Mesh, check
 from isomatch.mending import Cut, cut_contacts, handles
 from shapes import box, cylinder, disguised, icosphere, two_spheres
-from touching import body, cup, double_ring, pelvis, ring, without
+from touching import basket, body, cup, double_ring, pelvis, ring, without
 from zoo import torus
 from zoo.made import block, boxes, moved, together
 
@@ -184,6 +184,16 @@ def test_handles_that_are_meant_stay(smooth, most):
 
 def test_sharp_corners_are_no_seams():
     assert cut_contacts(FRAME, 2).seams == ()
+
+
+def test_a_handle_with_two_seams_is_cut_once():
+    """Cut at both of its ends, it would come off."""
+    mesh = basket()
+    assert handles(mesh) == 1
+    cut = cut_contacts(mesh, 2)
+    assert_laws(mesh, cut)
+    assert len(cut.seams) == 1
+    assert handles(cut.mesh) == 0
 
 
 def test_a_clean_body_has_nothing_to_cut():

@@ -90,8 +90,8 @@ def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     -----
     The shortest loops through a root that do not separate the surface are closed by the edges that are neither in its
     tree of shortest paths nor in the spanning tree of the faces whose edges close the longest loops (Erickson &
-    Whittlesey, *Greedy Optimal Homotopy and Homology Generators*, SODA 2005). O(r n log n) for each set of r = 100 roots at
-    concave edges, of which only the neighbourhoods are searched; about 0.3 s a contact at 10 000 vertices.
+    Whittlesey, *Greedy Optimal Homotopy and Homology Generators*, SODA 2005). O(r n log n) for each set of r = 100 roots
+    at concave edges, of which only the neighbourhoods are searched; about 0.3 s a contact at 10 000 vertices.
 
     Examples
     --------

@@ -40,13 +40,16 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
-    """Cut a body along the seams of so many contacts, and close all holes; its vertices are the first. None without any."""
+    """Cut a body along the seams of so many contacts, and close all holes; its vertices are the first.
+
+    None if there is no seam.
+    """
     cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
     return _closed(shape, cut.mesh, cut.vertex_index) if cut.seams else None
 
 
 def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:
-    """Prepare the body of a shape, perhaps cut, with all holes closed, given the vertex of the body of each of its own."""
+    """Prepare the body of a shape, perhaps cut, with all holes closed, given the vertex of the body of each of its."""
     closed = capped(mesh)
     config = replace(shape.requested, resolution="full")
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
