@@ -170,10 +170,14 @@ def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArra
     """
     closed = _Closed(mesh, n_real)
     least = TINY * np.sqrt(mesh.area)
-    found = [(cost, loop) for cost, length, loop in _loops(closed) if cost <= concavity * max(length, least)]
+    found = {  # each loop once, though many roots find it
+        tuple(np.sort(loop)): (cost, loop)
+        for cost, length, loop in _loops(closed)
+        if cost <= concavity * max(length, least)
+    }
     whole, taken = closed.pieces(), list[IntArray]()
     used = np.zeros(mesh.n_vertices, dtype=bool)
-    for _, loop in sorted(found, key=itemgetter(0)):
+    for _, loop in sorted(found.values(), key=itemgetter(0)):
         if used[loop].any():
             if any(closed.pieces(loop, other) > whole for other in taken):
                 continue  # another loop around the same handle
