@@ -145,7 +145,7 @@ class _Closed:
         self.mesh, self.n_real = mesh, n_real
         self.ends = mesh.edges[met.edge[met.is_pair]]  # of edges of two faces, (e, 2)
         self.beside = met.sides[met.is_pair] // 3  # these faces, (e, 2)
-        self.is_real = (mesh.faces < n_real).all(axis=1)[self.beside].all(axis=1)
+        self.is_real: BoolArray = np.all(mesh.faces[self.beside] < n_real, axis=(1, 2))
 
     def pieces(self, *loops: IntArray) -> int:
         """Count the pieces into which loops cut what is real; each face that closes a hole counts as one."""
@@ -160,7 +160,8 @@ class _Closed:
         here, there = self.beside.T
         cosine = np.einsum("ij,ij->i", normals[here], normals[there])
         rises = np.einsum("ij,ij->i", centres[there] - centres[here], normals[here]) > 0
-        return np.degrees(np.arccos(np.clip(cosine, -1, 1))) * np.where(rises, -1.0, 1.0)
+        angles: FloatArray = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        return np.where(rises, -angles, angles)
 
 
 def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArray]:
