@@ -24,7 +24,7 @@ CONCAVE = -30.0  # degrees, of an edge whose ends are roots of trees
 MOST_ROOTS = 100  # one near each seam is enough
 REACH = 0.4  # cost, in √area, of the longest path from a root: half that of the longest seam
 LOOPS_OF_ROOT = 4  # shortest loops that are kept of each root
-TINY = 0.03  # cost, in √area, of the seam of a contact at a point, where the surface need not be concave
+TINY = 0.06  # length, in √area, that each seam has at least: the surface need not be concave where contacts are points
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,11 +172,15 @@ def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArra
     The search ends where the next seam crosses one of these: it can only be found after the cut.
     """
     closed = _Closed(mesh, n_real)
-    enough = TINY * np.sqrt(mesh.area)
-    found = [(cost, loop) for cost, length, loop in _loops(closed) if cost <= max(concavity * length, enough)]
+    least = TINY * np.sqrt(mesh.area)
+    found = {  # each loop once, though many roots find it
+        tuple(np.sort(loop)): (cost, loop)
+        for cost, length, loop in _loops(closed)
+        if cost <= concavity * max(length, least)
+    }
     whole, taken = closed.pieces(), list[IntArray]()
     used = np.zeros(mesh.n_vertices, dtype=bool)
-    for _, loop in sorted(found, key=itemgetter(0)):
+    for _, loop in sorted(found.values(), key=itemgetter(0)):
         if used[loop].any():
             if any(closed.pieces(loop, other) > whole for other in taken):
                 continue  # another loop around the same handle

@@ -41,7 +41,9 @@ def capped_shape(shape: PreparedShape) -> PreparedShape:
 @cached_method
 def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None without seams."""
-    cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
+    if most == 0 or shape.triangles is None:
+        return None
+    cut = cut_contacts(shape.triangles, most, shape.config.preparation.contact_concavity)
     if not cut.seams:
         return None
     longest = max(cut.seams, key=len)

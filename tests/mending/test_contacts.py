@@ -1,0 +1,201 @@
+"""Contacts: handles are counted; limbs that are fused come apart along their seams, and handles that are meant stay."""
+
+import numpy as np
+import pytest
+
+from isomatch import Mesh, check
+from isomatch.mending import cut_contacts, handles
+from shapes import box, cylinder, disguised, icosphere, two_spheres
+from touching import basket, body, cup, double_ring, pelvis, ring, without
+from zoo import torus
+from zoo.made import block, boxes, moved, together
+
+SMOOTH = {"ring": ring, "bumps": lambda: ring(7), "double ring": double_ring, "pelvis": pelvis, "cup": cup}
+FRAME = boxes([cell for cell in block(9, 5, 2) if cell[:2] not in ((2, 2), (6, 2))])  # two square holes
+HANDS = {  # where they are fused with their thighs
+    "right": np.array([0.18, 0.03, 0.05]),
+    "left": np.array([-0.18, 0.03, 0.05]),
+}
+
+
+@pytest.fixture(scope="module")
+def fused():
+    """A body whose right hand is fused with its thigh."""
+    return body("on thigh").mesh
+
+
+@pytest.fixture(scope="module")
+def twice_fused():
+    return body("on thigh", "on thigh").mesh
+
+
+@pytest.fixture(scope="module", params=SMOOTH)
+def smooth(request):
+    """A shape whose handles are meant."""
+    return SMOOTH[request.param]()
+
+
+def assert_laws(mesh, cut):
+    """What was cut is the same surface, but along the seams."""
+    n = mesh.n_vertices
+    np.testing.assert_array_equal(cut.vertex_index[:n], np.arange(n))
+    np.testing.assert_array_equal(cut.mesh.vertices, mesh.vertices[cut.vertex_index])
+    np.testing.assert_array_equal(cut.vertex_index[cut.mesh.faces], mesh.faces)
+    assert set(cut.vertex_index[n:]) == {int(v) for seam in cut.seams for v in seam}
+    edges = set(map(tuple, mesh.edges))
+    for seam in cut.seams:
+        assert len(np.unique(seam)) == len(seam)
+        assert {tuple(side) for side in np.sort(np.column_stack([seam, np.roll(seam, -1)]), axis=1)} <= edges
+    assert cut.mesh.components.max() == mesh.components.max()
+
+
+def place(mesh, seam):
+    return mesh.vertices[seam].mean(axis=0)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "genus"),
+    [
+        (icosphere(2), 0),
+        (box(2, 3, 4), 0),
+        (torus(24, 12), 1),
+        (FRAME, 2),
+        (cylinder(16, 20), 0),
+        (without(torus(24, 12), [3, 0, 1], 1.0), 1),
+        (without(without(icosphere(3), [0, 0, 1], 0.4), [0, 0, -1], 0.4), 0),
+        (two_spheres(1, 0.5), 0),
+        (Mesh(icosphere(1).vertices[::-1], 41 - icosphere(1).faces), 0),  # inward
+    ],
+    ids=["sphere", "box", "torus", "double torus", "open", "open torus", "two holes", "two", "inward"],
+)
+def test_handles_are_the_genus(mesh, genus):
+    assert handles(mesh) == genus
+
+
+def test_handles_of_two_components_add_up():
+    assert handles(together(torus(24, 12), moved(FRAME, [20, 0, 0]))) == 3
+
+
+@pytest.mark.parametrize(("mesh", "genus"), [(icosphere(2), 0), (torus(24, 12), 1)])
+def test_a_fin_makes_no_handle(mesh, genus):
+    a, b = mesh.faces[0, :2]
+    tip = 2 * mesh.vertices[a]
+    fin = Mesh(np.vstack([mesh.vertices, tip]), np.vstack([mesh.faces, [a, b, mesh.n_vertices]]))
+    assert len(check(fin).non_manifold_edges) == 1
+    assert handles(fin) == genus
+
+
+def test_a_vertex_without_faces_makes_no_handle():
+    ball = icosphere(1)
+    assert handles(Mesh(np.vstack([ball.vertices, [[9, 9, 9]]]), ball.faces)) == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_neither_names_nor_places_make_handles(fused, seed):
+    assert handles(disguised(fused, seed).mesh) == 1
+    assert handles(disguised(torus(12, 8), seed).mesh) == 1
+
+
+def test_a_fused_hand_comes_off_its_thigh(fused):
+    assert handles(fused) == 1
+    cut = cut_contacts(fused, 1)
+    assert_laws(fused, cut)
+    assert len(cut.seams) == 1
+    assert np.linalg.norm(place(fused, cut.seams[0]) - HANDS["right"]) < 0.06
+    assert np.linalg.norm(fused.vertices[cut.seams[0]] - HANDS["right"], axis=1).max() < 0.2
+    assert handles(cut.mesh) == 0
+    report = check(cut.mesh)
+    assert len(report.boundary_lengths) == 2  # both rims are open
+    assert not report.fatal
+    assert repr(cut) == f"Cut({cut.mesh!r}, 1 seams)"
+
+
+def test_both_hands_come_off(twice_fused):
+    assert handles(twice_fused) == 2
+    cut = cut_contacts(twice_fused, 2)
+    assert_laws(twice_fused, cut)
+    assert handles(cut.mesh) == 0
+    places = sorted((place(twice_fused, seam) for seam in cut.seams), key=lambda at: at[0])
+    np.testing.assert_allclose(places, [HANDS["left"], HANDS["right"]], atol=0.06)
+
+
+def test_no_more_are_cut_than_asked_for(twice_fused):
+    assert cut_contacts(twice_fused, 0).seams == ()
+    cut = cut_contacts(twice_fused, 1)
+    assert_laws(twice_fused, cut)
+    assert len(cut.seams) == handles(cut.mesh) == 1
+    assert len(cut_contacts(twice_fused, 9).seams) == 2
+
+
+def test_one_cut_after_the_other_is_the_same(twice_fused):
+    first = cut_contacts(twice_fused, 1)
+    second = cut_contacts(first.mesh, 1)
+    at_once = cut_contacts(twice_fused, 2)
+    for step, seam in zip([first.seams[0], first.vertex_index[second.seams[0]]], at_once.seams):
+        assert np.linalg.norm(place(twice_fused, step) - place(twice_fused, seam)) < 0.02
+    assert handles(second.mesh) == 0
+
+
+@pytest.mark.parametrize(("gap", "pieces"), [(0.02, 2), (0.06, 3), (0.1, 3)])
+def test_a_contact_next_to_a_hole(fused, gap, pieces):
+    """The rim of the hole is about so far from the seam; the nearest one touches it."""
+    seam = fused.vertices[cut_contacts(fused, 1).seams[0]]
+    away = np.linalg.norm(fused.vertices[:, None] - seam, axis=2).min(axis=1)
+    pierced = without(fused, fused.vertices[np.argmin(abs(away - gap - 0.05))], 0.05)
+    assert len(check(pierced).boundary_lengths) == 1
+    assert handles(pierced) == 1
+    cut = cut_contacts(pierced, 1)
+    assert_laws(pierced, cut)
+    assert np.linalg.norm(place(pierced, cut.seams[0]) - HANDS["right"]) < 0.06
+    assert handles(cut.mesh) == 0
+    assert len(check(cut.mesh).boundary_lengths) == pieces
+
+
+def test_the_surface_alone_tells_where_the_seams_are(fused):
+    seam = cut_contacts(fused, 1).seams[0]
+    other = disguised(fused, 1)
+    found = cut_contacts(other.mesh, 1)
+    assert_laws(other.mesh, found)
+    there = np.argsort(other.new_vertex)[found.seams[0]]
+    assert np.linalg.norm(place(fused, there) - place(fused, seam)) < 0.02
+
+
+@pytest.mark.parametrize("scale", [1000.0, 0.001])
+def test_units_do_not_matter(fused, scale):
+    scaled = cut_contacts(Mesh(scale * fused.vertices, fused.faces), 1)
+    for seam, other in zip(scaled.seams, cut_contacts(fused, 1).seams, strict=True):
+        assert set(seam) == set(other)
+
+
+def test_a_seam_must_be_concave_enough(fused):
+    assert cut_contacts(fused, 1, 0.0).seams == ()
+    assert len(cut_contacts(fused, 1, 0.4).seams) == 1
+
+
+@pytest.mark.parametrize("most", [1, 4])
+def test_handles_that_are_meant_stay(smooth, most):
+    assert handles(smooth) > 0
+    cut = cut_contacts(smooth, most)
+    assert_laws(smooth, cut)
+    assert cut.seams == ()
+    np.testing.assert_array_equal(cut.mesh.faces, smooth.faces)
+
+
+def test_sharp_corners_are_no_seams():
+    assert cut_contacts(FRAME, 2).seams == ()
+
+
+def test_a_handle_with_two_seams_is_cut_once():
+    """Cut at both of its ends, it would come off."""
+    mesh = basket()
+    assert handles(mesh) == 1
+    cut = cut_contacts(mesh, 2)
+    assert_laws(mesh, cut)
+    assert len(cut.seams) == 1
+    assert handles(cut.mesh) == 0
+
+
+def test_a_clean_body_has_nothing_to_cut():
+    clean = body().mesh
+    assert handles(clean) == 0
+    assert cut_contacts(clean, 3).seams == ()
