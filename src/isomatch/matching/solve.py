@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, closed_evidence
+from isomatch.matching.judge import Evidence, Solution, closed_evidence, measured_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_cut, with_doubt
+from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_creased, match_cut, with_doubt
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
@@ -39,7 +39,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
         if pair.config.parts.close:
             timer.start("holes closed")
             closed = match_closed(pair, hints, stages, timer)
-        if closed and (cut := _contacts_cut(pair, hints, stages, timer, closed.score)):
+        if closed and (cut := _fused_limbs_cut(closed.relation, closed.found, pair, hints, stages, timer)):
             solution = cut.solution(timer).with_evidence(Evidence(partial=True))
             if solution.outcome is Outcome.PARTIAL:
                 return solution
@@ -47,25 +47,40 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
         return Part(role, closed).on(pair, hints, stages).solution(timer)
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
-    cut = _contacts_cut(pair, hints, stages, timer, found.selection.winner.score)
+    cut = _fused_limbs_cut(relation, found, pair, hints, stages, timer)
     return cut.solution(timer) if cut else solve_complete(relation, found, timer)
 
 
-def _contacts_cut(
-    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, score: float
+def _fused_limbs_cut(
+    relation: Isometry,
+    found: IsometricMatch,
+    pair: ShapePair,
+    hints: Hints,
+    stages: Stages,
+    timer: StageTimer,
 ) -> ClosedMatch | None:
-    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better."""
-    if not stages.refinement.looks_further or hints.functions[0].shape[1]:
+    """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
+
+    If the best map fits badly, the shape is also cut along its creases.
+    """
+    if not (stages.refinement.looks_further and pair.oriented) or hints.functions[0].shape[1]:
         return None
+    best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
     more = max(ours - theirs, 0), max(theirs - ours, 0)
-    best = None
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
             timer.start("contacts cut")
-            found = match_cut(pair, hints, stages, timer, *counts)
-            if found and found.score < score:
-                best, score = found, found.score
+            cut = match_cut(pair, hints, stages, timer, *counts)
+            if cut and cut.score < score:
+                best, score = cut, cut.score
+    if best:
+        relation, found = best.relation, best.found
+    if measured_evidence(relation.pair, relation.measure(found).quality, pair.config.orientation).poor:
+        timer.start("creases cut")
+        for cut in match_creased(pair, hints, stages, timer, more, score):
+            if cut.score < score:
+                best, score = cut, cut.score
     return best
 
 

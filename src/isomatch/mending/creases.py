@@ -59,7 +59,8 @@ def creases(mesh: Mesh) -> IntArray:
     is_cut = np.isin(ends @ [n, 1], edges @ [n, 1])  # next to a hole, a path may cut off a piece
     _, part = linked(mesh.n_faces, tuple(beside[~is_cut].T))
     aside = (part[beside] != np.bincount(part).argmax()).any(axis=1)
-    return ends[is_cut & ~aside]
+    kept: IntArray = ends[is_cut & ~aside]
+    return kept
 
 
 def cut_along(mesh: Mesh, edges: IntArray) -> tuple[Mesh, IntArray]:

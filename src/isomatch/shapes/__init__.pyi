@@ -1,5 +1,12 @@
 from isomatch.shapes.body import Body, body_of
-from isomatch.shapes.derived import capped_shape, components_of, creased_shape, cut_shape, mirror_image
+from isomatch.shapes.derived import (
+    capped_shape,
+    components_of,
+    crease_length,
+    creased_shape,
+    cut_shape,
+    mirror_image,
+)
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
 from isomatch.shapes.prepared_shape import N_BALLS, PreparedShape
@@ -19,6 +26,7 @@ __all__ = [
     "body_of",
     "capped_shape",
     "components_of",
+    "crease_length",
     "creased_shape",
     "cut_shape",
     "describe_symmetries",

@@ -55,6 +55,13 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     return replace(_closed(shape, cut.mesh, cut.vertex_index), notes=(note,))
 
 
+def crease_length(shape: PreparedShape) -> float:
+    """Length of the creases of a body, in √area."""
+    mesh = shape.mesh_body
+    here, there = mesh.vertices[creases(mesh)].transpose(1, 0, 2)
+    return float(np.linalg.norm(here - there, axis=1).sum() / np.sqrt(mesh.area))
+
+
 def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None) -> PreparedShape | None:
     """Cut a body along the seams of contacts and along its creases, of which either end is torn (n_body,), and close it.
 

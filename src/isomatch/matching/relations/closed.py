@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,11 +24,10 @@ from isomatch.matching.result import Alternative
 from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.stages import Stages
 from isomatch.matching.starts import start_from_pairs
-from isomatch.mending import creases
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Config
-from isomatch.shapes import PreparedShape, capped_shape, creased_shape, cut_shape
+from isomatch.shapes import PreparedShape, capped_shape, crease_length, creased_shape, cut_shape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -35,6 +35,8 @@ from isomatch.values.cached import cached_property
 # mesh018–mesh014 with holes: 30 with 3
 FLIPPED = 6
 
+CREASED = 3  # times that a shape is cut along its creases, and matched; docs/notes/contacts.md
+HOPELESS = 1.2  # score over that of the best map, above which creases are no better cut once more
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
 
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
@@ -224,34 +226,39 @@ def match_cut(
 
 
 def match_creased(
-    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
-) -> list[ClosedMatch]:
-    """Match two shapes of which the one with longer creases is cut along them; then along those that the map tears."""
-    sides = pair.source, pair.target
-    counts = n_source, n_target
-    creased = max(range(2), key=lambda i: (counts[i], crease_length(sides[i])))
-    other = cut_shape(sides[1 - creased], counts[1 - creased]) or capped_shape(sides[1 - creased])
-    found: list[ClosedMatch] = []
-    torn = None
-    for _ in range(3):
-        shape = creased_shape(sides[creased], counts[creased], torn)
-        if shape is None:
-            break
-        source, target = (shape, other) if creased == 0 else (other, shape)
-        match = _match_between(
-            source, target, pair.config, pair, hints, stages, timer, found[-1] if found else None
-        )
-        if match is None:
-            break
-        found.append(match)
-        torn = match.torn(creased)
-    return found
+    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, handles: tuple[int, int], score: float
+) -> Iterator[ClosedMatch]:
+    """Match two shapes of which one is cut along its creases, and again along those that the last map tears.
 
+    It is the shape with contacts to be cut, or the one with longer creases. Natural folds are creases, too; where both
+    sides of one have near images, it is no contact.
 
-def crease_length(shape: PreparedShape) -> float:
-    edges = creases(shape.mesh_body)
-    v = shape.mesh_body.vertices
-    return float(np.linalg.norm(v[edges[:, 0]] - v[edges[:, 1]], axis=1).sum())
+    Parameters
+    ----------
+    pair, hints, stages, timer
+        As for `match_closed`.
+    handles : two ints
+        How many contacts of either shape are cut besides.
+    score : float
+        Of the best map so far.
+    """
+    concavity = pair.config.preparation.contact_concavity
+    if not concavity or {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
+        return
+    shapes = pair.source, pair.target
+    side = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))
+    other = cut_shape(shapes[1 - side], handles[1 - side]) or capped_shape(shapes[1 - side])
+    last, torn = None, None
+    for _ in range(CREASED):
+        creased = creased_shape(shapes[side], handles[side], torn)
+        if creased is None:
+            return
+        both = (creased, other) if side == 0 else (other, creased)
+        last = _match_between(*both, pair.config, pair, hints, stages, timer, last)
+        if last is None or last.score > HOPELESS * score:
+            return
+        yield last
+        torn = last.torn(side)
 
 
 def _match_between(
