@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from isomatch.matching.contest import CLEARLY_BETTER
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, Solution, closed_evidence, measured_evidence
 from isomatch.matching.outcome import Outcome
@@ -41,7 +42,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
             closed = match_closed(pair, hints, stages, timer)
         if closed and (cut := _fused_limbs_cut(closed.relation, closed.found, pair, hints, stages, timer)):
             solution = cut.solution(timer).with_evidence(Evidence(partial=True))
-            if solution.outcome is Outcome.PARTIAL:
+            if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
                 return solution
             closed = cut
         return Part(role, closed).on(pair, hints, stages).solution(timer)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import itemgetter
 
@@ -100,14 +100,16 @@ def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     ()
     """
     index, seams = np.arange(mesh.n_vertices), list[IntArray]()
-    while len(seams) < most:
+    for _ in range(
+        most
+    ):  # one after the other, as seams may cross: the next one may lie along a rim of the last cut
         apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
-        found = _seams(capped(apart), apart.n_vertices, most - len(seams), concavity)
-        if not found:
+        seam = _seam(capped(apart), apart.n_vertices, concavity)
+        if seam is None:
             break
-        loops = [vertex[loop] for loop in found]
-        seams += [index[loop] for loop in loops]
-        mesh, copied = opened(mesh, _on_loops(mesh.edges, loops), np.concatenate(loops))
+        loop = vertex[seam]
+        seams.append(index[loop])
+        mesh, copied = opened(mesh, _on_loop(mesh.edges, loop), loop)
         index = index[copied]
     return Cut(mesh, index, tuple(seams))
 
@@ -128,13 +130,11 @@ def opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
     return Mesh(mesh.vertices[index], number[fan].reshape(-1, 3)), index
 
 
-def _on_loops(ends: IntArray, loops: Sequence[IntArray]) -> BoolArray:
-    """Which edges, with sorted ends (e, 2), lie on an odd number of loops of vertices, (e,)."""
-    odd, n = np.zeros(len(ends), dtype=bool), int(ends.max()) + 1
-    for loop in loops:
-        sides = np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1)
-        odd ^= np.isin(ends @ [n, 1], sides @ [n, 1])
-    return odd
+def _on_loop(ends: IntArray, loop: IntArray) -> BoolArray:
+    """Which edges, with sorted ends (e, 2), lie on a loop of vertices, (e,)."""
+    sides = np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1)
+    unit = [int(ends.max()) + 1, 1]
+    return np.isin(ends @ unit, sides @ unit)
 
 
 class _Closed:
@@ -148,10 +148,13 @@ class _Closed:
         is_real = np.all(mesh.faces < n_real, axis=1)
         self.is_real: BoolArray = is_real[self.beside].all(axis=1)
 
-    def pieces(self, *loops: IntArray) -> int:
-        """Count the pieces into which loops cut what is real; each face that closes a hole counts as one."""
-        here, there = self.beside[self.is_real & ~_on_loops(self.ends, loops)].T
-        return linked(self.mesh.n_faces, (here, there))[0]
+    def separates(self, loop: IntArray) -> bool:
+        """Whether a loop cuts what is real into more pieces."""
+        cut = self.is_real & ~_on_loop(self.ends, loop)
+        before, after = (
+            linked(self.mesh.n_faces, tuple(self.beside[kept].T))[0] for kept in (self.is_real, cut)
+        )
+        return after > before
 
 
 def bends_at(mesh: Mesh, beside: IntArray) -> FloatArray:
@@ -166,31 +169,13 @@ def bends_at(mesh: Mesh, beside: IntArray) -> FloatArray:
     return np.where(rises, -angles, angles)
 
 
-def _seams(mesh: Mesh, n_real: int, most: int, concavity: float) -> list[IntArray]:
-    """Find disjoint concave loops of a closed mesh that together do not separate it, cheapest first.
-
-    The search ends where the next seam crosses one of these: it can only be found after the cut.
-    """
+def _seam(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
+    """Find the cheapest concave loop of a closed mesh that does not separate what is real of it."""
     closed = _Closed(mesh, n_real)
     least = TINY * np.sqrt(mesh.area)
-    found = {  # each loop once, though many roots find it
-        tuple(np.sort(loop)): (cost, loop)
-        for cost, length, loop in _loops(closed)
-        if cost <= concavity * max(length, least)
-    }
-    whole, taken = closed.pieces(), list[IntArray]()
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    for _, loop in sorted(found.values(), key=itemgetter(0)):
-        if used[loop].any():
-            if any(closed.pieces(loop, other) > whole for other in taken):
-                continue  # another loop around the same handle
-            break
-        if closed.pieces(*taken, loop) == whole:
-            taken.append(loop)
-            used[loop] = True
-            if len(taken) == most:
-                break
-    return taken
+    found = [(cost, loop) for cost, length, loop in _loops(closed) if cost <= concavity * max(length, least)]
+    loops = (loop for _, loop in sorted(found, key=itemgetter(0)))
+    return next((loop for loop in loops if not closed.separates(loop)), None)
 
 
 def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
