@@ -20,7 +20,7 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import MatchResult
 from isomatch.matching.search import HINT_STEPS
-from isomatch.matching.solve import part_role, solve_complete
+from isomatch.matching.solve import fused_limbs_cut, part_role, solve_complete
 from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
@@ -110,17 +110,22 @@ def _both(
     hints = None if alone else Hints.of(pair, *user_hints)
     searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
+    found: IsometricMatch | None = None
     if hints is None or not searched or part_role(pair, hints, stages):
-        there = judged(solve_prepared(pair, user_hints, stages, timer), timer, seed)
-        timer_back.restart()
-        solution = solve_prepared(pair_back, hints_back, stages, timer_back)
-        note = "the shapes were prepared for both directions at once; the map was found by itself"
+        solution_there = solve_prepared(pair, user_hints, stages, timer)
     else:
         relation = Isometry().on(pair, hints, stages)
         found = relation.match(timer)
-        solution_there = solve_complete(relation, found, timer)
-        there = judged(solution_there, timer, seed)
-        timer_back.restart()
+        if cut := fused_limbs_cut(relation, found, pair, hints, timer):
+            solution_there, found = cut.solution(timer), None
+        else:
+            solution_there = solve_complete(relation, found, timer)
+    there = judged(solution_there, timer, seed)
+    timer_back.restart()
+    if found is None:
+        solution = solve_prepared(pair_back, hints_back, stages, timer_back)
+        note = "the shapes were prepared for both directions at once; the map was found by itself"
+    else:
         hypotheses = _turned_hypotheses(found, pair, pair_back)
         relation_back = Isometry().on(pair_back, Hints.of(pair_back, *hints_back), stages)
         solution = solve_complete(relation_back, relation_back.match(timer_back, hypotheses), timer_back)

@@ -40,7 +40,7 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
         if pair.config.parts.close:
             timer.start("holes closed")
             closed = match_closed(pair, hints, stages, timer)
-        if closed and (cut := _fused_limbs_cut(closed.relation, closed.found, pair, hints, stages, timer)):
+        if closed and (cut := fused_limbs_cut(closed.relation, closed.found, pair, hints, timer)):
             solution = cut.solution(timer).with_evidence(Evidence(partial=True))
             if solution.outcome is Outcome.PARTIAL or CLEARLY_BETTER * cut.score < closed.score:
                 return solution
@@ -48,22 +48,29 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
         return Part(role, closed).on(pair, hints, stages).solution(timer)
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
-    cut = _fused_limbs_cut(relation, found, pair, hints, stages, timer)
+    cut = fused_limbs_cut(relation, found, pair, hints, timer)
     return cut.solution(timer) if cut else solve_complete(relation, found, timer)
 
 
-def _fused_limbs_cut(
+def fused_limbs_cut(
     relation: Isometry,
     found: IsometricMatch,
     pair: ShapePair,
     hints: Hints,
-    stages: Stages,
     timer: StageTimer,
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
 
-    If the best map fits badly, the shape is also cut along its creases.
+    If the best map fits badly, the shape is also cut along its creases; one that has holes only if it has contacts.
+
+    Parameters
+    ----------
+    relation, found
+        The match of the shapes, or of the shapes with their holes closed.
+    pair, hints, timer
+        The shapes, and what is known of the map.
     """
+    stages, complete = relation.stages, relation.pair is pair
     if not (stages.refinement.looks_further and pair.oriented) or hints.functions[0].shape[1]:
         return None
     best, score = None, found.selection.winner.score
@@ -77,7 +84,8 @@ def _fused_limbs_cut(
                 best, score = cut, cut.score
     if best:
         relation, found = best.relation, best.found
-    if measured_evidence(relation.pair, relation.measure(found).quality, pair.config.orientation).poor:
+    measured = relation.measure(found).quality
+    if (complete or max(more)) and measured_evidence(pair, measured, pair.config.orientation).poor:
         timer.start("creases cut")
         for cut in match_creased(pair, hints, stages, timer, more, score):
             if cut.score < score:

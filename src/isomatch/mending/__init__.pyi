@@ -1,7 +1,7 @@
 from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.contacts import Cut, cut_contacts, handles
-from isomatch.mending.creases import creases, cut_along
+from isomatch.mending.creases import creases, cut_along, ends_of
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
 from isomatch.mending.seams import welded_surface, without_seams
@@ -17,6 +17,7 @@ __all__ = [
     "creases",
     "cut_along",
     "cut_contacts",
+    "ends_of",
     "handles",
     "repair",
     "separate_sheets",

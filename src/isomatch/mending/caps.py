@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import FloatArray, IntArray
 
 
-def capped(mesh: Mesh) -> Mesh:
+def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
     """Close every hole of an oriented mesh.
 
     A cap is a cone over its rim, cut into rings as wide as edges are long, so that paths across it are about as long as
@@ -18,6 +20,9 @@ def capped(mesh: Mesh) -> Mesh:
     ----------
     mesh : Mesh
         n vertices; consistently wound.
+    chords : iterable of (2,) arrays of int
+        Two vertices of the rim of one hole each, between which a straight line parts it: as of a slit between limbs, both
+        sides of which are closed by themselves.
 
     Returns
     -------
@@ -31,6 +36,13 @@ def capped(mesh: Mesh) -> Mesh:
     """
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
     rims = boundary_loops(mesh)
+    for ends in chords:
+        if any(np.isin(ends, rim).all() for rim in rims):
+            points = _between(mesh, *ends)
+            rims = [part for rim in rims for part in _parted(rim, *ends, n + np.arange(len(points)))]
+            vertices.append(points)
+            n += len(points)
+    mesh = Mesh(np.concatenate(vertices), mesh.faces)
     wanted = [_n_rings(mesh, rim) for rim in rims]
     most = mesh.n_vertices / max(sum(len(rim) * count for rim, count in zip(rims, wanted)), 1)
     for rim, count in zip(rims, wanted):
@@ -49,6 +61,25 @@ def capped(mesh: Mesh) -> Mesh:
         faces.append(np.column_stack([np.roll(ring, -1), ring, np.full(len(rim), n)]))
         n += 1
     return Mesh(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _between(mesh: Mesh, first: int, last: int) -> FloatArray:
+    """Points (q, 3) on the straight line between two vertices, as far apart as edges are long."""
+    ends = mesh.vertices[[first, last]]
+    count = int(np.linalg.norm(ends[1] - ends[0]) / mesh.edge_lengths.mean())
+    share = np.arange(1, count + 1)[:, None] / (count + 1)
+    return np.asarray((1 - share) * ends[0] + share * ends[1])
+
+
+def _parted(rim: IntArray, first: int, last: int, between: IntArray) -> list[IntArray]:
+    """Part a rim in two by a line of vertices from one of its vertices to another; if it has not both, it stays."""
+    if not np.isin([first, last], rim).all():
+        return [rim]
+    from_first = np.roll(rim, -int(np.flatnonzero(rim == first)[0]))
+    at = int(np.flatnonzero(from_first == last)[0])
+    one = np.concatenate([from_first[: at + 1], between[::-1]])
+    other = np.concatenate([from_first[at:], [first], between])
+    return [part for part in (one, other) if len(part) > 2]
 
 
 def _n_rings(mesh: Mesh, rim: IntArray) -> int:

@@ -64,10 +64,18 @@ def creases(mesh: Mesh) -> IntArray:
 
 
 def cut_along(mesh: Mesh, edges: IntArray) -> tuple[Mesh, IntArray]:
-    """Cut a mesh along edges (s, 2); returns also the vertex of the mesh of each vertex, the old ones first."""
-    n = mesh.n_vertices
-    cut = np.isin(mesh.edges @ [n, 1], np.sort(edges, axis=1) @ [n, 1])
-    return opened(mesh, cut, np.unique(edges))
+    """Cut a mesh along paths of edges (s, 2); returns also the vertex of the mesh of each vertex, the old ones first."""
+    unit = [mesh.n_vertices, 1]
+    return opened(mesh, np.isin(mesh.edges @ unit, np.sort(edges, axis=1) @ unit), np.unique(edges))
+
+
+def ends_of(edges: IntArray) -> IntArray:
+    """First and last vertex (q, 2) of each of some disjoint paths of edges (s, 2)."""
+    n = int(edges.max()) + 1
+    _, path = linked(n, tuple(edges.T))
+    ends = np.flatnonzero(np.bincount(edges.ravel(), minlength=n) == 1)
+    found: IntArray = ends[np.argsort(path[ends], kind="stable")].reshape(-1, 2)
+    return found
 
 
 def _path(before: AnyArray, vertex: int) -> IntArray:

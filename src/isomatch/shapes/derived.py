@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import capped, creases, cut_along, cut_contacts
+from isomatch.mending import capped, creases, cut_along, cut_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
@@ -75,12 +76,14 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
         return None
     mesh, index = cut_along(cut.mesh, edges)
     note = f"cut along creases where limbs may be fused, {len(edges)} edges"
-    return replace(_closed(shape, mesh, cut.vertex_index[index]), notes=(note,))
+    return replace(_closed(shape, mesh, cut.vertex_index[index], ends_of(edges)), notes=(note,))
 
 
-def _closed(shape: PreparedShape, mesh: Mesh, origin: IntArray) -> PreparedShape:
+def _closed(
+    shape: PreparedShape, mesh: Mesh, origin: IntArray, chords: Iterable[IntArray] = ()
+) -> PreparedShape:
     """Prepare the body of a shape, perhaps cut, with all holes closed, given the old vertex of each of its own."""
-    closed = capped(mesh)
+    closed = capped(mesh, chords)
     config = replace(shape.requested, resolution="full")
     made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
     on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)

@@ -283,7 +283,7 @@ def _match_between(
     if before is not None:
         first = start_from_pairs(both, before.pairs)
         alignment = iterative_closest_points(*both.search_points, first[None], HINT_STEPS)[0]
-        start = [Hypothesis(alignment, before.origin)]
+        start = [Hypothesis(alignment, before.origin), *relation.hypotheses()[0]]
     try:
         return ClosedMatch(pair, hints, relation, relation.match(timer, start))
     except NotConvergedError:
