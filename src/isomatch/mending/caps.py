@@ -36,10 +36,10 @@ def capped(mesh: Mesh, chords: Iterable[IntArray] = ()) -> Mesh:
     """
     vertices, faces, n = [mesh.vertices], [mesh.faces], mesh.n_vertices
     rims = boundary_loops(mesh)
-    for ends in chords:
-        if any(np.isin(ends, rim).all() for rim in rims):
-            points = _between(mesh, *ends)
-            rims = [part for rim in rims for part in _parted(rim, *ends, n + np.arange(len(points)))]
+    for first, last in chords:
+        if any(np.isin([first, last], rim).all() for rim in rims):
+            points = _between(mesh, first, last)
+            rims = [part for rim in rims for part in _parted(rim, first, last, n + np.arange(len(points)))]
             vertices.append(points)
             n += len(points)
     mesh = Mesh(np.concatenate(vertices), mesh.faces)

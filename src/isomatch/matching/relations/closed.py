@@ -36,7 +36,7 @@ from isomatch.values.cached import cached_property
 FLIPPED = 6
 
 CREASED = 3  # times that a shape is cut along its creases, and matched; docs/notes/contacts.md
-HOPELESS = 1.2  # score over that of the best map, above which creases are no better cut once more
+HOPELESS = 1.3  # score over that of the best map, above which creases are no better cut once more
 TORN = 0.1  # √area between the images of the two sides of a crease, from which it is a contact
 
 GIVEN = {"matrix", "function"}  # names of engines of distances that were given
