@@ -111,6 +111,20 @@ def basket() -> Mesh:
     return _surface(lambda points: np.minimum(ball.field(points)[:, 0], bar.field(points)[:, 0]), 0)
 
 
+def pressed_fork(gap: float = 0.1) -> Mesh:
+    """A fork with two prongs, on a base; with the default gap they touch along their whole length, and are fused."""
+    base = [
+        _chain([[-gap, 0, -0.6], [gap, 0, -0.6]], [0.14, 0.14]),
+        _chain([[0, 0, -0.6], [0, -0.35, -0.8]], [0.12, 0.08]),
+    ]
+    prongs = [
+        _chain([[-gap, 0, -0.6], [-gap, 0, 0.5]], [0.14, 0.1]),
+        _chain([[gap, 0, -0.6], [gap, 0, 0.3]], [0.14, 0.12]),
+    ]
+    skins = [_skin(np.concatenate([*base, prong])) for prong in prongs]
+    return _surface(lambda points: np.min([skin.field(points)[:, 0] for skin in skins], axis=0), 0)
+
+
 def _smooth(cones: list[np.ndarray], triangulation: int = 0) -> Mesh:
     skin = _skin(np.concatenate(cones), blend=0.05)
     return _surface(lambda points: skin.field(points)[:, 0], triangulation)
