@@ -68,7 +68,6 @@ STEPS = (
     study("robustness", 15, "robustness.csv", "robustness.svg"),
     study("real_shapes", 21, parts="real_shapes_table.csv"),
     study("welds", 10),
-    study("touching", 3),
     study(
         *("performance", 17, "performance.csv", "performance.svg"),
         options="--pyfm 30000",  # on larger meshes it takes minutes a match
