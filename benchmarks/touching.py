@@ -48,7 +48,7 @@ def judged(job: Job) -> dict[str, Any]:
         truth = truths[f"{source}|{target}"]
     truth = truth[truth[:, 1] >= 0]
     if kind == "target remeshed":
-        coarse = decimate(clean, 0.5, seed=1).mesh
+        coarse = decimate(clean, clean.n_vertices // 2).mesh
         truth[:, 1] = KDTree(coarse.vertices).query(clean.vertices[truth[:, 1]])[1]
         clean = coarse
     clean, number = relabelled(clean, seed=1)
