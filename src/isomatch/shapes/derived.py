@@ -53,7 +53,7 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
         f"largest has {len(longest)} vertices, one of them vertex {shape.user_vertex[longest[0]]}; if nothing is fused, "
         "set preparation.contact_concavity = 0"
     )
-    return replace(_closed(shape, cut.mesh, cut.vertex_index), notes=(note,))
+    return _closed_if_sound(shape, note, cut.mesh, cut.vertex_index)
 
 
 def crease_length(shape: PreparedShape) -> float:
@@ -75,8 +75,21 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     if not len(edges):
         return None
     mesh, index = cut_along(cut.mesh, edges)
-    note = f"cut along creases where limbs may be fused, {len(edges)} edges"
-    return replace(_closed(shape, mesh, cut.vertex_index[index], ends_of(edges)), notes=(note,))
+    at = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
+    note = (
+        f"cut along {len(edges)} edges of creases, in which limbs may be fused, one of them at vertex {at}; if nothing is "
+        "fused, set preparation.contact_concavity = 0"
+    )
+    return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
+
+
+def _closed_if_sound(
+    shape: PreparedShape, note: str, mesh: Mesh, origin: IntArray, chords: Iterable[IntArray] = ()
+) -> PreparedShape | None:
+    """Close a body that was cut on trial; None if it cannot be prepared, as where a cut parts it."""
+    with suppress(MeshError, NotConvergedError):
+        return replace(_closed(shape, mesh, origin, chords), notes=(note,))
+    return None
 
 
 def _closed(
