@@ -77,7 +77,7 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     mesh, index = cut_along(cut.mesh, edges)
     at = shape.user_vertex[cut.vertex_index[edges[0, 0]]]
     note = (
-        f"cut along {len(edges)} edges of creases, in which limbs may be fused, one of them at vertex {at}; if nothing is "
+        f"cut along {len(edges)} edges of creases where limbs may be fused, one of them at vertex {at}; if nothing is "
         "fused, set preparation.contact_concavity = 0"
     )
     return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
