@@ -21,10 +21,9 @@ from isomatch import Config
 from isomatch.lab.damage import DamageChoice
 from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.settings import SearchSettings
-from studies import asked_for, error_after, in_parallel, mean_error, write_table
+from studies import SURE, asked_for, error_after, in_parallel, mean_error, write_table
 
 RIGHT, WRONG = 3.0, 10.0
-SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 SEED = 2026
 KINDS = {  # how the maps of each kind are provoked
     "plain": "pairs of the benchmark sets",

@@ -23,7 +23,7 @@ from isomatch.lab.sets import benchmark_set
 from isomatch.matching import lowered
 from isomatch.matching.judge import region_evidence
 from isomatch.settings import OutcomeSettings
-from studies import asked_for, in_parallel, write_table
+from studies import SURE, asked_for, in_parallel, write_table
 from welds import PAIRS, fused_pair
 
 COUNTS = {"faust_r": 24, "tosca_iso_r": 24, "scape": 12, "creatures": 10, "cross": 10}
@@ -31,7 +31,6 @@ DAMAGES = ("weld", "stitched", "remesh")
 SEED = 77
 N_POINTS = 400
 FAR, SOMEWHERE = 0.15, 0.02
-SURE = ("CONVERGED", "PARTIAL")
 Job = tuple[str, str, tuple[Any, ...]]
 
 

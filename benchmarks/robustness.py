@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from isomatch.lab.damage import DAMAGES
 from isomatch.lab.evaluation import BenchmarkRun, read_rows, run_benchmark
-from studies import asked_for, in_parallel, write_rows, write_table
+from studies import SURE, asked_for, in_parallel, write_rows, write_table
 
 METHODS = ("isomatch", "pyfm")
 POINTS = 400
@@ -32,7 +32,6 @@ TOUCHING = (  # limbs of the target touch
     ("tosca_iso_r", "victoria1", "victoria25"),
 )
 COLUMNS = ("damage", "level", "set", "pair", "method", "error", "outcome", "seconds", "problem")
-SURE = ("CONVERGED", "PARTIAL")  # outcomes that call a map right
 COLOURS = {"isomatch": "black", "pyfm": "#3f90da"}
 Job = tuple[Path, str, str | None, float | None, tuple[str, str, str]]  # output, data, damage, level, pair
 

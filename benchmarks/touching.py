@@ -22,11 +22,10 @@ from isomatch import Mesh
 from isomatch.lab.evaluation import counted, geodesic_errors
 from isomatch.lab.sets import relabelled
 from isomatch.resolution import decimate
-from studies import asked_for, in_parallel, write_table
+from studies import asked_for, in_parallel, summed_up, write_table
 
 KINDS = ("as they are", "target remeshed")
 POINTS = 400
-SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 COLUMNS = ("pair", "target", "error", "worst 5 %", "outcome", "notes")
 Job = tuple[str, str, str, str]  # folder of the sets, kind, source, target
 
@@ -68,15 +67,7 @@ def judged(job: Job) -> dict[str, Any]:
 def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """For each kind: mean, median and worst error, wrong maps, those called right, and their largest error."""
     for kind in KINDS:
-        found = [row for row in rows if row["target"] == kind]
-        errors = np.array([row["error"] for row in found])
-        sure = [row["error"] for row in found if row["outcome"] in SURE]
-        yield {
-            "target": kind,
-            "mean, median, worst": f"{errors.mean():.1f}, {np.median(errors):.1f}, {errors.max():.1f}",
-            "wrong": f"{(errors > 10).sum()} of {len(errors)}",
-            "called right, their worst": f"{len(sure)}, {max(sure, default=0):.1f}",
-        }
+        yield {"target": kind, **summed_up([row for row in rows if row["target"] == kind])}
 
 
 if __name__ == "__main__":

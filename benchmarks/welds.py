@@ -25,7 +25,7 @@ from isomatch import Mesh
 from isomatch.lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
 from isomatch.lab.evaluation import true_landmarks
 from isomatch.lab.sets import benchmark_set
-from studies import asked_for, error_after, in_parallel, write_table
+from studies import asked_for, error_after, in_parallel, summed_up, write_table
 
 PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),
@@ -58,7 +58,6 @@ PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
 KINDS = ("none", "weld", "stitched", "remesh")
 VOXEL = 0.01  # √area
 SEED = 0
-SURE = ("CONVERGED", "PARTIAL")  # any other outcome flags a map
 COLUMNS = ("pair", "side", "gap", "kind", "landmarks", "error", "outcome", "notes")
 Job = tuple[str, str, bool, tuple[str, str, str, float, str]]  # folder of the sets, kind, landmarks, pair
 
@@ -172,15 +171,7 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         for kind in KINDS:
             found = [row for row in rows if (row["landmarks"], row["kind"]) == (landmarks, kind)]
             if found:
-                errors = np.array([row["error"] for row in found])
-                sure = [row["error"] for row in found if row["outcome"] in SURE]
-                yield {
-                    "limbs fused by": kind,
-                    "landmarks": landmarks,
-                    "mean, median, worst": f"{errors.mean():.1f}, {np.median(errors):.1f}, {errors.max():.1f}",
-                    "wrong": f"{(errors > 10).sum()} of {len(errors)}",
-                    "called right, their worst": f"{len(sure)}, {max(sure, default=0):.1f}",
-                }
+                yield {"limbs fused by": kind, "landmarks": landmarks, **summed_up(found)}
 
 
 if __name__ == "__main__":

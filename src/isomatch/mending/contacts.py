@@ -100,16 +100,14 @@ def cut_contacts(mesh: Mesh, most: int, concavity: float = 0.5) -> Cut:
     ()
     """
     index, seams = np.arange(mesh.n_vertices), list[IntArray]()
-    for _ in range(
-        most
-    ):  # one after the other, as seams may cross: the next one may lie along a rim of the last cut
+    for _ in range(most):  # one by one, as the next seam may lie along a rim of the last cut
         apart, vertex = opened(mesh, mesh.edge_table.n_faces > 2, np.arange(mesh.n_vertices))
         seam = _seam(capped(apart), apart.n_vertices, concavity)
         if seam is None:
             break
         loop = vertex[seam]
         seams.append(index[loop])
-        mesh, copied = opened(mesh, _on_loop(mesh.edges, loop), loop)
+        mesh, copied = opened(mesh, are_among(mesh.edges, _around(loop)), loop)
         index = index[copied]
     return Cut(mesh, index, tuple(seams))
 
@@ -130,35 +128,43 @@ def opened(mesh: Mesh, cut: BoolArray, at: IntArray) -> tuple[Mesh, IntArray]:
     return Mesh(mesh.vertices[index], number[fan].reshape(-1, 3)), index
 
 
-def _on_loop(ends: IntArray, loop: IntArray) -> BoolArray:
-    """Which edges, with sorted ends (e, 2), lie on a loop of vertices, (e,)."""
-    sides = np.sort(np.column_stack([loop, np.roll(loop, -1)]), axis=1)
-    unit = [int(ends.max()) + 1, 1]
-    return np.isin(ends @ unit, sides @ unit)
+def are_among(ends: IntArray, edges: IntArray) -> BoolArray:
+    """Which edges, with sorted ends (e, 2), are among others (s, 2), (e,)."""
+    unit = [int(ends.max(initial=0)) + 1, 1]
+    return np.isin(ends @ unit, np.sort(edges, axis=1) @ unit)
+
+
+def _around(loop: IntArray) -> IntArray:
+    """Edges (s, 2) around a loop of vertices."""
+    return np.column_stack([loop, np.roll(loop, -1)])
+
+
+def inner_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """List the edges at which exactly two faces meet: their ends (e, 2), and these faces (e, 2)."""
+    met = meetings(mesh.edge_table, mesh.faces)
+    return mesh.edges[met.edge[met.is_pair]], met.sides[met.is_pair] // 3
 
 
 class _Closed:
     """A mesh whose holes are closed by vertices from some number on, and their faces."""
 
     def __init__(self, mesh: Mesh, n_real: int) -> None:
-        met = meetings(mesh.edge_table, mesh.faces)
         self.mesh, self.n_real = mesh, n_real
-        self.ends = mesh.edges[met.edge[met.is_pair]]  # of edges of two faces, (e, 2)
-        self.beside = met.sides[met.is_pair] // 3  # these faces, (e, 2)
+        self.ends, self.beside = inner_edges(mesh)
         is_real = np.all(mesh.faces < n_real, axis=1)
         self.is_real: BoolArray = is_real[self.beside].all(axis=1)
 
     def separates(self, loop: IntArray) -> bool:
         """Whether a loop cuts what is real into more pieces."""
-        cut = self.is_real & ~_on_loop(self.ends, loop)
+        cut = self.is_real & ~are_among(self.ends, _around(loop))
         before, after = (
             linked(self.mesh.n_faces, tuple(self.beside[kept].T))[0] for kept in (self.is_real, cut)
         )
         return after > before
 
 
-def bends_at(mesh: Mesh, beside: IntArray) -> FloatArray:
-    """Angle in degrees by which a surface bends between two faces (e, 2) of an edge, (e,); negative where concave."""
+def bends_and_costs(mesh: Mesh, ends: IntArray, beside: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Angle in degrees by which a surface bends at inner edges, (e,), negative where it is concave; and their costs."""
     cross = mesh.face_cross
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), np.finfo(float).tiny)
     centres = mesh.vertices[mesh.faces].mean(axis=1)
@@ -166,7 +172,9 @@ def bends_at(mesh: Mesh, beside: IntArray) -> FloatArray:
     cosine = np.einsum("ij,ij->i", normals[here], normals[there])
     rises = np.einsum("ij,ij->i", centres[there] - centres[here], normals[here]) > 0
     angles: FloatArray = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return np.where(rises, -angles, angles)
+    bends = np.where(rises, -angles, angles)
+    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
+    return bends, lengths * np.interp(bends, BENDS, COSTS)
 
 
 def _seam(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
@@ -181,9 +189,7 @@ def _seam(mesh: Mesh, n_real: int, concavity: float) -> IntArray | None:
 def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
     """Yield the shortest loops near concave edges that do not separate a closed mesh: cost, length and vertices."""
     mesh, ends, n = closed.mesh, closed.ends, closed.mesh.n_vertices
-    bends = bends_at(mesh, closed.beside)
-    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-    costs = lengths * np.interp(bends, BENDS, COSTS)
+    bends, costs = bends_and_costs(mesh, ends, closed.beside)
     concave = np.unique(ends[(bends < CONCAVE) & (ends < closed.n_real).all(axis=1)])
     roots = (
         concave[np.unique(np.linspace(0, len(concave) - 1, MOST_ROOTS).astype(int))] if len(concave) else []
@@ -205,17 +211,19 @@ def _loops(closed: _Closed) -> Iterator[tuple[float, float, IntArray]]:
 
 def _loop(before: AnyArray, *ends: int) -> tuple[IntArray, int]:
     """Vertices along the loop that an edge closes in a tree, and the one that is nearest to the root."""
-    paths = []
-    for vertex in ends:
-        path = [int(vertex)]
-        while before[path[-1]] >= 0:
-            path.append(int(before[path[-1]]))
-        paths.append(path)
-    here, there = paths
+    here, there = (path_to_root(before, vertex) for vertex in ends)
     while len(here) > 1 and len(there) > 1 and here[-2] == there[-2]:
         here.pop()
         there.pop()
     return np.array(here + there[-2::-1]), here[-1]
+
+
+def path_to_root(before: AnyArray, vertex: int) -> list[int]:
+    """Vertices from one of a tree to its root."""
+    path = [int(vertex)]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return path
 
 
 @compiled()

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
-from isomatch.mending.contacts import BENDS, COSTS, bends_at, opened
-from isomatch.surfaces import Mesh, linked, meetings
+from isomatch.mending.contacts import are_among, bends_and_costs, inner_edges, opened, path_to_root
+from isomatch.surfaces import Mesh, linked
 from isomatch.values.arrays import AnyArray, IntArray
 
 SHARP = -45.0  # degrees, of the edges that make a crease
@@ -25,12 +25,9 @@ def creases(mesh: Mesh) -> IntArray:
     -----
     A surface without holes that is cut along disjoint paths remains connected. O(n log n).
     """
-    met = meetings(mesh.edge_table, mesh.faces)
-    ends, beside = mesh.edges[met.edge[met.is_pair]], met.sides[met.is_pair] // 3
-    bends = bends_at(mesh, beside)
+    ends, beside = inner_edges(mesh)
+    bends, costs = bends_and_costs(mesh, ends, beside)
     n, size = mesh.n_vertices, np.sqrt(mesh.area)
-    lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-    costs = lengths * np.interp(bends, BENDS, COSTS)
     sharp = bends < SHARP
     count, piece = linked(n, tuple(ends[sharp].T))
     known = np.flatnonzero(np.bincount(piece, minlength=count)[piece] > 1)
@@ -55,8 +52,9 @@ def creases(mesh: Mesh) -> IntArray:
             chosen.append(ends[edge][None])
             chosen += [_path(before, vertex) for vertex in ends[edge]]
     edges = np.unique(np.sort(np.concatenate(chosen), axis=1), axis=0)
-    edges = np.sort(_longest_paths(mesh, edges, LEAST * size), axis=1)
-    is_cut = np.isin(ends @ [n, 1], edges @ [n, 1])  # next to a hole, a path may cut off a piece
+    is_cut = are_among(
+        ends, _longest_paths(mesh, edges, LEAST * size)
+    )  # next to a hole, a path may cut off a piece
     _, part = linked(mesh.n_faces, tuple(beside[~is_cut].T))
     aside = (part[beside] != np.bincount(part).argmax()).any(axis=1)
     kept: IntArray = ends[is_cut & ~aside]
@@ -65,8 +63,7 @@ def creases(mesh: Mesh) -> IntArray:
 
 def cut_along(mesh: Mesh, edges: IntArray) -> tuple[Mesh, IntArray]:
     """Cut a mesh along paths of edges (s, 2); returns also the vertex of the mesh of each vertex, the old ones first."""
-    unit = [mesh.n_vertices, 1]
-    return opened(mesh, np.isin(mesh.edges @ unit, np.sort(edges, axis=1) @ unit), np.unique(edges))
+    return opened(mesh, are_among(mesh.edges, edges), np.unique(edges))
 
 
 def ends_of(edges: IntArray) -> IntArray:
@@ -80,10 +77,7 @@ def ends_of(edges: IntArray) -> IntArray:
 
 def _path(before: AnyArray, vertex: int) -> IntArray:
     """Edges (q, 2) of the path from a vertex to the root of its tree."""
-    path = [int(vertex)]
-    while before[path[-1]] >= 0:
-        path.append(int(before[path[-1]]))
-    along = np.array(path)
+    along = np.array(path_to_root(before, vertex))
     return np.column_stack([along[:-1], along[1:]])
 
 

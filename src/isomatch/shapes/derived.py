@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from isomatch.errors import MeshError, NotConvergedError
-from isomatch.mending import capped, creases, cut_along, cut_contacts, ends_of
+from isomatch.mending import Cut, capped, creases, cut_along, cut_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
@@ -44,7 +44,7 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     """Cut a body along the seams of contacts, and close all holes; its vertices are the first. None without seams."""
     if most == 0 or shape.triangles is None:
         return None
-    cut = cut_contacts(shape.triangles, most, shape.config.preparation.contact_concavity)
+    cut = _contacts(shape, most)
     if not cut.seams:
         return None
     longest = max(cut.seams, key=len)
@@ -59,7 +59,7 @@ def cut_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
 def crease_length(shape: PreparedShape) -> float:
     """Length of the creases of a body, in √area."""
     mesh = shape.mesh_body
-    here, there = mesh.vertices[creases(mesh)].transpose(1, 0, 2)
+    here, there = mesh.vertices[_contacts_and_creases(shape, 0)[1]].transpose(1, 0, 2)
     return float(np.linalg.norm(here - there, axis=1).sum() / np.sqrt(mesh.area))
 
 
@@ -68,8 +68,7 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
 
     None if it has no creases.
     """
-    cut = cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
-    edges = creases(cut.mesh)
+    cut, edges = _contacts_and_creases(shape, most)
     if torn is not None:
         edges = edges[torn[cut.vertex_index[edges]].any(axis=1)]
     if not len(edges):
@@ -81,6 +80,19 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
         "fused, set preparation.contact_concavity = 0"
     )
     return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
+
+
+@cached_method
+def _contacts(shape: PreparedShape, most: int) -> Cut:
+    """Cut a body along the seams of contacts."""
+    return cut_contacts(shape.mesh_body, most, shape.config.preparation.contact_concavity)
+
+
+@cached_method
+def _contacts_and_creases(shape: PreparedShape, most: int) -> tuple[Cut, IntArray]:
+    """Cut a body along the seams of contacts, and find the edges of its creases."""
+    cut = _contacts(shape, most)
+    return cut, creases(cut.mesh)
 
 
 def _closed_if_sound(

@@ -247,7 +247,10 @@ class Isometry(Relation):
             self.contest(self.begun(contenders(order, orientation, settings))) for order in (eligible, rivals)
         )
         may_win = [True] * len(fits) + [False] * len(others)
-        fits = [*fits, *others]
+        return self._selected([*fits, *others], may_win, len(eligible) + len(rivals))
+
+    def _selected(self, fits: list[Fit], may_win: list[bool], n_tried: int = 2) -> Selection[Fit]:
+        """Select among refined maps, also by what they look like where they differ."""
         return select(
             fits,
             self._apart(fits),
@@ -255,7 +258,7 @@ class Isometry(Relation):
             scores=self.weighed(fits, [fit.score for fit in fits], may_win),
             eligible=may_win,
             elsewhere=self._shares_elsewhere(fits),
-            n_tried=len(eligible) + len(rivals),
+            n_tried=n_tried,
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
@@ -276,15 +279,7 @@ class Isometry(Relation):
             return selection
         others = [fit for fit in (first, *fits) if self._is_another(fit, winner)]
         fits = [winner, *selection.rivals, *others]
-        may_win = [fit is winner for fit in fits]
-        challenged = select(
-            fits,
-            self._apart(fits),
-            self.rules,
-            scores=self.weighed(fits, [fit.score for fit in fits], may_win),
-            eligible=may_win,
-            elsewhere=self._shares_elsewhere(fits),
-        )
+        challenged = self._selected(fits, [fit is winner for fit in fits])
         return selection if challenged.rival < 1.0 else challenged  # it loses to a rival of the first
 
     def _beats(self, challenger: Fit, winner: Fit) -> bool:
