@@ -18,6 +18,10 @@ from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch.shapes import crease_length
+
+# in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
+MORE_CREASES = 1.0
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -61,7 +65,8 @@ def fused_limbs_cut(
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
 
-    If the best map fits badly, the shape is also cut along its creases; one that has holes only if it has contacts.
+    If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
+    creases than the other one: shapes of two kinds have natural folds of about the same length.
 
     Parameters
     ----------
@@ -85,12 +90,18 @@ def fused_limbs_cut(
     if best:
         relation, found = best.relation, best.found
     measured = relation.measure(found).quality
-    if (complete or max(more)) and measured_evidence(pair, measured, pair.config.orientation).poor:
+    poor = measured_evidence(pair, measured, pair.config.orientation).poor
+    if poor and (max(more) or (complete and _one_is_creased(pair))):
         timer.start("creases cut")
         for cut in match_creased(pair, hints, stages, timer, more, score):
             if cut.score < score:
                 best, score = cut, cut.score
     return best
+
+
+def _one_is_creased(pair: ShapePair) -> bool:
+    source, target = (crease_length(shape) for shape in (pair.source, pair.target))
+    return abs(source - target) > MORE_CREASES
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:
