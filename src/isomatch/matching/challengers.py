@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from isomatch.matching.contest import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, distinct
+from isomatch.matching.contest import CLEARLY_BETTER, ENERGY_NOISE, SAME_ENERGY, Selection, distinct
 from isomatch.matching.fit import Candidate, Fit
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import mean_known
 from isomatch.matching.screening import Screening, residual_of
 from isomatch.matching.search import combinations, search_back
 from isomatch.matching.stages import Relation
@@ -16,6 +17,20 @@ MOST_CHALLENGERS = 2  # docs/notes/both_ways.md
 
 # mean cosine between normals from which a challenger is refined; right maps have more, see SelectionSettings
 RIGHT_ORIENTATION = 0.54
+
+SURE = 0.75  # share of the bounds of a poor map, below which a map is sure; docs/notes/both_ways.md
+
+
+def is_sure(relation: Relation, selection: Selection[Fit]) -> bool:
+    """Whether no other map ties with the winner and it is far from poor by every measure, so that challengers lose."""
+    winner, bounds = selection.winner, relation.pair.config.outcome
+    areas = relation.source.body.vertex_areas[relation.vertices]
+    return (
+        selection.rival > bounds.tie
+        and winner.misfit < SURE * bounds.poor_misfit
+        and residual_of(relation.pair, relation.vertices, winner.image) < SURE * bounds.poor_residual
+        and mean_known(relation.mismatch(winner), areas) < SURE * bounds.poor_mismatch
+    )
 
 
 def challengers(

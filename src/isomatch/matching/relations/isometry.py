@@ -11,7 +11,7 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
-from isomatch.matching.challengers import best_of, challengers, is_another
+from isomatch.matching.challengers import best_of, challengers, is_another, is_sure
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
     SCORE_NOISE,
@@ -262,9 +262,9 @@ class Isometry(Relation):
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare the winner with challengers; one that loses to a rival of the winner does not take its place."""
+        """Compare a winner that is not sure with challengers; one that loses to a rival of it does not take its place."""
         first = selection.winner
-        if not self._sided or first.candidate is None:
+        if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [candidate.target_row for candidate in candidates]
         screen = Screening(self.pair, self.hints)
