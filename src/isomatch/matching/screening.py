@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from isomatch.correspondence import alignment_residual, signed_procrustes, spectral_embedding
-from isomatch.matching.contest import ENERGY_NOISE, SAME_ENERGY, distinct, ranked
+from isomatch.matching.contest import ranked
 from isomatch.matching.fit import Candidate, Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.search import combinations, hypotheses_from_hints, search, search_back
+from isomatch.matching.search import hypotheses_from_hints, search
 from isomatch.matching.starts import start_from_pairs, starts_from_pose
 from isomatch.runtime.threads import parallel_map
 from isomatch.settings import Orientation
@@ -22,11 +21,6 @@ from isomatch.values.arrays import IntArray
 # functions in the upsampling that precedes the judgement of a hypothesis, at most half of the fewest search vertices;
 # Melzi et al. 2019: grow in steps of 5
 SIZES = tuple(range(20, 51, 5))
-
-MOST_CHALLENGERS = 2  # docs/notes/both_ways.md
-
-# mean cosine between normals from which a challenger is refined; right maps have more, see SelectionSettings
-RIGHT_ORIENTATION = 0.54
 
 
 class Screening:
@@ -102,38 +96,6 @@ def residual_of(
     """Descriptor residual of a map (m,) of body vertices: how well it keeps distances."""
     points = pair.source.points.at(source_vertex, rank), pair.target.points.at(target_vertex, rank)
     return alignment_residual(*points, signed_procrustes(*points))
-
-
-def challengers(
-    pair: ShapePair, hints: Hints, known: Sequence[IntArray], side: int, energy: float
-) -> list[Candidate]:
-    """Find maps other than those known, from the other side and by combination, that may be better than the winner.
-
-    Parameters
-    ----------
-    pair, hints
-        The shapes, and what is known of the map.
-    known : sequence of (m_s,) arrays of int
-        Maps of the search vertices, best first.
-    side : {1, -1}
-        The orientation that is wanted.
-    energy : float
-        That of the winner.
-    """
-    found = distinct(
-        [*(search_back(pair) if pair.config.search.both_ways else ()), *combinations(pair, known)],
-        lambda hypothesis: hypothesis.target_row,
-        pair.distances_between_maps,
-        pair.config.search.same_map,
-        known=known,
-    )
-    limit = SAME_ENERGY * max(energy, ENERGY_NOISE)
-    hopeful = [
-        candidate
-        for candidate in Screening(pair, hints)(found)
-        if candidate.energy <= limit and side * candidate.orientation > RIGHT_ORIENTATION
-    ]
-    return sorted(hopeful, key=lambda candidate: candidate.energy)[:MOST_CHALLENGERS]
 
 
 def extended(pair: ShapePair, target_row: IntArray, source_vertex: IntArray) -> IntArray:

@@ -26,6 +26,10 @@ HINT_STEPS = 8
 # little, so many are kept until curvature has been compared; docs/robustness.md, shapes without limbs
 MOST_WITHOUT_LIMBS = 40
 
+# functions whose sign is flipped on the way back: the first ones, which exchange limbs or twist a body;
+# docs/notes/both_ways.md
+FLIPPED_BACK = 6
+
 AT_ONCE = 4  # maps moved together by a thread; fixed, so that results do not depend on the number of threads
 
 
@@ -112,7 +116,7 @@ def search_back(pair: ShapePair) -> list[Hypothesis]:
     steps = settings.compare_every
     back, there = (Pool(each, settings.n_hypotheses) for each in (turned, pair))
     back.add(starts_from_extremities(turned), steps, "other side")
-    back.flip(back.hypotheses[: settings.flipped], "other side", steps)
+    back.flip(back.hypotheses[: settings.flipped], "other side", steps, FLIPPED_BACK)
     inverted = [turned.inverted(hypothesis.target_row) for hypothesis in back.hypotheses]
     there.add(inverted, steps, "other side")
     return there.hypotheses
@@ -166,13 +170,15 @@ class Pool:
         """Run iterative closest points from first maps and merge what comes of them."""
         self.merge([Hypothesis(alignment, origin) for alignment in self.converged(starts, steps)])
 
-    def flip(self, parents: list[Hypothesis], origin: str, steps: int | None = None) -> None:
-        """Add what comes of turning the sign of one Laplace–Beltrami function in each of some maps."""
+    def flip(
+        self, parents: list[Hypothesis], origin: str, steps: int | None = None, most: int | None = None
+    ) -> None:
+        """Add what comes of turning the sign of one of the first Laplace–Beltrami functions in each of some maps."""
         pair = self.pair
         n = min(self._settings.flipped_functions, pair.n_functions)
         grown = [pair.search_spectra.grown(parent.target_row, (n,) * 4) for parent in parents if n]
         # the first function is constant; leaving out the second is chosen, not measured
-        flips = [(functional_map, j) for functional_map in grown for j in range(2, n)]
+        flips = [(functional_map, j) for functional_map in grown for j in range(2, n)[:most]]
         starts = parallel_map(lambda flip: _flipped(pair, *flip), flips)
         self.add(starts, self._settings.flip_steps if steps is None else steps, origin)
 

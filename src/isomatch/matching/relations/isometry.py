@@ -11,9 +11,9 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence, Embedding, PrecisePoints
 from isomatch.errors import SettingError
+from isomatch.matching.challengers import best_of, challengers, is_another, is_sure
 from isomatch.matching.confidence import doubt_of, expected_errors
 from isomatch.matching.contest import (
-    CLEARLY_BETTER,
     SCORE_NOISE,
     Rules,
     Selection,
@@ -31,7 +31,7 @@ from isomatch.matching.pair import ShapePair, SmoothPair
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
 from isomatch.matching.result import Alternative, Quality
-from isomatch.matching.screening import Screening, challengers, energy_of, extended, residual_of
+from isomatch.matching.screening import Screening, energy_of, extended
 from isomatch.matching.search import hypotheses_from_hints, search, symmetric_variants
 from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
@@ -262,44 +262,22 @@ class Isometry(Relation):
         )
 
     def _challenged(self, selection: Selection[Fit], candidates: Sequence[Candidate]) -> Selection[Fit]:
-        """Compare the winner with maps from the other side and combinations of candidates, those like it first.
-
-        They are many, and of many maps some fit well by chance. So one takes the winner's place only if it is better by
-        every measure, or another map and clearly better.
-        """
-        first = winner = selection.winner
-        if not self._sided or first.candidate is None:
+        """Compare a winner that is not sure with challengers; one that loses to a rival of it does not take its place."""
+        first = selection.winner
+        if not self._sided or first.candidate is None or is_sure(self, selection):
             return selection
         known = [candidate.target_row for candidate in candidates]
-        found = challengers(self.pair, self.hints, known, self._wanted_sign, first.candidate.energy)
-        fits = self.contest(self.begun(found))
-        for fit in sorted(fits, key=lambda fit: self.target.mean_distance(fit.image, first.image)):
-            winner = fit if self._beats(fit, winner) else winner
+        screen = Screening(self.pair, self.hints)
+        fits = self.contest(
+            self.begun(challengers(self.pair, screen, known, self._wanted_sign, first.candidate.energy))
+        )
+        winner = best_of(self, first, fits)
         if winner is first:
             return selection
-        others = [fit for fit in (first, *fits) if self._is_another(fit, winner)]
+        others = [fit for fit in (first, *fits) if is_another(self, fit, winner)]
         fits = [winner, *selection.rivals, *others]
         challenged = self._selected(fits, [fit is winner for fit in fits])
-        return selection if challenged.rival < 1.0 else challenged  # it loses to a rival of the first
-
-    def _beats(self, challenger: Fit, winner: Fit) -> bool:
-        """Whether a map is better by every measure, or another map and clearly better.
-
-        What the surfaces look like counts between other maps only: where variants differ is too small a region.
-        """
-        fits = [challenger, winner]
-        scores = [fit.score for fit in fits]
-        if self._is_another(challenger, winner):
-            scores = self.weighed(fits, scores, [True, True])
-            if CLEARLY_BETTER * scores[0] < scores[1]:
-                return True
-        residuals = [residual_of(self.pair, self.vertices, fit.image) for fit in fits]
-        return scores[0] < scores[1] and challenger.misfit < winner.misfit and residuals[0] < residuals[1]
-
-    def _is_another(self, fit: Fit, other: Fit) -> bool:
-        """Whether a map is another one, and no variant."""
-        apart = self.target.mean_distance(fit.image, other.image)
-        return apart > self.pair.config.selection.rival_distance
+        return selection if challenged.rival < 1.0 else challenged
 
     @property
     def _sided(self) -> bool:

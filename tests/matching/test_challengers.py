@@ -1,0 +1,59 @@
+"""Challengers: found where the search missed the right map, and compared with a winner that is not sure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isomatch.correspondence import iterative_closest_points
+from isomatch.datasets import creature
+from isomatch.matching import Hints, Hypothesis, Isometry, prepare_pair
+from isomatch.matching.challengers import best_of, challengers, is_sure
+from isomatch.matching.screening import Screening
+from isomatch.runtime.stage_timer import StageTimer
+
+
+@pytest.fixture(scope="module")
+def matched():
+    """Two bipeds, what their match selected, and both maps that are its winner on one half and mirrored on the other."""
+    source, target = (creature(2000, kind="biped", pose=i, triangulation=i) for i in (1, 2))
+    pair = prepare_pair(source.mesh, target.mesh)
+    relation = Isometry().on(pair, Hints.of(pair, None, None, None))
+    match = relation.match(StageTimer())
+    mirrored = min(match.eligible, key=lambda candidate: candidate.orientation)
+    two = match.selection.winner.candidate.target_row, mirrored.target_row
+    half = pair.source.laplace.vectors[pair.source_vertices, 1] > 0
+    rows = np.array([np.where(half, *two), np.where(half, *two[::-1])])
+    moved = iterative_closest_points(*pair.search_points, rows, 0)
+    mixed = Screening(pair, relation.hints)([Hypothesis(alignment, "mixed") for alignment in moved])
+    return relation, match.selection, mixed, list(rows)
+
+
+def test_a_winner_without_rival_that_fits_well_is_sure(matched):
+    relation, selection, mixed, _ = matched
+    assert is_sure(relation, selection)
+    assert not is_sure(relation, replace(selection, rival=1.1))
+    assert not is_sure(relation, replace(selection, rival=np.nan))
+    assert not is_sure(relation, replace(selection, winner=replace(selection.winner, misfit=0.6)))
+    for fit in relation.begun(mixed):
+        assert not is_sure(relation, replace(selection, winner=replace(fit, misfit=0.3)))
+
+
+def test_the_right_map_is_among_the_challengers_of_mixed_ones(matched):
+    relation, selection, mixed, known = matched
+    pair, right = relation.pair, selection.winner.candidate.target_row
+    assert min(pair.distances_between_maps(right, known)) > 0.1
+    energy = min(candidate.energy for candidate in mixed)
+    screen = Screening(pair, relation.hints)
+    found = challengers(pair, screen, known, 1, energy)
+    assert min(pair.distances_between_maps(right, [c.target_row for c in found])) < 0.03
+    assert all(candidate.orientation > 0.5 and candidate.energy < 1.5 * energy for candidate in found)
+
+
+def test_the_right_map_beats_mixed_ones_and_is_not_beaten(matched):
+    relation, selection, mixed, _ = matched
+    right = selection.winner
+    wrong = [relation.measured(fit, fit.image) for fit in relation.begun(mixed)]
+    assert best_of(relation, right, wrong) is right
+    assert best_of(relation, wrong[0], [wrong[1], right]) is right
+    assert best_of(relation, right, []) is right
