@@ -1,4 +1,4 @@
-"""As-rigid-as-possible registration: a surface is bent onto another one, and its lengths change as little as possible."""
+"""Registration as rigid or as similar as possible: a surface is bent onto another one, and its shape changes little."""
 
 from __future__ import annotations
 
@@ -101,6 +101,21 @@ class RigidRegistration:
     ----------
     source : Mesh
         The surface that is bent.
+    most_scaled : float
+        How many times as large or as small a piece may become at no cost: 1 keeps lengths, and more makes the
+        registration as similar as possible, for shapes whose limbs differ in size.
+
+    Raises
+    ------
+    SettingError
+        If ``most_scaled`` is below 1.
+
+    Notes
+    -----
+    With scales, R_i in the sum of `register_as_rigid_as_possible` becomes s_i R_i, where s_i is the best scale of the
+    edges around a vertex::
+
+        s_i = tr(R_i Σ_i) / Σ_j w_ij |x_i − x_j|², within 1 / most_scaled and most_scaled
 
     Examples
     --------
@@ -114,8 +129,10 @@ class RigidRegistration:
     True
     """
 
-    def __init__(self, source: Mesh) -> None:
-        self.source = source
+    def __init__(self, source: Mesh, most_scaled: float = 1.0) -> None:
+        if not most_scaled >= 1.0:
+            raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")
+        self.source, self._most_scaled = source, most_scaled
 
     @cached_property
     def _matrices(self) -> tuple[csc_array, FloatArray, IntArray, IntArray, FloatArray]:
@@ -146,6 +163,7 @@ class RigidRegistration:
         before, turn = scale * self.source.vertices, None
         wanted, moved = positions, positions
         vertices, points = held or (np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        scaled = self._most_scaled > 1.0
         covariances, pulled = np.zeros((len(areas), 3, 3)), np.zeros(before.shape)
         for step, length in enumerate(lengths):
             if step > 0:
@@ -165,9 +183,19 @@ class RigidRegistration:
                     if turn is None
                     else _turned(turn, covariances)
                 )
-                _pulled(before, turn, start, neighbours, weights, pulled)
+                grown = turn * self._scales(before, turn, covariances)[:, None, None] if scaled else turn
+                _pulled(before, grown, start, neighbours, weights, pulled)
                 moved = np.ascontiguousarray(solve(drawn + pulled))
         return moved
+
+    def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
+        """Return the best scale (n,) of the edges around each vertex, given their rotations."""
+        _, _, start, neighbours, weights = self._matrices
+        owner = np.repeat(np.arange(len(before)), np.diff(start))
+        squares = weights * ((before[owner] - before[neighbours]) ** 2).sum(axis=1)
+        squares = np.bincount(owner, squares, len(before))
+        scale = np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST)
+        return np.asarray(np.clip(scale, 1.0 / self._most_scaled, self._most_scaled))
 
 
 def nearest_with_normals(

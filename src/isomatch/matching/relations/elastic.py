@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding
+from isomatch.correspondence import Embedding, with_normals
 from isomatch.errors import NotConvergedError
 from isomatch.matching.confidence import expected_errors
-from isomatch.matching.contest import Rules, Selection, distances_between, distinct, select
+from isomatch.matching.contest import (
+    LANDMARK_SLACK,
+    Rules,
+    Selection,
+    distances_between,
+    distinct,
+    select,
+)
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
-from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Images, Step, coarse_steps
+from isomatch.matching.relations.bending import Bending, Bent, Held, Surroundings
+from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
 from isomatch.matching.relations.isometry import Measured
@@ -30,10 +38,7 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-N_CONTENDERS = 6  # coarse fits that are fitted finely; docs/robustness.md, other species
-
-# score of a fine fit = misfit × stretch to this power; docs/robustness.md, other species
-STRETCH_EXPONENT = 0.03
+N_CONTENDERS = 8  # coarse fits that are bent, beside the map found otherwise; docs/notes/other_species.md
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
@@ -43,21 +48,23 @@ ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not
 # mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
 LEAST_ORIENTATION = 0.3
 
-FINE_FUNCTIONS = (40, 70, 100, 150, 200)  # in the steps of the fine fit; Melzi et al. 2019, in larger steps
-# factor of the Dirichlet energy in these steps; chosen: halved as functions double
-FINE_SMOOTHNESS = (0.01, 0.005, 0.0025, 0.001, 0.0005)
+# the step between two bendings: all functions, half the smoothness for twice the functions; docs/notes/other_species.md
+LAST_STEP = Step(200, 0.0005, 2, False)
 
-# from so many on, maps need not exchange mirror images; chosen: details may differ from side to side
-FREE_FUNCTIONS = 100
-
-# mean distance, in √area, by which coarse fits that are fitted finely differ; search.same_map
+# mean distance, in √area, by which coarse fits that are bent differ; search.same_map
 SAME_MAP = 0.05
 
-# of normals, beside canonical coordinates: in the fine fit, and in the misfit that scores it;
-# docs/robustness.md, other species
-FINE_NORMAL_WEIGHT, SCORE_NORMAL_WEIGHT = 0.15, 0.0
+FINE_NORMAL_WEIGHT = (
+    0.15  # of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
+)
 
-FINE_ITERATIONS = 2  # in each step; docs/robustness.md, other species
+# score over the least, up to which a map that agrees with the hints wins; docs/notes/other_species.md
+HINTED_TIE = 1.1
+
+# lengths, after those of elastic.bending without the first two, by which the winner is bent in full
+FULL_LENGTHS = (0.05, 0.04, 0.03)
+
+NO_SCORE = 1e-12  # so that ratios of scores are finite
 
 FAR = (
     "the shapes are far from isometric, so a map was sought that lets limbs stretch; it may be wrong in places: look at "
@@ -71,21 +78,24 @@ FAR_KEPT = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StretchedFit(Fit):
-    """An elastic map: the images of the fine samples of the source, and what makes them.
+    """An elastic map: smooth maps both ways, and both shapes bent onto each other by them.
 
     Parameters
     ----------
     coefficients : Coefficients
         Of the smooth maps both ways.
-    images : Images
-        Of the samples, both ways.
+    bent : two Bent
+        The source on the target, and the target on the source; none before they are bent.
     is_ordinary : bool
-        Whether it is a map found otherwise, drawn as it is.
+        Whether it is a map found otherwise.
+    is_given : bool
+        Whether it is the user's initial map, which holds while large pieces are bent.
     """
 
     coefficients: Coefficients
-    images: Images
+    bent: tuple[Bent, ...] = ()
     is_ordinary: bool = False
+    is_given: bool = False
 
 
 class Elastic(Relation):
@@ -102,9 +112,13 @@ class Elastic(Relation):
 
     Notes
     -----
-    Maps are scored by misfit × a small power of the stretch, see `ElasticFit`, weighed by their mismatches, see
-    `Relation.weighed`; normals, which a map that turns a body over fits as well, take no part. The ordinary map contends
-    as it is, drawn by as many functions.
+    Both shapes are bent onto each other by a map, at a low resolution. With s the mean |log| of the stretch of edges, and
+    g the mean distance of the bent shape from the other one, there and back, the score is::
+
+        √(s g · s′ g′)
+
+    weighed by the mismatches, see `Relation.weighed`. A map that leaves a limb out has a large g′, one that exchanges
+    limbs a large s. The ordinary map contends like all others.
 
     Examples
     --------
@@ -142,18 +156,24 @@ class Elastic(Relation):
         rough = [fit for fit in parallel_map(lambda start: self._roughly(*start), starts) if fit]
         rough.sort(key=lambda fit: fit.score)
         kept = distinct(rough, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, N_CONTENDERS)
-        fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
+        begun = parallel_map(self._begun, kept)
         if self.ordinary is not None:
-            fits.append(replace(self._unchanged(self.ordinary, self.origin), is_ordinary=True))
-        if not fits:
+            begun.append(replace(self._drawn(self.ordinary, self.origin), is_ordinary=True))
+        if len(self.hints.initial_pairs):
+            begun.append(self._given())
+        if not begun:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
+        fits = cast(list[StretchedFit], self.contest(begun))
         fits.sort(key=lambda fit: fit.score)
         costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
-        rules = Rules(rival_distance=self.pair.config.selection.rival_distance)
-        reason = f"least score of {len(starts)} elastic maps, {len(fits)} fitted to the end"
+        tie = HINTED_TIE if len(self.hints.initial_pairs) else 1.0
+        rules = Rules(
+            rival_distance=self.pair.config.selection.rival_distance, tie=tie, landmark_slack=LANDMARK_SLACK
+        )
+        reason = f"least score of {len(starts)} elastic maps, {len(fits)} bent"
         return select(fits, apart, rules, scores=costs), reason
 
     @property
@@ -198,11 +218,20 @@ class Elastic(Relation):
         return replace(self._fit(self.pair.config.n_refine, True), normal_weight=FINE_NORMAL_WEIGHT)
 
     @cached_property
-    def _fine_steps(self) -> tuple[Step, ...]:
-        return tuple(
-            Step(k, smoothness, FINE_ITERATIONS, k < FREE_FUNCTIONS)
-            for k, smoothness in zip(FINE_FUNCTIONS, FINE_SMOOTHNESS)
+    def _surroundings(self) -> tuple[Surroundings, Surroundings]:
+        """Both shapes in √area of their own, as what the other one is bent onto."""
+        target, source = (
+            Surroundings(mesh.moved(mesh.vertices / np.sqrt(mesh.area)), shape.index)
+            for shape in (self.target, self.source)
+            for mesh in [shape.mesh_body]
         )
+        return target, source
+
+    @cached_property
+    def _bendings(self) -> tuple[Bending, Bending]:
+        count, (target, source) = self.pair.config.elastic.n_bent_vertices, self._surroundings
+        there, back = parallel_map(lambda onto: Bending(onto.mesh, count), (source, target))
+        return there, back
 
     def _roughly(self, start: IntArray, origin: str) -> StretchedFit | None:
         """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
@@ -215,44 +244,110 @@ class Elastic(Relation):
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
-        score = images.misfit * penalty
         return StretchedFit(
-            image, images.misfit, score, origin=origin, coefficients=coefficients, images=images
+            image, images.misfit, images.misfit * penalty, origin=origin, coefficients=coefficients
         )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
         """Extend a rough fit to the vertices of the relation."""
-        images = self._fine.images(fit.coefficients)
-        image = self._fine.target.targets[images.forth]
-        return replace(fit, image=image, misfit=np.inf, score=np.nan, images=images)
+        source, target = self._fine.embedding(fit.coefficients)
+        image = self.target.index.vertices(target, source[self.vertices])
+        return replace(fit, image=image, misfit=np.inf, score=np.nan, hint_error=self._hint_error(image))
+
+    def _drawn(self, pairs: IntArray, origin: str) -> StretchedFit:
+        """Draw a map (q, 2) by all functions."""
+        coefficients = self._fine.from_pairs(pairs, LAST_STEP)
+        return self._begun(StretchedFit(pairs[:0, 0], origin=origin, coefficients=coefficients))
+
+    def _given(self) -> StretchedFit:
+        """Extend the initial map by few functions; where it is known, it holds while large pieces are bent."""
+        coefficients = self._coarse.from_pairs(self.hints.initial_pairs, coarse_steps()[0])
+        fit = StretchedFit(np.zeros(0, int), origin="initial map", coefficients=coefficients, is_given=True)
+        return self._begun(fit)
+
+    def _hint_error(self, image: IntArray) -> float:
+        """Mean distance (√area) of a map from the initial map, where that is known."""
+        known = self.hints.initial_pairs
+        if not len(known):
+            return 0.0
+        there = np.full(self.source.body.n_vertices, -1)
+        there[known[:, 0]] = known[:, 1]
+        wanted = there[self.vertices]
+        mapped = wanted >= 0
+        return float(self.target.distance(image[mapped], wanted[mapped]).mean()) if mapped.any() else 0.0
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Fit with all functions."""
-        return parallel_map(self._refined, [cast(StretchedFit, fit) for fit in fits])
+        """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
+        return parallel_map(self._bent, [cast(StretchedFit, fit) for fit in fits])
 
-    def _refined(self, fit: StretchedFit) -> StretchedFit:
-        return self._scored(*self._fine.run(fit.coefficients, self._fine_steps, fit.images), fit.origin)
+    def _bent(self, fit: StretchedFit) -> StretchedFit:
+        lengths = self.pair.config.elastic.bending
+        known = self.hints.initial_pairs if fit.is_given else None
+        bent = self._both_bent(fit.coefficients, lengths, known)
+        image = self._bendings[0].images(bent[0], self.vertices)
+        score = max(float(np.sqrt(bent[0].misfit * bent[1].misfit)), NO_SCORE)
+        return replace(
+            fit, image=image, misfit=score, score=score, bent=bent, hint_error=self._hint_error(image)
+        )
+
+    def _both_bent(
+        self,
+        coefficients: Coefficients,
+        lengths: tuple[float, ...],
+        known: IntArray | None = None,
+        most_scaled: float = 1.0,
+    ) -> tuple[Bent, Bent]:
+        """Bend the source onto the target and back, from a smooth map; known pairs (q, 2) hold in the first half."""
+        drawn = self._fine.embedding(coefficients)
+        first, second = (bent for bent in self._each_bent(drawn, lengths, known, most_scaled))
+        return first, second
+
+    def _each_bent(
+        self, drawn: Embedding, lengths: tuple[float, ...], known: IntArray | None, most_scaled: float
+    ) -> Iterator[Bent]:
+        landmarks = self.hints.landmarks
+        for way, (bending, onto) in enumerate(zip(self._bendings, self._surroundings)):
+            here, there = drawn if way == 0 else drawn[::-1]
+            image = onto.index.vertices(there, here[bending.vertices])
+            held = self._held(landmarks, way)
+            start, rest = onto.mesh.vertices[image], lengths
+            if known is not None:
+                pairs = np.concatenate([landmarks, known])
+                half = len(lengths) // 2
+                bent = bending.coarsely(onto, start, lengths[:half], self._held(pairs, way), most_scaled)
+                start, rest = bent.mesh.vertices, lengths[half:]
+            yield bending.coarsely(onto, start, rest, held, most_scaled)
+
+    def _held(self, pairs: IntArray, way: int) -> Held:
+        """Vertices of the shape that is bent, and where pairs (q, 2) of both shapes draw them."""
+        return pairs[:, way], self._surroundings[way].mesh.vertices[pairs[:, 1 - way]]
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
-        """Measure a map as it is, drawn by all functions."""
+        """Draw a map by all functions, and bend the shapes by it."""
         self.require_images(image)
-        return self._unchanged(np.column_stack([self.vertices, image]), fit.origin)
+        was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
+        drawn = self._drawn(np.column_stack([self.vertices, image]), fit.origin)
+        return replace(self._bent(drawn), is_ordinary=was_ordinary)
 
     def embedding(self, fit: Fit) -> Embedding:
-        """Coordinates of all vertices of both bodies: canonical ones, and those of the other shape drawn on each."""
-        return self._fine.embedding(cast(StretchedFit, fit).coefficients)
+        """Positions and normals of the target, and of the source bent onto it in full.
 
-    def _unchanged(self, pairs: IntArray, origin: str = "") -> StretchedFit:
-        """Score a map (q, 2) as it is."""
-        coefficients = self._fine.from_pairs(pairs, self._fine_steps[-1])
-        return self._scored(coefficients, self._fine.images(coefficients), origin)
-
-    def _scored(self, coefficients: Coefficients, images: Images, origin: str) -> StretchedFit:
-        judge = replace(self._fine, normal_weight=SCORE_NORMAL_WEIGHT)
-        misfit, stretch = judge.images(coefficients).misfit, judge.stretch(coefficients)
-        score = misfit * stretch**STRETCH_EXPONENT
-        image = self._fine.target.targets[images.forth]
-        return StretchedFit(image, misfit, score, origin=origin, coefficients=coefficients, images=images)
+        From where both shapes lie, the smooth maps are fitted once more, with all functions. Then the source is bent as
+        similarly as possible, at last in full.
+        """
+        fit, settings = cast(StretchedFit, fit), self.pair.config.elastic
+        here, there = (np.arange(shape.body.n_vertices) for shape in (self.source, self.target))
+        forth, back = (
+            bending.images(bent, vertices)
+            for bending, bent, vertices in zip(self._bendings, fit.bent, (here, there))
+        )
+        pairs = np.concatenate([np.column_stack([here, forth]), np.column_stack([back, there])])
+        coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
+        lengths, drawn = settings.bending[2:], self._fine.embedding(coefficients)
+        coarse = next(self._each_bent(drawn, lengths, None, settings.most_scaled))
+        held = self._held(self.hints.landmarks, 0)
+        bent = self._bendings[0].in_full(coarse, FULL_LENGTHS, held, settings.most_scaled)
+        return Embedding(with_normals(bent.mesh), with_normals(bent.onto.mesh))
 
     def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
@@ -293,12 +388,12 @@ class Elastic(Relation):
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
     """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
 
-    Two meshes are needed, without an initial map or descriptors, maps that are not given, and a refinement that looks
+    Two meshes are needed, without descriptors, maps that are not given, and a refinement that looks
     further, and no mirror image fits better.
     """
     pair, config = relation.pair, relation.pair.config
     if not (pair.oriented and relation.refinement.looks_further and config.orientation == "preserve"):
         return False
-    if config.hypotheses != "all" or not relation.hints.only_landmarks:
+    if config.hypotheses != "all" or relation.hints.functions[0].shape[1]:
         return False
     return fits_badly(quality, config.outcome) and not mirror_image_fits(quality, config.outcome)

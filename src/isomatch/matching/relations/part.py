@@ -313,7 +313,7 @@ class Part(Relation):
         """Bend the part in full, and sum up the map in the direction asked for."""
         pair, hints, best = self.pair, self.hints, selection.winner
         bent = self.bent(best)
-        onto_whole, (onto_part, covered) = bent.onto_whole, bent.onto_part()
+        onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
         errors, area = (
             _expected_errors(best.pair, onto_whole),
             best.pair.meshes[1].vertex_areas[covered].sum(),
