@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
+from isomatch.errors import NotConvergedError
 from isomatch.matching.contest import CLEARLY_BETTER
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, Solution, closed_evidence, measured_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
+from isomatch.matching.quality import mean_known, mismatch_of
 from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_creased, match_cut, with_doubt
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch.shapes import opened_shape
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -49,7 +53,8 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     cut = fused_limbs_cut(relation, found, pair, hints, timer)
-    return cut.solution(timer) if cut else solve_complete(relation, found, timer)
+    solution = cut.solution(timer) if cut else solve_complete(relation, found, timer)
+    return _limbs_apart(solution, hints, stages, timer) or solution
 
 
 def fused_limbs_cut(
@@ -70,8 +75,8 @@ def fused_limbs_cut(
     pair, hints, timer
         The shapes, and what is known of the map.
     """
-    stages, complete = relation.stages, relation.pair is pair
-    if not (stages.refinement.looks_further and pair.oriented) or hints.functions[0].shape[1]:
+    complete = relation.pair is pair
+    if not searches_contacts(pair, hints, relation.stages):
         return None
     best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
@@ -79,7 +84,7 @@ def fused_limbs_cut(
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
             timer.start("contacts cut")
-            cut = match_cut(pair, hints, stages, timer, *counts)
+            cut = match_cut(pair, hints, relation.stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
     if best:
@@ -87,10 +92,54 @@ def fused_limbs_cut(
     measured = relation.measure(found).quality
     if (complete or max(more)) and measured_evidence(pair, measured, pair.config.orientation).poor:
         timer.start("creases cut")
-        for cut in match_creased(pair, hints, stages, timer, more, score):
+        for cut in match_creased(pair, hints, relation.stages, timer, more, score):
             if cut.score < score:
                 best, score = cut, cut.score
     return best
+
+
+def searches_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
+    """Whether limbs may be fused: of two meshes, without descriptors, by a refinement that looks further."""
+    return stages.refinement.looks_further and pair.oriented and not hints.functions[0].shape[1]
+
+
+def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
+    """Match the shape that has more handles with all its creases open, as a part, where the map is poor.
+
+    What limbs hide where they are fused is missing, and distances lie between those of the fused limbs and those of the
+    limbs apart. None unless the surfaces look more alike around the vertices and their images. Such a map is no surer.
+    """
+    pair = solution.pair
+    ours, theirs = pair.source.handles, pair.target.handles
+    if (
+        solution.outcome is not Outcome.LOW_CONFIDENCE
+        or not searches_contacts(pair, hints, stages)
+        or ours == theirs
+    ):
+        return None
+    timer.start("limbs apart")
+    source, target = pair.source, pair.target
+    side: PartSide = "source" if ours > theirs else "target"
+    opened = opened_shape(source if side == "source" else target, abs(ours - theirs))
+    if opened is None:
+        return None
+    apart = ShapePair(
+        *((opened, target) if side == "source" else (source, opened)), pair.config, pair.functions
+    )
+    with suppress(NotConvergedError):
+        found = Part(side).on(apart, hints, stages).solution(timer).with_evidence(Evidence(poor=True))
+        if _look_apart(pair, found) < _look_apart(pair, solution):
+            return found
+    return None
+
+
+def _look_apart(pair: ShapePair, solution: Solution) -> float:
+    """How differently the bodies look around vertices and their images, on average, both as they are."""
+    image = solution.map.vertices[pair.source.user_vertex]
+    matched = image >= 0
+    image = pair.target.body_vertex[image]
+    mismatch = mismatch_of(pair.source.balls, pair.target.balls, image, matched)
+    return mean_known(mismatch, pair.source.body.vertex_areas)
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:

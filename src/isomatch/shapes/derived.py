@@ -82,6 +82,27 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
 
 
+def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
+    """Cut a body along the seams of contacts and along its creases, and leave the cuts open; None if there are none.
+
+    The first vertices are those of the body, and maps are of the same surface. Its distances are at least those of the
+    limbs apart: natural folds are cut, too.
+    """
+    cut, edges = _contacts_and_creases(shape, most)
+    if not cut.seams and not len(edges):
+        return None
+    mesh, index = cut_along(cut.mesh, edges)
+    origin = cut.vertex_index[index]
+    config = replace(shape.requested, resolution="full")
+    with suppress(MeshError, NotConvergedError):
+        made = prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
+        of_user = {
+            name: getattr(shape, name) for name in ("surface", "body_vertex", "detail", "scale", "left_out")
+        }
+        return replace(made, **of_user, user_vertex=shape.user_vertex[origin], origin=origin, notes=())
+    return None
+
+
 @cached_method
 def _contacts(shape: PreparedShape, most: int) -> Cut:
     """Cut a body along the seams of contacts."""
