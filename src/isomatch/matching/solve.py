@@ -15,7 +15,14 @@ from isomatch.matching.judge import Evidence, Solution, closed_evidence, measure
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mean_known, mismatch_of
-from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_creased, match_cut, with_doubt
+from isomatch.matching.relations.closed import (
+    GIVEN,
+    ClosedMatch,
+    match_closed,
+    match_creased,
+    match_cut,
+    with_doubt,
+)
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
@@ -51,10 +58,16 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
             closed = cut
         return Part(role, closed).on(pair, hints, stages).solution(timer)
     relation = Isometry().on(pair, hints, stages)
-    found = relation.match(timer)
+    return solve_touching(relation, relation.match(timer), timer)[0]
+
+
+def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
+    """Sum up the match of complete shapes, or a better one with limbs apart that touch; and whether it is such."""
+    pair, hints = relation.pair, relation.hints
     cut = fused_limbs_cut(relation, found, pair, hints, timer)
     solution = cut.solution(timer) if cut else solve_complete(relation, found, timer)
-    return _limbs_apart(solution, hints, stages, timer) or solution
+    apart = _limbs_apart(solution, hints, relation.stages, timer)
+    return apart or solution, bool(cut or apart)
 
 
 def fused_limbs_cut(
@@ -66,7 +79,8 @@ def fused_limbs_cut(
 ) -> ClosedMatch | None:
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
 
-    If the best map fits badly, the shape is also cut along its creases; one that has holes only if it has contacts.
+    If the best map fits badly, the shape is also cut along its creases; one that has holes only if it has contacts. And
+    if both have handles, both are.
 
     Parameters
     ----------
@@ -75,8 +89,8 @@ def fused_limbs_cut(
     pair, hints, timer
         The shapes, and what is known of the map.
     """
-    complete = relation.pair is pair
-    if not searches_contacts(pair, hints, relation.stages):
+    stages, complete = relation.stages, relation.pair is pair
+    if not _seeks_contacts(pair, hints, stages):
         return None
     best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
@@ -84,52 +98,55 @@ def fused_limbs_cut(
     for counts in dict.fromkeys([more, (ours, theirs)]):
         if max(counts):
             timer.start("contacts cut")
-            cut = match_cut(pair, hints, relation.stages, timer, *counts)
+            cut = match_cut(pair, hints, stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
-    if best:
-        relation, found = best.relation, best.found
-    measured = relation.measure(found).quality
-    if (complete or max(more)) and measured_evidence(pair, measured, pair.config.orientation).poor:
+    tried = [(more, False)] if complete or max(more) else []
+    if min(ours, theirs):
+        tried.append(((ours, theirs), True))
+    for counts, both in tried:
+        if best:
+            relation, found = best.relation, best.found
+        measured = relation.measure(found).quality
+        if not measured_evidence(pair, measured, pair.config.orientation).poor:
+            break
         timer.start("creases cut")
-        for cut in match_creased(pair, hints, relation.stages, timer, more, score):
+        for cut in match_creased(pair, hints, stages, timer, counts, score, both):
             if cut.score < score:
                 best, score = cut, cut.score
     return best
 
 
-def searches_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
-    """Whether limbs may be fused: of two meshes, without descriptors, by a refinement that looks further."""
-    return stages.refinement.looks_further and pair.oriented and not hints.functions[0].shape[1]
+def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
+    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further.
+
+    Descriptors, and orders to cut nothing, rule it out.
+    """
+    given = {pair.source.distances.engine, pair.target.distances.engine} & GIVEN
+    wanted = pair.config.preparation.contact_concavity and not hints.functions[0].shape[1]
+    return bool(wanted and pair.oriented and not given and stages.refinement.looks_further)
 
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match the shape that has more handles with all its creases open, as a part, where the map is poor.
+    """Match the shape that has more handles with its contacts and creases open, as a part, where a map is poor.
 
-    What limbs hide where they are fused is missing, and distances lie between those of the fused limbs and those of the
-    limbs apart. None unless the surfaces look more alike around the vertices and their images. Such a map is no surer.
+    What is hidden where limbs touch is missing, and distances lie between those of fused limbs and of limbs apart. None
+    unless the bodies look more alike around vertices and their images. Such a map is no surer.
     """
-    pair = solution.pair
-    ours, theirs = pair.source.handles, pair.target.handles
-    if (
-        solution.outcome is not Outcome.LOW_CONFIDENCE
-        or not searches_contacts(pair, hints, stages)
-        or ours == theirs
-    ):
+    pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
+    more = pair.source.handles - pair.target.handles
+    if not (poor and more and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)):
         return None
     timer.start("limbs apart")
-    source, target = pair.source, pair.target
-    side: PartSide = "source" if ours > theirs else "target"
-    opened = opened_shape(source if side == "source" else target, abs(ours - theirs))
+    side: PartSide = "source" if more > 0 else "target"
+    opened = opened_shape(pair.source if side == "source" else pair.target, abs(more))
     if opened is None:
         return None
-    apart = ShapePair(
-        *((opened, target) if side == "source" else (source, opened)), pair.config, pair.functions
-    )
+    apart = replace(pair, source=opened) if side == "source" else replace(pair, target=opened)
     with suppress(NotConvergedError):
-        found = Part(side).on(apart, hints, stages).solution(timer).with_evidence(Evidence(poor=True))
+        found = Part(side).on(apart, hints, stages).solution(timer)
         if _look_apart(pair, found) < _look_apart(pair, solution):
-            return found
+            return replace(found, pair=pair).with_evidence(Evidence(poor=True))
     return None
 
 
