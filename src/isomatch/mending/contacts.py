@@ -20,6 +20,8 @@ from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 BENDS = (-60.0, -30.0, 0.0, 40.0)
 COSTS = (0.1, 0.5, 1.0, 2.0)
 
+# no settings: they decide where seams are looked for, ``preparation.contact_concavity`` which loop is one, and the
+# handles of the shapes how many are cut
 CONCAVE = -30.0  # degrees, of an edge whose ends are roots of trees
 MOST_ROOTS = 100  # one near each seam is enough
 REACH = 0.4  # cost, in √area, of the longest path from a root: half that of the longest seam
