@@ -128,23 +128,24 @@ def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
 
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
-    """Match the shape that has more handles with its contacts and creases open, as a part, where a map is poor.
+    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor.
 
-    What is hidden where limbs touch is missing, and distances lie between those of fused limbs and of limbs apart. None
+    What is hidden where limbs touch is missing, so that a target would give much of the source no image; and distances lie between those of fused limbs and of limbs apart. None
     unless the bodies look more alike around vertices and their images. Such a map is no surer.
     """
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
-    if not (poor and more and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)):
+    if not (
+        poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)
+    ):
         return None
     timer.start("limbs apart")
-    side: PartSide = "source" if more > 0 else "target"
-    opened = opened_shape(pair.source if side == "source" else pair.target, abs(more))
+    opened = opened_shape(pair.source, more)
     if opened is None:
         return None
-    apart = replace(pair, source=opened) if side == "source" else replace(pair, target=opened)
+    apart = replace(pair, source=opened)
     with suppress(NotConvergedError):
-        found = Part(side).on(apart, hints, stages).solution(timer)
+        found = Part("source").on(apart, hints, stages).solution(timer)
         if _look_apart(pair, found) < _look_apart(pair, solution):
             return replace(found, pair=pair).with_evidence(Evidence(poor=True))
     return None
