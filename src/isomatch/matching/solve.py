@@ -130,8 +130,9 @@ def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
     """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor.
 
-    What is hidden where limbs touch is missing, so that a target would give much of the source no image; and distances lie between those of fused limbs and of limbs apart. None
-    unless the bodies look more alike around vertices and their images. Such a map is no surer.
+    What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. A
+    target that is a part would leave much of the source without images. None unless the bodies look more alike around
+    vertices and their images. Such a map is no surer.
     """
     pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
     more = pair.source.handles - pair.target.handles
