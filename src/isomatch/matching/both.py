@@ -20,7 +20,7 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.result import MatchResult
 from isomatch.matching.search import HINT_STEPS
-from isomatch.matching.solve import fused_limbs_cut, part_role, solve_complete
+from isomatch.matching.solve import part_role, solve_complete, solve_touching
 from isomatch.matching.stages import Refinement, Relation, Stages, Start
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
@@ -116,10 +116,8 @@ def _both(
     else:
         relation = Isometry().on(pair, hints, stages)
         found = relation.match(timer)
-        if cut := fused_limbs_cut(relation, found, pair, hints, timer):
-            solution_there, found = cut.solution(timer), None
-        else:
-            solution_there = solve_complete(relation, found, timer)
+        solution_there, apart = solve_touching(relation, found, timer)
+        found = None if apart else found
     there = judged(solution_there, timer, seed)
     timer_back.restart()
     if found is None:

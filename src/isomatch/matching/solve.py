@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
+from isomatch.errors import NotConvergedError
 from isomatch.matching.contest import CLEARLY_BETTER
 from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, Solution, closed_evidence, measured_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
-from isomatch.matching.relations.closed import ClosedMatch, match_closed, match_creased, match_cut, with_doubt
+from isomatch.matching.quality import mean_known, mismatch_of
+from isomatch.matching.relations.closed import (
+    GIVEN,
+    ClosedMatch,
+    match_closed,
+    match_creased,
+    match_cut,
+    with_doubt,
+)
 from isomatch.matching.relations.elastic import FAR, FAR_KEPT, Elastic, far_from_isometric
 from isomatch.matching.relations.isometry import IsometricMatch, Isometry
 from isomatch.matching.relations.part import Part, PartSide
 from isomatch.matching.stages import Stages
 from isomatch.runtime.stage_timer import StageTimer
-from isomatch.shapes import crease_length
+from isomatch.shapes import crease_length, opened_shape
 
 # in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
 MORE_CREASES = 1.0
@@ -51,9 +61,16 @@ def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> S
             closed = cut
         return Part(role, closed).on(pair, hints, stages).solution(timer)
     relation = Isometry().on(pair, hints, stages)
-    found = relation.match(timer)
+    return solve_touching(relation, relation.match(timer), timer)[0]
+
+
+def solve_touching(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> tuple[Solution, bool]:
+    """Sum up the match of complete shapes, or a better one with limbs apart that touch; and whether it is such."""
+    pair, hints = relation.pair, relation.hints
     cut = fused_limbs_cut(relation, found, pair, hints, timer)
-    return cut.solution(timer) if cut else solve_complete(relation, found, timer)
+    solution = cut.solution(timer) if cut else solve_complete(relation, found, timer)
+    apart = _limbs_apart(solution, hints, relation.stages, timer)
+    return apart or solution, bool(cut or apart)
 
 
 def fused_limbs_cut(
@@ -66,7 +83,8 @@ def fused_limbs_cut(
     """Match with contacts cut of the shape that has more handles, or of both; None unless that scores better.
 
     If the best map fits badly, the shape is also cut along its creases, if it has contacts to be cut, or clearly longer
-    creases than the other one: shapes of two kinds have natural folds of about the same length.
+    creases than the other one: shapes of two kinds have natural folds of about the same length. And if both have
+    handles, both are.
 
     Parameters
     ----------
@@ -76,7 +94,7 @@ def fused_limbs_cut(
         The shapes, and what is known of the map.
     """
     stages, complete = relation.stages, relation.pair is pair
-    if not (stages.refinement.looks_further and pair.oriented) or hints.functions[0].shape[1]:
+    if not _seeks_contacts(pair, hints, stages):
         return None
     best, score = None, found.selection.winner.score
     ours, theirs = pair.source.handles, pair.target.handles
@@ -87,21 +105,74 @@ def fused_limbs_cut(
             cut = match_cut(pair, hints, stages, timer, *counts)
             if cut and cut.score < score:
                 best, score = cut, cut.score
-    if best:
-        relation, found = best.relation, best.found
-    measured = relation.measure(found).quality
-    poor = measured_evidence(pair, measured, pair.config.orientation).poor
-    if poor and (max(more) or (complete and _one_is_creased(pair))):
+
+    def fits_poorly() -> bool:
+        measured = best.relation.measure(best.found) if best else relation.measure(found)
+        return measured_evidence(pair, measured.quality, pair.config.orientation).poor
+
+    if not fits_poorly():
+        return best
+    tried = [(more, False)] if max(more) or (complete and _one_is_creased(pair)) else []
+    if min(ours, theirs):
+        tried.append(((ours, theirs), True))
+    for counts, both in tried:
+        if not fits_poorly():
+            break
         timer.start("creases cut")
-        for cut in match_creased(pair, hints, stages, timer, more, score):
+        for cut in match_creased(pair, hints, stages, timer, counts, score, both):
             if cut.score < score:
                 best, score = cut, cut.score
     return best
 
 
 def _one_is_creased(pair: ShapePair) -> bool:
+    """Whether one shape has clearly longer creases."""
     source, target = (crease_length(shape) for shape in (pair.source, pair.target))
     return abs(source - target) > MORE_CREASES
+
+
+def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
+    """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further.
+
+    Descriptors, and orders to cut nothing, rule it out.
+    """
+    given = {pair.source.distances.engine, pair.target.distances.engine} & GIVEN
+    wanted = pair.config.preparation.contact_concavity and not hints.functions[0].shape[1]
+    return bool(wanted and pair.oriented and not given and stages.refinement.looks_further)
+
+
+def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:
+    """Match a source that has more handles with its contacts and creases open, as a part, where a map is poor.
+
+    What limbs hide where they touch is missing, and distances lie between those of fused limbs and of limbs apart. A
+    target that is a part would leave much of the source without images. None unless the bodies look more alike around
+    vertices and their images. Such a map is no surer.
+    """
+    pair, poor = solution.pair, solution.outcome is Outcome.LOW_CONFIDENCE
+    more = pair.source.handles - pair.target.handles
+    if not (
+        poor and more > 0 and pair.config.orientation == "preserve" and _seeks_contacts(pair, hints, stages)
+    ):
+        return None
+    timer.start("limbs apart")
+    opened = opened_shape(pair.source, more)
+    if opened is None:
+        return None
+    apart = replace(pair, source=opened)
+    with suppress(NotConvergedError):
+        found = Part("source").on(apart, hints, stages).solution(timer)
+        if _look_apart(pair, found) < _look_apart(pair, solution):
+            return replace(found, pair=pair).with_evidence(Evidence(poor=True))
+    return None
+
+
+def _look_apart(pair: ShapePair, solution: Solution) -> float:
+    """How differently the bodies look around vertices and their images, on average, both as they are."""
+    image = solution.map.vertices[pair.source.user_vertex]
+    matched = image >= 0
+    image = pair.target.body_vertex[image]
+    mismatch = mismatch_of(pair.source.balls, pair.target.balls, image, matched)
+    return mean_known(mismatch, pair.source.body.vertex_areas)
 
 
 def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Literal["both"] | None:

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from isomatch.loading.compiled import compiled
 from isomatch.mending.caps import boundary_loops, capped
-from isomatch.surfaces import Mesh, corner_links, linked, meetings
+from isomatch.surfaces import Mesh, corner_links, joined, linked, meetings
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
 # What a length counts along an edge at which the surface bends by so many degrees, negative where concave: the seam of
@@ -20,6 +20,8 @@ from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 BENDS = (-60.0, -30.0, 0.0, 40.0)
 COSTS = (0.1, 0.5, 1.0, 2.0)
 
+# no settings: they decide where seams are looked for, ``preparation.contact_concavity`` which loop is one, and the
+# handles of the shapes how many are cut
 CONCAVE = -30.0  # degrees, of an edge whose ends are roots of trees
 MOST_ROOTS = 100  # one near each seam is enough
 REACH = 0.4  # cost, in √area, of the longest path from a root: half that of the longest seam
@@ -242,22 +244,9 @@ def _closing_edges(
         in_tree = before[a] == b or before[b] == a
         total[e] = -1.0 if in_tree else distance[a] + distance[b] + costs[e]
         if total[e] == np.inf:
-            _join(parent, beside[e, 0], beside[e, 1])
+            joined(parent, beside[e, 0], beside[e, 1])
     near = np.flatnonzero((total >= 0) & (total < np.inf))
     closes = np.zeros(len(near), dtype=np.bool_)
     for k in np.argsort(-total[near]):
-        closes[k] = not _join(parent, beside[near[k], 0], beside[near[k], 1])
+        closes[k] = not joined(parent, beside[near[k], 0], beside[near[k], 1])
     return near[closes], total[near[closes]]
-
-
-@compiled()
-def _join(parent: IntArray, i: int, j: int) -> bool:
-    """Join the trees of two nodes; False if they were one."""
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    while parent[j] != j:
-        parent[j] = parent[parent[j]]
-        j = parent[j]
-    parent[i] = j
-    return i != j

@@ -10,6 +10,8 @@ from isomatch.mending.contacts import are_among, bends_and_costs, inner_edges, o
 from isomatch.surfaces import Mesh, linked
 from isomatch.values.arrays import AnyArray, IntArray
 
+# no settings: a crease is a hypothesis only, which the map closes again where it is a fold; and
+# ``preparation.contact_concavity`` = 0 rules all of them out
 SHARP = -45.0  # degrees, of the edges that make a crease
 GAP = 0.03  # cost, in √area, of the paths that join pieces of a crease
 LEAST = 0.12  # length, in √area, of a crease

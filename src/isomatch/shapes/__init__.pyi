@@ -6,6 +6,7 @@ from isomatch.shapes.derived import (
     creased_shape,
     cut_shape,
     mirror_image,
+    opened_shape,
 )
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
@@ -32,6 +33,7 @@ __all__ = [
     "describe_symmetries",
     "farthest_rows",
     "mirror_image",
+    "opened_shape",
     "orientation_of",
     "prepare",
 ]

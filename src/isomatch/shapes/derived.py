@@ -82,6 +82,35 @@ def creased_shape(shape: PreparedShape, most: int, torn: BoolArray | None = None
     return _closed_if_sound(shape, note, mesh, cut.vertex_index[index], ends_of(edges))
 
 
+def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
+    """Cut a body along the seams of contacts and along all its creases, and leave the cuts open; None if there are none.
+
+    Its first vertices are those of the body, and the user's shape is the same.
+    """
+    cut, edges = _contacts_and_creases(shape, most)
+    if not cut.seams and not len(edges):
+        return None
+    mesh, index = cut_along(cut.mesh, edges)
+    origin = cut.vertex_index[index]
+    note = (
+        "cut open where limbs may be fused, along contacts and creases; if nothing is fused, set "
+        "preparation.contact_concavity = 0"
+    )
+    with suppress(MeshError, NotConvergedError):
+        return replace(
+            _prepared_again(shape, mesh),
+            surface=shape.surface,
+            body_vertex=shape.body_vertex,
+            user_vertex=shape.user_vertex[origin],
+            detail=shape.detail,
+            scale=shape.scale,
+            origin=origin,
+            left_out=shape.left_out,
+            notes=(*shape.notes, note),
+        )
+    return None
+
+
 @cached_method
 def _contacts(shape: PreparedShape, most: int) -> Cut:
     """Cut a body along the seams of contacts."""
@@ -109,10 +138,15 @@ def _closed(
 ) -> PreparedShape:
     """Prepare the body of a shape, perhaps cut, with all holes closed, given the old vertex of each of its own."""
     closed = capped(mesh, chords)
-    config = replace(shape.requested, resolution="full")
-    made = prepared_body(closed, sound_body(closed), config, shape.seed, StageTimer())
+    made = _prepared_again(shape, closed)
     on_caps = np.full(closed.n_vertices - mesh.n_vertices, -1)
     return replace(made, origin=np.concatenate([origin, on_caps]), notes=())
+
+
+def _prepared_again(shape: PreparedShape, mesh: Mesh) -> PreparedShape:
+    """Prepare a mesh that was made from the body of a shape, with all its vertices, as the shape was."""
+    config = replace(shape.requested, resolution="full")
+    return prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
 
 
 @cached_method

@@ -1,6 +1,15 @@
 from isomatch.surfaces._coincident import first_equal, welded
 from isomatch.surfaces._content_hash import surface_in_use
-from isomatch.surfaces._edges import EdgeTable, Meetings, corner_links, edge_table, fans, linked, meetings
+from isomatch.surfaces._edges import (
+    EdgeTable,
+    Meetings,
+    corner_links,
+    edge_table,
+    fans,
+    joined,
+    linked,
+    meetings,
+)
 from isomatch.surfaces._faces import unsound_faces
 from isomatch.surfaces._normals import vertex_normals
 from isomatch.surfaces.graph import Graph
@@ -25,6 +34,7 @@ __all__ = [
     "edge_table",
     "fans",
     "first_equal",
+    "joined",
     "linked",
     "meetings",
     "nearest_in_triangle",

@@ -97,25 +97,28 @@ def linked(n_nodes: int, *pairs: tuple[IntArray, IntArray]) -> tuple[int, IntArr
     """
     label = np.arange(n_nodes)
     for here, there in pairs:
-        _join(label, np.ascontiguousarray(here), np.ascontiguousarray(there))
+        _join_all(label, np.ascontiguousarray(here), np.ascontiguousarray(there))
     return _number(label), label
 
 
 @compiled()
-def _join(parent: IntArray, here: IntArray, there: IntArray) -> None:
-    """Join trees whose roots are their smallest nodes."""
+def _join_all(parent: IntArray, here: IntArray, there: IntArray) -> None:
+    """Join the trees of the nodes of each link."""
     for k in range(len(here)):
-        i, j = here[k], there[k]
-        while parent[i] != i:
-            parent[i] = parent[parent[i]]
-            i = parent[i]
-        while parent[j] != j:
-            parent[j] = parent[parent[j]]
-            j = parent[j]
-        if i < j:
-            parent[j] = i
-        else:
-            parent[i] = j
+        joined(parent, here[k], there[k])
+
+
+@compiled()
+def joined(parent: IntArray, i: int, j: int) -> bool:
+    """Join the trees of two nodes, whose roots are their smallest nodes; False if they were one."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    while parent[j] != j:
+        parent[j] = parent[parent[j]]
+        j = parent[j]
+    parent[max(i, j)] = min(i, j)
+    return i != j
 
 
 @compiled()

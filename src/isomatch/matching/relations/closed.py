@@ -209,8 +209,6 @@ def match_cut(
     pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, n_source: int, n_target: int
 ) -> ClosedMatch | None:
     """Match two shapes, cut along the seams of so many contacts; None if there are no seams, or no map was found."""
-    if {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
-        return None  # which say what is connected
     source, target = (cut_shape(pair.source, n_source), cut_shape(pair.target, n_target))
     if source is None and target is None:
         return None
@@ -226,12 +224,18 @@ def match_cut(
 
 
 def match_creased(
-    pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer, handles: tuple[int, int], score: float
+    pair: ShapePair,
+    hints: Hints,
+    stages: Stages,
+    timer: StageTimer,
+    handles: tuple[int, int],
+    score: float,
+    both: bool = False,
 ) -> Iterator[ClosedMatch]:
-    """Match two shapes of which one is cut along its creases, and again along those that the last map tears.
+    """Match two shapes cut along creases, and again along those that the last map tears.
 
-    It is the shape with contacts to be cut, or the one with longer creases. Natural folds are creases, too; where both
-    sides of one have near images, it is no contact.
+    One is cut, that with contacts to be cut or with longer creases, or both are. Natural folds are creases, too; where
+    both sides of one have near images, it is no contact.
 
     Parameters
     ----------
@@ -241,24 +245,28 @@ def match_creased(
         How many contacts of either shape are cut besides.
     score : float
         Of the best map so far.
+    both : bool
+        Whether both shapes are cut along their creases.
     """
-    concavity = pair.config.preparation.contact_concavity
-    if not concavity or {pair.source.distances.engine, pair.target.distances.engine} & GIVEN:
-        return
     shapes = pair.source, pair.target
-    side = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))
-    other = cut_shape(shapes[1 - side], handles[1 - side]) or capped_shape(shapes[1 - side])
-    last, torn = None, None
+    torn: tuple[BoolArray | None, BoolArray | None] = None, None
+    one = max(range(2), key=lambda i: (handles[i], crease_length(shapes[i])))
+    last = None
     for _ in range(CREASED):
-        creased = creased_shape(shapes[side], handles[side], torn)
-        if creased is None:
+        creased = [
+            creased_shape(shapes[i], handles[i], torn[i]) if both or i == one else None for i in range(2)
+        ]
+        if creased == [None, None]:
             return
-        both = (creased, other) if side == 0 else (other, creased)
-        last = _match_between(*both, pair.config, pair, hints, stages, timer, last)
+        source, target = (
+            cut or cut_shape(shape, most) or capped_shape(shape)
+            for cut, shape, most in zip(creased, shapes, handles)
+        )
+        last = _match_between(source, target, pair.config, pair, hints, stages, timer, last)
         if last is None or last.score > HOPELESS * score:
             return
         yield last
-        torn = last.torn(side)
+        torn = last.torn(0), last.torn(1)
 
 
 def _match_between(

@@ -322,6 +322,8 @@ class Part(Relation):
             points, matched = onto_whole, np.ones(len(errors), dtype=bool)
         else:
             points, matched = onto_part, covered
+            if self.source.origin is not None:
+                points = PrecisePoints(self.source.origin[points.corners], points.barycentric)
             errors = errors[points.corners[:, 0]] / best.pair.unit
         timer.start("quality")
         balls = best.pair.signature, best.pair.whole.balls

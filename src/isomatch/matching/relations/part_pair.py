@@ -102,7 +102,11 @@ class PartPair:
         if len(landmarks):
             along = np.vstack([engine.distances_from(landmarks[:, 0]), along])
         unit = 1.0 if config.scale == "area" else part.scale / whole.scale
-        lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
+        if part.origin is None:
+            lower = missing.lower_bound(anchors, np.arange(mesh.n_vertices), along)
+        else:  # limbs cut apart: at least as far as where they are fused
+            fused = distance_engine(mesh, part.config.engine)
+            lower = np.minimum(fused.distances_from(anchors), along)
         if functions is None:
             functions = SmoothPair(part, whole, config).known
         found = cls(
