@@ -124,6 +124,28 @@ def test_a_source_is_scaled_and_used_again(whole, piece):
         np.testing.assert_allclose(found, registered(mesh, whole, start), atol=1e-9)
 
 
+def test_a_piece_of_another_size_keeps_its_shape_if_it_may_grow(whole, piece):
+    """As similar as possible: 1.4 times as large costs nothing, and more than is allowed costs what is beyond."""
+    mesh, original = piece
+    small, on_whole = mesh.moved(mesh.vertices / 1.4), whole.mesh_body.vertices[original]
+
+    def stretched(most_scaled):
+        registration = RigidRegistration(small, most_scaled)
+        moved = registration(whole.mesh_body, whole.index, on_whole, (0.3, 0.3))
+        edges = (np.linalg.norm(np.diff(at[mesh.edges], axis=1), axis=2) for at in (moved, mesh.vertices))
+        return np.divide(*edges).mean()
+
+    rigid, little, similar = (stretched(most) for most in (1.0, 1.2, 2.0))
+    assert similar == pytest.approx(1.0, abs=0.01)
+    assert rigid < little - 0.05 < similar - 0.1
+
+
+@pytest.mark.parametrize("most", [0.9, np.nan])
+def test_nothing_may_be_scaled_by_less_than_nothing(piece, most):
+    with pytest.raises(SettingError, match="most_scaled"):
+        RigidRegistration(piece[0], most)
+
+
 def test_a_turned_piece_is_put_back(whole, piece):
     """Its own position in space does not matter, only where the map puts it."""
     mesh, original = piece

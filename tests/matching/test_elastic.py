@@ -94,6 +94,48 @@ def test_landmarks_lead_the_map(species):
     assert mean_error(target, led.map.vertices, truth) < 0.07
 
 
+def test_a_result_given_back_does_not_become_worse(species, found):
+    source, target, truth = species
+    again = match(source, target, initial_map=found.map)
+    assert again.origin == "initial map"
+    before, after = (mean_error(target, result.map.vertices, truth) for result in (found, again))
+    assert after < 1.02 * before + 0.001
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("share", [1.0, 0.2])
+def test_the_truth_given_does_not_end_worse_than_without_it(species, found, share):
+    """Known everywhere, and on a connected fifth of the surface."""
+    source, target, truth = species
+    far = source.columns[0][source.body_vertex]
+    known = np.where(far <= np.quantile(far, share), truth, -1)
+    led = match(source, target, initial_map=known)
+    before, after = (mean_error(target, result.map.vertices, truth) for result in (found, led))
+    assert after < 1.02 * before + 0.001
+
+
+def test_a_wrong_initial_map_does_not_win(species, found):
+    source, target, truth = species
+    wrong = np.random.default_rng(0).permutation(truth)
+    led = match(source, target, initial_map=wrong)
+    assert led.outcome is Outcome.HINTS_CONTRADICTED
+    assert mean_error(target, led.map.vertices, truth) < 0.07
+
+
+def test_the_score_is_the_stretch_and_the_gap_of_both_shapes_bent(species):
+    """A shape on itself is not stretched; exchanged images are dear."""
+    relation = Elastic().on(
+        prepare_pair(species[0], species[0]), Hints.of(prepare_pair(species[0], species[0]), None, None, None)
+    )
+    own = relation.measured(Fit(relation.vertices), relation.vertices)
+    assert own.score < 1e-4
+    moved = relation.measured(own, np.roll(relation.vertices, 1))
+    assert moved.score > 20 * own.score
+    there, back = own.bent
+    assert own.score == pytest.approx(np.sqrt(there.misfit * back.misfit))
+    assert there.stretch < 0.02
+
+
 def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, found):
     pair = ShapePair(*species[:2], Config())
     none = Hints.of(pair, None, None, None)
@@ -104,7 +146,9 @@ def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, fou
 
     assert far(poor)
     assert not far(replace(poor, misfit=0.4, residual=0.2, stretch=1.0))
-    known = Hints.of(pair, None, np.zeros(len(species[2]), dtype=int), None)
+    given = Hints.of(pair, None, species[2], None)
+    assert far(poor, hints=given)
+    known = Hints.of(pair, None, None, tuple(shape.signatures for shape in species[:2]))
     assert not far(poor, hints=known)
     for config in (Config(orientation="any"), Config(refinement="none"), Config(hypotheses="given")):
         assert not far(poor, replace(pair, config=config))

@@ -202,7 +202,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         timer.start("elastic match")
         elastic = _elastic(relation, found)
         selection, reason = elastic.match()
-        if selection.winner.is_ordinary:
+        if selection.winner.keeps_lengths:
             quality = replace(measured.quality, rival=selection.rival)
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
         return relation.summed_up(found, elastic.measure(selection, reason), timer, FAR)

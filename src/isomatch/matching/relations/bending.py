@@ -68,13 +68,17 @@ class Bent:
         images: IntArray = self.points.corners[np.arange(len(nearest)), nearest]
         return images
 
+    @property
+    def stretch(self) -> float:
+        """Mean |log| of the stretch of the edges."""
+        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.flat))
+        return float(np.abs(np.log(after / (self.onto.unit * before))).mean())
+
     @cached_property
     def misfit(self) -> float:
-        """The cost of bending: mean |log| of the stretch of the edges × mean distance from the surface."""
-        after, before = (np.maximum(mesh.edge_lengths, SHORTEST) for mesh in (self.mesh, self.flat))
-        stretch = np.log(after / (self.onto.unit * before))
+        """The cost of bending: stretch × mean distance from the surface."""
         apart = self.points.interpolated(self.onto.mesh.vertices) - self.mesh.vertices
-        return float(np.abs(stretch).mean() * np.linalg.norm(apart, axis=1).mean())
+        return self.stretch * float(np.linalg.norm(apart, axis=1).mean())
 
 
 class Bending:

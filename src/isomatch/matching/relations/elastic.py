@@ -64,6 +64,9 @@ HINTED_TIE = 1.1
 # lengths, after those of elastic.bending without the first two, by which the winner is bent in full
 FULL_LENGTHS = (0.05, 0.04, 0.03)
 
+# stretch of bent shapes, below which an ordinary map is returned as it is; docs/notes/other_species.md
+NEARLY_ISOMETRIC = 0.085
+
 NO_SCORE = 1e-12  # so that ratios of scores are finite
 
 FAR = (
@@ -96,6 +99,11 @@ class StretchedFit(Fit):
     bent: tuple[Bent, ...] = ()
     is_ordinary: bool = False
     is_given: bool = False
+
+    @property
+    def keeps_lengths(self) -> bool:
+        """Whether it is an ordinary map that hardly stretches the shapes in space either."""
+        return self.is_ordinary and max(bent.stretch for bent in self.bent) < NEARLY_ISOMETRIC
 
 
 class Elastic(Relation):
