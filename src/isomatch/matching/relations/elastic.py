@@ -40,6 +40,8 @@ from isomatch.values.cached import cached_property
 
 N_CONTENDERS = 8  # coarse fits that are bent, beside the map found otherwise; docs/notes/other_species.md
 
+N_FOLLOWED = 40  # fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
+
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
 
@@ -160,10 +162,9 @@ class Elastic(Relation):
         NotConvergedError
             If there is no ordinary map, and none that keeps the orientation was found.
         """
-        starts = self._starts()
-        rough = [fit for fit in parallel_map(lambda start: self._roughly(*start), starts) if fit]
-        rough.sort(key=lambda fit: fit.score)
-        kept = distinct(rough, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, N_CONTENDERS)
+        starts, (first, second) = self._starts(), coarse_steps()
+        rough = self._roughly([self._first(start, origin) for start, origin in starts], first, N_FOLLOWED)
+        kept = self._roughly(rough, second, N_CONTENDERS)
         begun = parallel_map(self._begun, kept)
         if self.ordinary is not None:
             begun.append(replace(self._drawn(self.ordinary, self.origin), is_ordinary=True))
@@ -241,19 +242,29 @@ class Elastic(Relation):
         there, back = parallel_map(lambda onto: Bending(onto.mesh, count), (source, target))
         return there, back
 
-    def _roughly(self, start: IntArray, origin: str) -> StretchedFit | None:
-        """Fit a first map (q, 2) with few functions; None if it reverses the orientation, or is twisted."""
-        coarse, steps = self._coarse, coarse_steps()
-        coefficients = coarse.from_pairs(start, steps[0])
+    def _first(self, start: IntArray, origin: str) -> StretchedFit:
+        """Draw a first map (q, 2) by few functions."""
+        coefficients = self._coarse.from_pairs(start, coarse_steps()[0])
+        return StretchedFit(start[:0, 0], origin=origin, coefficients=coefficients)
+
+    def _roughly(self, fits: Sequence[StretchedFit], step: Step, most: int) -> list[StretchedFit]:
+        """Take a coarse step, and keep so many of the best that differ and do not turn the surface inside out."""
+        taken = parallel_map(lambda fit: self._stepped(fit, step), fits)
+        kept = sorted((fit for fit in taken if fit), key=lambda fit: fit.score)
+        return distinct(kept, lambda fit: fit.image, self.target.mean_distances, SAME_MAP, most)
+
+    def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
+        """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
+        coarse, coefficients = self._coarse, fit.coefficients
         if coarse.orientation(coefficients, coarse.images(coefficients)) < 0:
             return None
-        coefficients, images = coarse.run(coefficients, steps)
+        coefficients, images = coarse.run(coefficients, (step,))
         if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
         image = coarse.target.targets[images.forth]
-        return StretchedFit(
-            image, images.misfit, images.misfit * penalty, origin=origin, coefficients=coefficients
+        return replace(
+            fit, image=image, misfit=images.misfit, score=images.misfit * penalty, coefficients=coefficients
         )
 
     def _begun(self, fit: StretchedFit) -> StretchedFit:
@@ -269,9 +280,7 @@ class Elastic(Relation):
 
     def _given(self) -> StretchedFit:
         """Extend the initial map by few functions; where it is known, it holds while large pieces are bent."""
-        coefficients = self._coarse.from_pairs(self.hints.initial_pairs, coarse_steps()[0])
-        fit = StretchedFit(np.zeros(0, int), origin="initial map", coefficients=coefficients, is_given=True)
-        return self._begun(fit)
+        return self._begun(replace(self._first(self.hints.initial_pairs, "initial map"), is_given=True))
 
     def _hint_error(self, image: IntArray) -> float:
         """Mean distance (√area) of a map from the initial map, where that is known."""
