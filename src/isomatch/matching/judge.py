@@ -92,8 +92,8 @@ def measured_evidence(
     hinted : bool
         Whether hints were given: they may have led to the orientation that was not wanted.
     far : bool
-        Whether the shapes are far from isometric, so that distances cannot tell a right map from a wrong one; what they
-        look like around points and their images can.
+        Whether the shapes are far from isometric, so that measures of isometries cannot tell a right map from a wrong
+        one; how much the shapes have to be bent to lie on each other can.
     """
     bounds = pair.config.outcome
     sign = {"preserve": 1.0, "reverse": -1.0, "any": np.sign(quality.orientation)}[wanted]
@@ -103,7 +103,7 @@ def measured_evidence(
         contradicted=contradicts(quality, bounds.contradiction),
         mirrored=wanted != "any" and not hinted and mirror_image_fits(quality, bounds),
         poor=bool(
-            (not quality.mismatch <= bounds.poor_mismatch if far else fits_badly(quality, bounds))
+            (bends_badly if far else fits_badly)(quality, bounds)
             or quality.torn_off > bounds.poor_torn_off
             or (kept < bounds.poor_orientation and not turned)
             or quality.rival < 1.0
@@ -125,6 +125,11 @@ def fits_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
         or quality.residual > bounds.poor_residual
         or quality.stretch > bounds.poor_stretch
     )
+
+
+def bends_badly(quality: Quality, bounds: OutcomeSettings) -> bool:
+    """Whether shapes far from isometric have to be bent too much to lie on each other."""
+    return not (quality.bend_misfit <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual)
 
 
 def region_evidence(regions: Iterable[DoubtfulRegion], least: float) -> Evidence:
@@ -278,6 +283,8 @@ class Solution:
         As in `MatchResult`.
     regions : tuple of DoubtfulRegion
         As in `MatchResult`.
+    looks_count : bool
+        Whether regions that look unlike are evidence; two species look unlike somewhere.
     """
 
     pair: ShapePair
@@ -292,11 +299,14 @@ class Solution:
     config: MatchSettings | None = None
     mismatch: FloatArray | None = None
     regions: tuple[DoubtfulRegion, ...] = ()
+    looks_count: bool = True
 
     @property
     def outcome(self) -> Outcome:
         """What the evidence calls for, and the regions of doubt."""
         doubtful = region_evidence(self.regions, self.pair.config.outcome.doubtful_area)
+        if not self.looks_count:
+            doubtful = replace(doubtful, poor=False)
         return outcome_of((*self.evidence, doubtful))
 
     def with_evidence(self, *more: Evidence) -> Self:

@@ -203,7 +203,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         elastic = _elastic(relation, found)
         selection, reason = elastic.match()
         if selection.winner.keeps_lengths:
-            quality = replace(measured.quality, rival=selection.rival)
+            quality = replace(measured.quality, rival=selection.rival, bend_misfit=selection.winner.score)
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
         return relation.summed_up(found, elastic.measure(selection, reason), timer, FAR)
     return relation.summed_up(found, measured, timer)

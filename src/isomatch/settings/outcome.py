@@ -30,8 +30,10 @@ class OutcomeSettings(Settings):
         How much farther apart the images of neighbours are than the neighbours, in √area, where the map tears them.
     poor_misfit, poor_residual, poor_stretch, poor_torn_off : float
         Values above which a map is poor.
+    poor_bending, poor_far_residual : float
+        Values of `Quality.bend_misfit` and of the residual above which a map between shapes far from isometric is poor.
     poor_mismatch : float
-        Mean mismatch, see `Quality`, above which a map between shapes far from isometric is poor.
+        Mean mismatch, see `Quality`, of which a map is sure only if it is well below.
     doubtful_mismatch : float
         Mean mismatch of the neighbourhood of a vertex, above the median of the map, from which its image is doubtful.
     doubtful_area : float
@@ -63,6 +65,8 @@ class OutcomeSettings(Settings):
         0.38, "set on FAUST and creatures; checked in docs/benchmarks.md, confidence", least=0
     )
     poor_stretch: float = setting(1.2, "docs/benchmarks.md, confidence", least=1)
+    poor_bending: float = setting(1.7e-3, "docs/notes/other_species.md", least=0)
+    poor_far_residual: float = setting(0.45, "docs/notes/other_species.md", least=0)
     poor_mismatch: float = setting(0.42, "docs/notes/ball_signature.md", least=0)
     doubtful_mismatch: float = setting(0.65, "docs/benchmarks.md, regions of doubt", least=0)
     doubtful_area: float = setting(0.02, "a forearm of a body", least=0, most=1)

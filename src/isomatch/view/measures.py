@@ -160,11 +160,11 @@ MEASURES = {
         "along the part. 0.01 for a correct map.",
     ),
     "bend_misfit": Measure(
-        "misfit of the bent part",
+        "misfit of the bent shape",
         "{:.1e}",
-        "stretch × distance from the whole",
-        "How much the edges of the part are stretched when it is bent onto the whole, times how far it still is from it. "
-        "Large for many wrong maps.",
+        "stretch × distance from the other shape",
+        "How much the edges of a part, or of a shape of another species, are stretched when it is bent onto the other "
+        "shape, times how far it still is from that. Large for many wrong maps.",
     ),
     "doubt": Measure(
         "doubt of a part",

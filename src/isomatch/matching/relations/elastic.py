@@ -40,7 +40,9 @@ from isomatch.values.cached import cached_property
 
 N_CONTENDERS = 8  # coarse fits that are bent, beside the map found otherwise; docs/notes/other_species.md
 
-N_FOLLOWED = 40  # fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
+N_FOLLOWED = (
+    40  # fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
+)
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
@@ -373,7 +375,10 @@ class Elastic(Relation):
         mismatch = mismatch_of(self.source.balls, self.target.balls, points.corners[:, 0])
         quality = measure_quality(self.pair, points, self.hints)
         quality = replace(
-            quality, rival=selection.rival, mismatch=mean_known(mismatch, self.source.body.vertex_areas)
+            quality,
+            rival=selection.rival,
+            mismatch=mean_known(mismatch, self.source.body.vertex_areas),
+            bend_misfit=selection.winner.score,
         )
         return Measured(points, quality, None, mismatch, reason, selection.winner.origin)
 
@@ -399,6 +404,7 @@ class Elastic(Relation):
             reason=reason,
             mismatch=None if measured.mismatch is None else self.source.lift(measured.mismatch),
             regions=lifted(regions, self.source, self.target),
+            looks_count=False,
         )
 
 

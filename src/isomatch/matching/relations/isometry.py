@@ -399,6 +399,7 @@ class Isometry(Relation):
             map_.reason,
             mismatch=None if map_.mismatch is None else self.source.lift(map_.mismatch),
             regions=lifted(regions, self.source, self.target),
+            looks_count=not far,
         )
 
     def _polished(self, finer: SmoothPair, fit: Fit) -> PrecisePoints:
