@@ -10,6 +10,7 @@ from isomatch.correspondence import Embedding
 from isomatch.datasets import creature, ground_truth
 from isomatch.lab.sets import relabelled
 from isomatch.matching import Elastic, Fit, Hints, Isometry, ShapePair, prepare_pair, stages_of
+from isomatch.matching.judge import bends_badly
 from isomatch.matching.relations.elastic import far_from_isometric
 from isomatch.matching.relations.elastic_fit import ElasticFit, Step
 from isomatch.matching.relations.elastic_shape import ElasticShape
@@ -63,12 +64,15 @@ def test_limbs_stretch(species, found):
     assert mean_error(target, found.map.vertices, truth) < 0.07
 
 
-def test_a_map_between_species_is_judged_by_what_it_looks_like(found):
-    """Distances do not count; the mismatch does, and a rival that looks as much alike is a tie."""
+def test_a_map_between_species_is_judged_by_how_much_the_shapes_are_bent(found):
+    """A rival that is bent as little is a tie."""
     bounds, quality = Config().outcome, found.quality
-    sure = quality.mismatch <= bounds.poor_mismatch and quality.rival >= bounds.look_tie
-    assert (found.outcome is Outcome.CONVERGED) == sure
+    sure = quality.bend_misfit <= bounds.poor_bending and quality.residual <= bounds.poor_far_residual
+    assert (found.outcome is Outcome.CONVERGED) == (sure and quality.rival >= bounds.look_tie)
     assert quality.rival >= 1
+    strict = replace(bounds, poor_bending=0.5 * quality.bend_misfit)
+    assert bends_badly(quality, strict)
+    assert bends_badly(replace(quality, bend_misfit=np.nan), bounds)
 
 
 def test_the_right_map_looks_more_alike_than_one_turned_around(species):
