@@ -6,8 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.correspondence import PrecisePoints, RigidRegistration, nearest_with_normals, with_normals
-from isomatch.correspondence.surface_index import SurfaceIndex
+from isomatch.correspondence import (
+    PrecisePoints,
+    RigidRegistration,
+    SurfaceIndex,
+    nearest_with_normals,
+    with_normals,
+)
 from isomatch.resolution import Prolongation, decimate
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray, IntArray

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -23,7 +23,8 @@ from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
 from isomatch.matching.regions import doubt_in, lifted, regions_of_doubt
-from isomatch.matching.relations.bending import Bending, Bent, Held, Surroundings
+from isomatch.matching.relations.bending import Bent
+from isomatch.matching.relations.elastic_bending import ElasticBending
 from isomatch.matching.relations.elastic_fit import Coefficients, ElasticFit, Step, coarse_steps
 from isomatch.matching.relations.elastic_shape import N_COARSE, ElasticShape
 from isomatch.matching.relations.elastic_starts import anchor_starts
@@ -58,15 +59,19 @@ LAST_STEP = Step(200, 0.0005, 2, False)
 # mean distance, in √area, by which coarse fits that are bent differ; search.same_map
 SAME_MAP = 0.05
 
-FINE_NORMAL_WEIGHT = (
-    0.15  # of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
-)
+# of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
+FINE_NORMAL_WEIGHT = 0.15
 
 # score over the least, up to which a map that agrees with the hints wins; docs/notes/other_species.md
 HINTED_TIE = 1.1
 
-# lengths, after those of elastic.bending without the first two, by which the winner is bent in full
-FULL_LENGTHS = (0.05, 0.04, 0.03)
+SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
+
+FULL_LENGTHS = (
+    0.05,
+    0.04,
+    0.03,
+)  # by which the winner is bent in full, after those; docs/notes/other_species.md
 
 # stretch of bent shapes, below which an ordinary map is returned as it is; docs/notes/other_species.md
 NEARLY_ISOMETRIC = 0.085
@@ -151,7 +156,7 @@ class Elastic(Relation):
         self.ordinary, self.others, self.origin = ordinary, others, origin
 
     def match(self) -> tuple[Selection[StretchedFit], str]:
-        """Fit first maps coarsely, the best that differ finely, and select, among them and the ordinary map.
+        """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
 
         Returns
         -------
@@ -229,19 +234,13 @@ class Elastic(Relation):
         return replace(self._fit(self.pair.config.n_refine, True), normal_weight=FINE_NORMAL_WEIGHT)
 
     @cached_property
-    def _surroundings(self) -> tuple[Surroundings, Surroundings]:
-        """Both shapes in √area of their own, as what the other one is bent onto."""
-        target, source = (
-            Surroundings(mesh.moved(mesh.vertices / np.sqrt(mesh.area)), shape.index)
-            for shape in (self.target, self.source)
-            for mesh in [shape.mesh_body]
+    def _bendings(self) -> tuple[ElasticBending, ElasticBending]:
+        """The source onto the target, and back."""
+        count, landmarks = self.pair.config.elastic.n_bent_vertices, self.hints.landmarks
+        both = self.source, self.target
+        there, back = parallel_map(
+            lambda way: ElasticBending(both[way], both[1 - way], count, bool(way), landmarks), range(2)
         )
-        return target, source
-
-    @cached_property
-    def _bendings(self) -> tuple[Bending, Bending]:
-        count, (target, source) = self.pair.config.elastic.n_bent_vertices, self._surroundings
-        there, back = parallel_map(lambda onto: Bending(onto.mesh, count), (source, target))
         return there, back
 
     def _first(self, start: IntArray, origin: str) -> StretchedFit:
@@ -300,46 +299,14 @@ class Elastic(Relation):
         return parallel_map(self._bent, [cast(StretchedFit, fit) for fit in fits])
 
     def _bent(self, fit: StretchedFit) -> StretchedFit:
-        lengths = self.pair.config.elastic.bending
+        drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
         known = self.hints.initial_pairs if fit.is_given else None
-        bent = self._both_bent(fit.coefficients, lengths, known)
+        bent = tuple(bending.coarsely(drawn, lengths, known) for bending in self._bendings)
         image = self._bendings[0].images(bent[0], self.vertices)
         score = max(float(np.sqrt(bent[0].misfit * bent[1].misfit)), NO_SCORE)
         return replace(
             fit, image=image, misfit=score, score=score, bent=bent, hint_error=self._hint_error(image)
         )
-
-    def _both_bent(
-        self,
-        coefficients: Coefficients,
-        lengths: tuple[float, ...],
-        known: IntArray | None = None,
-        most_scaled: float = 1.0,
-    ) -> tuple[Bent, Bent]:
-        """Bend the source onto the target and back, from a smooth map; known pairs (q, 2) hold in the first half."""
-        drawn = self._fine.embedding(coefficients)
-        first, second = (bent for bent in self._each_bent(drawn, lengths, known, most_scaled))
-        return first, second
-
-    def _each_bent(
-        self, drawn: Embedding, lengths: tuple[float, ...], known: IntArray | None, most_scaled: float
-    ) -> Iterator[Bent]:
-        landmarks = self.hints.landmarks
-        for way, (bending, onto) in enumerate(zip(self._bendings, self._surroundings)):
-            here, there = drawn if way == 0 else drawn[::-1]
-            image = onto.index.vertices(there, here[bending.vertices])
-            held = self._held(landmarks, way)
-            start, rest = onto.mesh.vertices[image], lengths
-            if known is not None:
-                pairs = np.concatenate([landmarks, known])
-                half = len(lengths) // 2
-                bent = bending.coarsely(onto, start, lengths[:half], self._held(pairs, way), most_scaled)
-                start, rest = bent.mesh.vertices, lengths[half:]
-            yield bending.coarsely(onto, start, rest, held, most_scaled)
-
-    def _held(self, pairs: IntArray, way: int) -> Held:
-        """Vertices of the shape that is bent, and where pairs (q, 2) of both shapes draw them."""
-        return pairs[:, way], self._surroundings[way].mesh.vertices[pairs[:, 1 - way]]
 
     def measured(self, fit: Fit, image: IntArray) -> StretchedFit:
         """Draw a map by all functions, and bend the shapes by it."""
@@ -355,17 +322,12 @@ class Elastic(Relation):
         similarly as possible, at last in full.
         """
         fit, settings = cast(StretchedFit, fit), self.pair.config.elastic
-        here, there = (np.arange(shape.body.n_vertices) for shape in (self.source, self.target))
-        forth, back = (
-            bending.images(bent, vertices)
-            for bending, bent, vertices in zip(self._bendings, fit.bent, (here, there))
-        )
-        pairs = np.concatenate([np.column_stack([here, forth]), np.column_stack([back, there])])
+        there, _ = self._bendings
+        pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
-        lengths, drawn = settings.bending[2:], self._fine.embedding(coefficients)
-        coarse = next(self._each_bent(drawn, lengths, None, settings.most_scaled))
-        held = self._held(self.hints.landmarks, 0)
-        bent = self._bendings[0].in_full(coarse, FULL_LENGTHS, held, settings.most_scaled)
+        drawn, most_scaled = self._fine.embedding(coefficients), settings.most_scaled
+        coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=most_scaled)
+        bent = there.in_full(coarse, FULL_LENGTHS, most_scaled)
         return Embedding(with_normals(bent.mesh), with_normals(bent.onto.mesh))
 
     def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
