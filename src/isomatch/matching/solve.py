@@ -107,7 +107,7 @@ def fused_limbs_cut(
                 best, score = cut, cut.score
 
     def fits_poorly() -> bool:
-        measured = best.relation.measure(best.found) if best else relation.measure(found)
+        measured = (best.found if best else found).measured
         return measured_evidence(pair, measured.quality, pair.config.orientation).poor
 
     if not fits_poorly():
@@ -197,7 +197,7 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
     """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
     timer.start("quality")
-    measured = relation.measure(found)
+    measured = found.measured
     if far_from_isometric(relation, measured.quality):
         timer.start("elastic match")
         elastic = _elastic(relation, found)
@@ -230,7 +230,7 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
-    as_they_are = relation.summed_up(found, relation.measure(found), timer)
+    as_they_are = relation.summed_up(found, found.measured, timer)
     if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
         return as_they_are
     timer.start("holes closed")

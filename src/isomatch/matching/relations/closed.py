@@ -133,7 +133,7 @@ class ClosedMatch:
     def solution(self, timer: StageTimer) -> Solution:
         """Sum up the map, in the users' vertices; what lands on a cap is unmatched."""
         timer.start("quality")
-        closed = self.relation.summed_up(self.found, self.relation.measure(self.found), timer)
+        closed = self.relation.summed_up(self.found, self.found.measured, timer)
         points, matched = self._opened(closed.map)
         found = self.pair.source.correspondence(self.pair.target, points, matched)
         errors = closed.expected_error[: self.pair.source.body.n_vertices]

@@ -73,6 +73,10 @@ FULL_LENGTHS = (
     0.03,
 )  # by which the winner is bent in full, after those; docs/notes/other_species.md
 
+# of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
+# docs/notes/other_species.md
+READ_UNIT = 0.05
+
 # stretch of bent shapes, below which an ordinary map is returned as it is; docs/notes/other_species.md
 NEARLY_ISOMETRIC = 0.085
 
@@ -328,7 +332,7 @@ class Elastic(Relation):
         drawn, most_scaled = self._fine.embedding(coefficients), settings.most_scaled
         coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=most_scaled)
         bent = there.in_full(coarse, FULL_LENGTHS, most_scaled)
-        return Embedding(with_normals(bent.mesh), with_normals(bent.onto.mesh))
+        return Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
 
     def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
         """Take the nearest points under the map selected, and measure it."""

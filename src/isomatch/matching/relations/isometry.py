@@ -37,6 +37,7 @@ from isomatch.matching.stages import Relation
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map, serial_blas
 from isomatch.values.arrays import FloatArray, IntArray
+from isomatch.values.cached import cached_property
 
 # in √area, from which an image is elsewhere; twice rival_distance: from one limb to another
 ELSEWHERE_DISTANCE = 0.3
@@ -58,12 +59,20 @@ class IsometricMatch:
         Candidates searched as rivals only, which may not win.
     embedding : Embedding
         Coordinates of all vertices in which images are nearest points.
+    relation : Isometry
+        What found it.
     """
 
     selection: Selection[Fit]
     eligible: tuple[Candidate, ...]
     rivals: tuple[Candidate, ...]
     embedding: Embedding
+    relation: Isometry
+
+    @cached_property
+    def measured(self) -> Measured:
+        """The map, measured."""
+        return self.relation.measure(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +124,7 @@ class Isometry(Relation):
         """Find the map, and the evidence for it."""
         found = self.match(timer)
         timer.start("quality")
-        return self.summed_up(found, self.measure(found), timer)
+        return self.summed_up(found, found.measured, timer)
 
     def match(self, timer: StageTimer, hypotheses: Sequence[Hypothesis] | None = None) -> IsometricMatch:
         """Search, select and refine; ``hypotheses`` found otherwise take the place of the search.
@@ -137,7 +146,7 @@ class Isometry(Relation):
             selection = self._challenged(selection, eligible)
         selection = self._against_mirror_image(selection, eligible)
         embedding = self.everywhere(selection.winner)
-        return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding)
+        return IsometricMatch(selection, tuple(eligible), tuple(rivals), embedding, self)
 
     def hypotheses(self) -> tuple[list[Hypothesis], list[Hypothesis]]:
         """Hypotheses that may win, and those that are searched as rivals only."""
