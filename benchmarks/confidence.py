@@ -9,7 +9,6 @@ is right.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from typing import Any
 from zlib import crc32
@@ -21,7 +20,7 @@ from isomatch import Config
 from isomatch.lab.damage import DamageChoice
 from isomatch.lab.sets import BenchmarkPair, benchmark_set
 from isomatch.settings import SearchSettings
-from studies import SURE, asked_for, error_after, in_parallel, mean_error, write_table
+from studies import SURE, asked_for, error_after, in_parallel, mean_error, write_rows, write_table
 
 RIGHT, WRONG = 3.0, 10.0
 SEED = 2026
@@ -168,12 +167,9 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "confidence.csv")
-    results = []
-    with (asked.output / "confidence.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ("kind", "set", "pair", "error", "outcome", *EVIDENCE))
-        writer.writeheader()
-        for row in in_parallel(judged, jobs(asked.data)):
-            results.append(row)
-            writer.writerow({k: round(v, 4) if isinstance(v, float) else v for k, v in row.items()})
-            file.flush()
+    results = write_rows(
+        asked.output / "confidence.csv",
+        ("kind", "set", "pair", "error", "outcome", *EVIDENCE),
+        in_parallel(judged, jobs(asked.data)),
+    )
     write_table(asked.output / "confidence_table.csv", summary(results))

@@ -9,7 +9,6 @@ kinds of damage of these sets.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from typing import Any
 
@@ -23,7 +22,7 @@ from isomatch.lab.sets import benchmark_set
 from isomatch.matching import lowered
 from isomatch.matching.judge import region_evidence
 from isomatch.settings import OutcomeSettings
-from studies import SURE, asked_for, in_parallel, write_table
+from studies import SURE, asked_for, in_parallel, write_rows, write_table
 from welds import PAIRS, fused_pair
 
 COUNTS = {"faust_r": 24, "tosca_iso_r": 24, "scape": 12, "creatures": 10, "cross": 10}
@@ -97,13 +96,5 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "regions.csv")
-    results = []
-    with (asked.output / "regions.csv").open("w", newline="", encoding="utf-8") as file:
-        for row in in_parallel(judged, jobs(asked.data)):
-            if not results:
-                writer = csv.DictWriter(file, row)
-                writer.writeheader()
-            results.append(row)
-            writer.writerow({k: round(float(v), 4) if isinstance(v, float) else v for k, v in row.items()})
-            file.flush()
+    results = write_rows(asked.output / "regions.csv", None, in_parallel(judged, jobs(asked.data)))
     write_table(asked.output / "regions_table.csv", list(table(results)))

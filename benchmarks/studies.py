@@ -122,15 +122,28 @@ def drawn(data: str, counts: dict[str, int], seed: int) -> list[Job]:
     ]
 
 
-def write_rows(path: Path, columns: Sequence[str], rows: Iterable[dict[str, Any]]) -> None:
-    """Write some columns of benchmark rows as a table, numbers to four digits."""
+def write_rows(
+    path: Path, columns: Sequence[str] | None, rows: Iterable[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Write some columns of rows as a table, each as soon as it comes, numbers to four digits; and return the rows.
+
+    By default the columns are those of the first row.
+    """
+    written = []
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(
-            {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        )
+        writer = csv.DictWriter(file, columns or (), extrasaction="ignore")
+        if columns:
+            writer.writeheader()
+        for row in rows:
+            if not writer.fieldnames:
+                writer.fieldnames = list(row)
+                writer.writeheader()
+            written.append(row)
+            writer.writerow(
+                {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
+            )
+            file.flush()
+    return written
 
 
 def write_table(path: Path, rows: Sequence[dict[str, Any]]) -> None:

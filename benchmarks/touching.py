@@ -9,7 +9,6 @@ are permuted and rotated. It writes ``touching.csv``, one row for each map, and 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from isomatch import Mesh
 from isomatch.lab.evaluation import counted, geodesic_errors
 from isomatch.lab.sets import relabelled
 from isomatch.resolution import decimate
-from studies import asked_for, in_parallel, summed_up, write_table
+from studies import asked_for, in_parallel, summed_up, write_rows, write_table
 
 KINDS = ("as they are", "target remeshed")
 POINTS = 400
@@ -72,12 +71,5 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "touching.csv")
-    rows = []
-    with (asked.output / "touching.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        for row in in_parallel(judged, jobs(asked.data)):
-            rows.append(row)
-            writer.writerow(row)
-            file.flush()
+    rows = write_rows(asked.output / "touching.csv", COLUMNS, in_parallel(judged, jobs(asked.data)))
     write_table(asked.output / "touching_table.csv", list(table(rows)))

@@ -10,7 +10,6 @@ expected error were chosen on faust_r and creatures; the other sets judge.
 
 from __future__ import annotations
 
-import csv
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from isomatch import MatchResult, Mesh
 from isomatch.lab.damage import DamageChoice
 from isomatch.lab.evaluation import geodesic_errors
 from isomatch.lab.sets import benchmark_set
-from studies import asked_for, damaged_creatures, in_parallel, write_table
+from studies import asked_for, damaged_creatures, in_parallel, write_rows, write_table
 
 SEED = 5
 COUNTS = {"faust_r": 8, "creatures": 8, "tosca_iso_r": 8, "scape": 6, "tosca": 6}
@@ -134,13 +133,7 @@ def summary(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "vertex_confidence.csv", [*COUNTS, *HARD])
-    results = []
-    with (asked.output / "vertex_confidence.csv").open("w", newline="", encoding="utf-8") as file:
-        for row in in_parallel(judged, jobs(asked.data, asked.kinds)):
-            if not results:
-                writer = csv.DictWriter(file, row)
-                writer.writeheader()
-            results.append(row)
-            writer.writerow({k: round(float(v), 4) if isinstance(v, float) else v for k, v in row.items()})
-            file.flush()
+    results = write_rows(
+        asked.output / "vertex_confidence.csv", None, in_parallel(judged, jobs(asked.data, asked.kinds))
+    )
     write_table(asked.output / "vertex_confidence_table.csv", summary(results))

@@ -10,7 +10,6 @@ and with five true landmarks.
 
 from __future__ import annotations
 
-import csv
 import functools
 from collections.abc import Iterator
 from typing import Any
@@ -25,7 +24,7 @@ from isomatch import Mesh
 from isomatch.lab.damage import Damaged, DamagedPair, damaged_pair, decimate, weld
 from isomatch.lab.evaluation import true_landmarks
 from isomatch.lab.sets import benchmark_set
-from studies import asked_for, error_after, in_parallel, summed_up, write_table
+from studies import asked_for, error_after, in_parallel, summed_up, write_rows, write_table
 
 PAIRS = (  # set, source, target, gap / √area, shapes of which limbs are fused
     ("faust_r", "tr_reg_010", "tr_reg_016", 0.02, "target"),
@@ -176,12 +175,5 @@ def table(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
 
 if __name__ == "__main__":
     asked = asked_for(__doc__, "welds.csv")
-    rows = []
-    with (asked.output / "welds.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore")
-        writer.writeheader()
-        for row in in_parallel(judged, jobs(asked.data)):
-            rows.append(row)
-            writer.writerow(row)
-            file.flush()
+    rows = write_rows(asked.output / "welds.csv", COLUMNS, in_parallel(judged, jobs(asked.data)))
     write_table(asked.output / "welds_table.csv", list(table(rows)))

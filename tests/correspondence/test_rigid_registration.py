@@ -130,8 +130,8 @@ def test_a_piece_of_another_size_keeps_its_shape_if_it_may_grow(whole, piece):
     small, on_whole = mesh.moved(mesh.vertices / 1.4), whole.mesh_body.vertices[original]
 
     def stretched(most_scaled):
-        registration = RigidRegistration(small, most_scaled)
-        moved = registration(whole.mesh_body, whole.index, on_whole, (0.3, 0.3))
+        registration = RigidRegistration(small)
+        moved = registration(whole.mesh_body, whole.index, on_whole, (0.3, 0.3), most_scaled=most_scaled)
         edges = (np.linalg.norm(np.diff(at[mesh.edges], axis=1), axis=2) for at in (moved, mesh.vertices))
         return np.divide(*edges).mean()
 
@@ -141,9 +141,9 @@ def test_a_piece_of_another_size_keeps_its_shape_if_it_may_grow(whole, piece):
 
 
 @pytest.mark.parametrize("most", [0.9, np.nan])
-def test_nothing_may_be_scaled_by_less_than_nothing(piece, most):
+def test_nothing_may_be_scaled_by_less_than_nothing(whole, piece, most):
     with pytest.raises(SettingError, match="most_scaled"):
-        RigidRegistration(piece[0], most)
+        RigidRegistration(piece[0])(whole.mesh_body, whole.index, piece[0].vertices, (0.3,), most_scaled=most)
 
 
 def test_a_turned_piece_is_put_back(whole, piece):

@@ -101,21 +101,6 @@ class RigidRegistration:
     ----------
     source : Mesh
         The surface that is bent.
-    most_scaled : float
-        How many times as large or as small a piece may become at no cost: 1 keeps lengths, and more makes the
-        registration as similar as possible, for shapes whose limbs differ in size.
-
-    Raises
-    ------
-    SettingError
-        If ``most_scaled`` is below 1.
-
-    Notes
-    -----
-    With scales, R_i in the sum of `register_as_rigid_as_possible` becomes s_i R_i, where s_i is the best scale of the
-    edges around a vertex::
-
-        s_i = tr(R_i Σ_i) / Σ_j w_ij |x_i − x_j|², within 1 / most_scaled and most_scaled
 
     Examples
     --------
@@ -129,10 +114,8 @@ class RigidRegistration:
     True
     """
 
-    def __init__(self, source: Mesh, most_scaled: float = 1.0) -> None:
-        if not most_scaled >= 1.0:
-            raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")
-        self.source, self._most_scaled = source, most_scaled
+    def __init__(self, source: Mesh) -> None:
+        self.source = source
 
     @cached_property
     def _matrices(self) -> tuple[csc_array, FloatArray, IntArray, IntArray, FloatArray]:
@@ -154,16 +137,34 @@ class RigidRegistration:
         scale: float = 1.0,
         normal_unit: float = NORMAL_UNIT,
         held: tuple[IntArray, FloatArray] | None = None,
+        most_scaled: float = 1.0,
     ) -> FloatArray:
-        """Bend the source, ``scale`` times as large, onto the target; the rest as in `register_as_rigid_as_possible`."""
+        """Bend the source, ``scale`` times as large, onto the target; the rest as in `register_as_rigid_as_possible`.
+
+        Pieces may become ``most_scaled`` times as large or as small at no cost: 1 keeps lengths, and more makes the
+        registration as similar as possible, for shapes whose limbs differ in size.
+
+        Raises
+        ------
+        SettingError
+            If a length is not above 0, or ``most_scaled`` is below 1.
+
+        Notes
+        -----
+        With scales, R_i in the sum of `register_as_rigid_as_possible` becomes s_i R_i, where s_i is the best scale of the
+        edges around a vertex::
+
+            s_i = tr(R_i Σ_i) / Σ_j w_ij |x_i − x_j|², within 1 / most_scaled and most_scaled
+        """
         lengths = tuple(lengths)
+        if not most_scaled >= 1.0:
+            raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")
         if not all(length > 0 for length in lengths):
             raise SettingError(f"lengths are {lengths}; expected numbers above 0")
         stiffness, areas, start, neighbours, weights = self._matrices
         before, turn = scale * self.source.vertices, None
         wanted, moved = positions, positions
         vertices, points = held or (np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-        scaled = self._most_scaled > 1.0
         covariances, pulled = np.zeros((len(areas), 3, 3)), np.zeros(before.shape)
         for step, length in enumerate(lengths):
             if step > 0:
@@ -183,7 +184,10 @@ class RigidRegistration:
                     if turn is None
                     else _turned(turn, covariances)
                 )
-                grown = turn * self._scales(before, turn, covariances)[:, None, None] if scaled else turn
+                grown = turn
+                if most_scaled > 1.0:
+                    own_scale = self._scales(before, turn, covariances)
+                    grown = turn * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
                 _pulled(before, grown, start, neighbours, weights, pulled)
                 moved = np.ascontiguousarray(solve(drawn + pulled))
         return moved
@@ -194,8 +198,7 @@ class RigidRegistration:
         owner = np.repeat(np.arange(len(before)), np.diff(start))
         squares = weights * ((before[owner] - before[neighbours]) ** 2).sum(axis=1)
         squares = np.bincount(owner, squares, len(before))
-        scale = np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST)
-        return np.asarray(np.clip(scale, 1.0 / self._most_scaled, self._most_scaled))
+        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
 
 
 def nearest_with_normals(

@@ -54,9 +54,8 @@ def creases(mesh: Mesh) -> IntArray:
             chosen.append(ends[edge][None])
             chosen += [_path(before, vertex) for vertex in ends[edge]]
     edges = np.unique(np.sort(np.concatenate(chosen), axis=1), axis=0)
-    is_cut = are_among(
-        ends, _longest_paths(mesh, edges, LEAST * size)
-    )  # next to a hole, a path may cut off a piece
+    is_cut = are_among(ends, _longest_paths(mesh, edges, LEAST * size))
+    # next to a hole, a path may cut off a piece
     _, part = linked(mesh.n_faces, tuple(beside[~is_cut].T))
     aside = (part[beside] != np.bincount(part).argmax()).any(axis=1)
     kept: IntArray = ends[is_cut & ~aside]

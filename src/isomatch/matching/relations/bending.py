@@ -99,7 +99,8 @@ class Bending:
 
     def __init__(self, shape: Mesh, n_vertices: int) -> None:
         self._coarse = Prolongation(shape, decimate(shape, n_vertices))
-        self._registrations: dict[tuple[bool, float], RigidRegistration] = {}
+        self._coarsely = RigidRegistration(self._coarse.coarse.mesh)
+        self._in_full = RigidRegistration(shape)
 
     @property
     def vertices(self) -> IntArray:
@@ -130,13 +131,13 @@ class Bending:
         """
         vertices, points = held
         return self._bent(
-            False, onto, start, lengths, (self._coarse.coarse.owner[vertices], points), most_scaled
+            self._coarsely, onto, start, lengths, (self._coarse.coarse.owner[vertices], points), most_scaled
         )
 
     def in_full(self, bent: Bent, lengths: tuple[float, ...], held: Held, most_scaled: float = 1.0) -> Bent:
         """Bend the shape in full, from where it lies at the lower resolution."""
         start = self._coarse.on_coarse.interpolated(bent.mesh.vertices)
-        return self._bent(True, bent.onto, start, lengths, held, most_scaled)
+        return self._bent(self._in_full, bent.onto, start, lengths, held, most_scaled)
 
     def images(self, bent: Bent, vertices: IntArray) -> IntArray:
         """Vertices of the surface nearest to some vertices (r,) of the shape that is bent at the lower resolution."""
@@ -147,16 +148,14 @@ class Bending:
 
     def _bent(
         self,
-        in_full: bool,
+        registration: RigidRegistration,
         onto: Surroundings,
         start: FloatArray,
         lengths: tuple[float, ...],
         held: Held,
         most_scaled: float,
     ) -> Bent:
-        flat = self._coarse.fine if in_full else self._coarse.coarse.mesh
-        registration = self._registrations.setdefault(
-            (in_full, most_scaled), RigidRegistration(flat, most_scaled)
+        moved = registration(
+            onto.mesh, onto.index, start, lengths, onto.unit, held=held, most_scaled=most_scaled
         )
-        moved = registration(onto.mesh, onto.index, start, lengths, onto.unit, held=held)
-        return Bent(flat, flat.moved(moved), onto)
+        return Bent(registration.source, registration.source.moved(moved), onto)

@@ -41,9 +41,8 @@ from isomatch.values.cached import cached_property
 
 N_CONTENDERS = 8  # coarse fits that are bent, beside the map found otherwise; docs/notes/other_species.md
 
-N_FOLLOWED = (
-    40  # fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
-)
+# fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
+N_FOLLOWED = 40
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
@@ -67,11 +66,8 @@ HINTED_TIE = 1.1
 
 SKIPPED = 2  # first lengths of elastic.bending, which move large pieces; the winner was bent by them before
 
-FULL_LENGTHS = (
-    0.05,
-    0.04,
-    0.03,
-)  # by which the winner is bent in full, after those; docs/notes/other_species.md
+# by which the winner is bent in full, after those; docs/notes/other_species.md
+FULL_LENGTHS = (0.05, 0.04, 0.03)
 
 # of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
 # docs/notes/other_species.md
@@ -176,16 +172,15 @@ class Elastic(Relation):
         starts, (first, second) = self._starts(), coarse_steps()
         rough = self._roughly([self._first(start, origin) for start, origin in starts], first, N_FOLLOWED)
         kept = self._roughly(rough, second, N_CONTENDERS)
-        begun = parallel_map(self._begun, kept)
         if self.ordinary is not None:
-            begun.append(replace(self._drawn(self.ordinary, self.origin), is_ordinary=True))
+            kept.append(replace(self._drawn(self.ordinary, self.origin), is_ordinary=True))
         if len(self.hints.initial_pairs):
-            begun.append(self._given())
-        if not begun:
+            kept.append(replace(self._first(self.hints.initial_pairs, "initial map"), is_given=True))
+        if not kept:
             raise NotConvergedError(
                 "no elastic map keeps the orientation of the faces; give three to five landmarks"
             )
-        fits = cast(list[StretchedFit], self.contest(begun))
+        fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
         costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
@@ -261,9 +256,10 @@ class Elastic(Relation):
     def _stepped(self, fit: StretchedFit, step: Step) -> StretchedFit | None:
         """Take a coarse step; None if the map reverses the orientation before, or is twisted afterwards."""
         coarse, coefficients = self._coarse, fit.coefficients
-        if coarse.orientation(coefficients, coarse.images(coefficients)) < 0:
+        images = coarse.images(coefficients)
+        if coarse.orientation(coefficients, images) < 0:
             return None
-        coefficients, images = coarse.run(coefficients, (step,))
+        coefficients, images = coarse.run(coefficients, (step,), images)
         if coarse.orientation(coefficients, images) < LEAST_ORIENTATION:
             return None
         penalty = (ASYMMETRY_UNIT + coarse.asymmetry(images)) ** ASYMMETRY_EXPONENT
@@ -276,16 +272,12 @@ class Elastic(Relation):
         """Extend a rough fit to the vertices of the relation."""
         source, target = self._fine.embedding(fit.coefficients)
         image = self.target.index.vertices(target, source[self.vertices])
-        return replace(fit, image=image, misfit=np.inf, score=np.nan, hint_error=self._hint_error(image))
+        return replace(fit, image=image, misfit=np.inf, score=np.nan)
 
     def _drawn(self, pairs: IntArray, origin: str) -> StretchedFit:
         """Draw a map (q, 2) by all functions."""
         coefficients = self._fine.from_pairs(pairs, LAST_STEP)
-        return self._begun(StretchedFit(pairs[:0, 0], origin=origin, coefficients=coefficients))
-
-    def _given(self) -> StretchedFit:
-        """Extend the initial map by few functions; where it is known, it holds while large pieces are bent."""
-        return self._begun(replace(self._first(self.hints.initial_pairs, "initial map"), is_given=True))
+        return StretchedFit(pairs[:0, 0], origin=origin, coefficients=coefficients)
 
     def _hint_error(self, image: IntArray) -> float:
         """Mean distance (√area) of a map from the initial map, where that is known."""

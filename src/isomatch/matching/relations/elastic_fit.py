@@ -27,7 +27,6 @@ NORMAL_WEIGHT = 0.05  # in the coarse fit; chosen on pairs of animals, not one b
 LANDMARK_WEIGHT = 30.0  # of a landmark, in samples; chosen, not measured
 
 RIDGE = 1e-9
-LEAST_STRETCH = 1e-3  # squared, so that its logarithm is bounded
 
 
 class Coefficients(NamedTuple):
@@ -211,17 +210,6 @@ class ElasticFit:
             there = other.shape.canonical[other.targets[image[onto.mirror_row]]]
             apart.append(np.linalg.norm(mirrored - there, axis=1).mean())
         return float(np.mean(apart))
-
-    def stretch(self, found: Coefficients) -> float:
-        """Mean |log| of the squared stretch of edges, both ways, in canonical coordinates; images sought everywhere."""
-        total = 0.0
-        for onto, coefficients in ((self.source, found.source), (self.target, found.target)):
-            i, j = onto.shape.mesh.edges.T
-            drawn, _ = _drawn(onto, coefficients)
-            own = onto.shape.canonical
-            after, before = (((x[i] - x[j]) ** 2).sum(axis=1) for x in (drawn, own))
-            total += float(np.abs(np.log(after / np.maximum(before, 1e-12) + LEAST_STRETCH)).mean())
-        return total
 
 
 def _nearest(among: Samples, candidates: FloatArray, queries: FloatArray) -> IntArray:

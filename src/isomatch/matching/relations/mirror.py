@@ -41,9 +41,10 @@ def with_mirror(prepared: PreparedShape, config: Config) -> ElasticShape:
 
     def fitted(start: IntArray) -> tuple[float, FloatArray]:
         found = fit.from_pairs(start, steps[0])
-        if fit.orientation(found, fit.images(found)) < 0:
+        images = fit.images(found)
+        if fit.orientation(found, images) < 0:
             return np.inf, found.source
-        found, images = fit.run(found, steps)
+        found, images = fit.run(found, steps, images)
         clear = fit.orientation(found, images) >= MIRROR_ORIENTATION
         return images.misfit if clear else np.inf, found.source
 
