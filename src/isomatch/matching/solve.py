@@ -11,7 +11,7 @@ import numpy as np
 from isomatch.errors import NotConvergedError
 from isomatch.matching.contest import CLEARLY_BETTER
 from isomatch.matching.hints import Hints
-from isomatch.matching.judge import Evidence, Solution, closed_evidence, measured_evidence
+from isomatch.matching.judge import Evidence, Solution, closed_evidence, fits_badly, measured_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mean_known, mismatch_of
@@ -195,12 +195,17 @@ def part_role(pair: ShapePair, hints: Hints, stages: Stages) -> PartSide | Liter
 
 
 def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer) -> Solution:
-    """Sum up the match of complete shapes; if the map fits badly, an elastic one that scores better takes its place."""
+    """Sum up the match of complete shapes; if the map does not fit well, an elastic one may take its place.
+
+    A map that fits well enough, and hardly stretches the shapes when they are bent by it, stays what it was.
+    """
     timer.start("quality")
     measured = found.measured
     if far_from_isometric(relation, measured.quality):
         timer.start("elastic match")
         elastic = _elastic(relation, found)
+        if elastic.is_needless:
+            return relation.summed_up(found, measured, timer)
         selection, reason = elastic.match()
         if selection.winner.keeps_lengths:
             quality = replace(measured.quality, rival=selection.rival, bend_misfit=selection.winner.score)
@@ -212,8 +217,6 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
 def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
     """Match elastically, from the winner and all candidates too."""
     pair = relation.pair
-    winner = found.selection.winner
-    ordinary = np.column_stack([relation.vertices, winner.image])
     others = [
         (
             np.column_stack([pair.source_vertices, pair.target_vertices[candidate.target_row]]),
@@ -222,7 +225,8 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
         for candidate in found.eligible
         if candidate.orientation > 0
     ]
-    return Elastic(ordinary, others, winner.origin).on(pair, relation.hints, relation.stages)
+    fits = not fits_badly(found.measured.quality, pair.config.outcome)
+    return Elastic(found.selection.winner, others, fits).on(pair, relation.hints, relation.stages)
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:

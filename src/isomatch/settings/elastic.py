@@ -13,6 +13,8 @@ class ElasticSettings(Settings):
 
     Parameters
     ----------
+    sought : float
+        Misfit of the best map that keeps distances, from which one is sought that lets limbs stretch.
     n_coordinates : int
         Canonical coordinates of each shape.
     forgiven : float
@@ -31,6 +33,7 @@ class ElasticSettings(Settings):
         `RigidRegistration`.
     """
 
+    sought: float = setting(0.54, "docs/notes/other_species.md: when limbs are taken to stretch", least=0)
     n_coordinates: int = setting(8, "Ezuz et al. 2019", least=3)
     forgiven: float = setting(0.3, "chosen on pairs of animals, not one by one", least=0, most=1)
     inside: float = setting(0.1, "docs/robustness.md, other species", least=0)

@@ -19,6 +19,7 @@ from isomatch.matching.contest import (
     distinct,
     select,
 )
+from isomatch.matching.coordinates import refined_images, registered
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import Solution, fits_badly, measured_evidence, mirror_image_fits
 from isomatch.matching.quality import contradicted_landmarks, mean_known, measure_quality, mismatch_of
@@ -39,10 +40,9 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-N_CONTENDERS = 8  # coarse fits that are bent, beside the map found otherwise; docs/notes/other_species.md
-
-# fits after the first of two coarse steps that take the second one; docs/notes/other_species.md
-N_FOLLOWED = 40
+# best coarse fits that go on after each step; the last ones are bent, beside the map found otherwise;
+# docs/notes/other_species.md
+N_FOLLOWED = (90, 40, 8)
 
 # score of a coarse fit = misfit × (unit + asymmetry)^exponent; chosen on pairs of animals, not one by one
 ASYMMETRY_UNIT = 0.1
@@ -72,6 +72,8 @@ FULL_LENGTHS = (0.05, 0.04, 0.03)
 # of normals, where images are read off the bent source: it lies on the target, so they only tell sheets apart;
 # docs/notes/other_species.md
 READ_UNIT = 0.05
+
+LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/notes/other_species.md
 
 # stretch of bent shapes, below which an ordinary map is returned as it is; docs/notes/other_species.md
 NEARLY_ISOMETRIC = 0.085
@@ -120,12 +122,12 @@ class Elastic(Relation):
 
     Parameters
     ----------
-    ordinary : (q, 2) array of int, optional
-        A map found otherwise, as vertices of source and target, which an elastic one must beat.
+    ordinary : Fit, optional
+        A map found otherwise, of the vertices of the relation, which an elastic one must beat.
     others : sequence of ((q, 2) array of int, str)
-        Further first maps, and where each came from.
-    origin : str
-        Where the ordinary map came from.
+        Further first maps, as vertices of source and target, and where each came from.
+    ordinary_fits : bool
+        Whether the ordinary map fits as maps between isometric shapes do.
 
     Notes
     -----
@@ -149,11 +151,11 @@ class Elastic(Relation):
 
     def __init__(
         self,
-        ordinary: IntArray | None = None,
+        ordinary: Fit | None = None,
         others: Sequence[tuple[IntArray, str]] = (),
-        origin: str = "ordinary",
+        ordinary_fits: bool = False,
     ) -> None:
-        self.ordinary, self.others, self.origin = ordinary, others, origin
+        self.ordinary, self.others, self.ordinary_fits = ordinary, others, ordinary_fits
 
     def match(self) -> tuple[Selection[StretchedFit], str]:
         """Fit first maps coarsely, bend the shapes by the best, and select among these and the maps known before.
@@ -169,11 +171,12 @@ class Elastic(Relation):
         NotConvergedError
             If there is no ordinary map, and none that keeps the orientation was found.
         """
-        starts, (first, second) = self._starts(), coarse_steps()
-        rough = self._roughly([self._first(start, origin) for start, origin in starts], first, N_FOLLOWED)
-        kept = self._roughly(rough, second, N_CONTENDERS)
+        starts = self._starts()
+        kept = [self._first(start, origin) for start, origin in starts]
+        for step, most in zip(coarse_steps(), N_FOLLOWED):
+            kept = self._roughly(kept, step, most)
         if self.ordinary is not None:
-            kept.append(replace(self._drawn(self.ordinary, self.origin), is_ordinary=True))
+            kept.append(self._drawn_ordinary(self.ordinary))
         if len(self.hints.initial_pairs):
             kept.append(replace(self._first(self.hints.initial_pairs, "initial map"), is_given=True))
         if not kept:
@@ -192,6 +195,20 @@ class Elastic(Relation):
         return select(fits, apart, rules, scores=costs), reason
 
     @property
+    def is_needless(self) -> bool:
+        """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
+        if self.ordinary is None or not self.ordinary_fits:
+            return False
+        return self._bent(self._drawn_ordinary(self.ordinary)).keeps_lengths
+
+    def _pairs(self, fit: Fit) -> IntArray:
+        """Vertices of source and target (r, 2)."""
+        return np.column_stack([self.vertices, fit.image])
+
+    def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
+        return replace(self._drawn(self._pairs(fit), fit.origin), is_ordinary=True)
+
+    @property
     def mismatch_weight(self) -> float:
         """None with landmarks, which tell limbs apart better than looks do: docs/notes/ball_signature.md."""
         return 0.0 if len(self.hints.landmarks) else super().mismatch_weight
@@ -206,7 +223,7 @@ class Elastic(Relation):
             pairs = [*anchor_starts(pair, landmarks, (source, target)), *(start[:, ::-1] for start in back)]
             first_maps = [(start, "landmarks" if len(landmarks) else FromAnchors.name) for start in pairs]
         if self.ordinary is not None:
-            first_maps.append((self.ordinary, self.origin))
+            first_maps.append((self._pairs(self.ordinary), self.ordinary.origin))
         else:
             first_maps += [
                 (np.column_stack([pair.source_vertices, pair.target_vertices[rows]]), origin)
@@ -308,23 +325,42 @@ class Elastic(Relation):
         """Draw a map by all functions, and bend the shapes by it."""
         self.require_images(image)
         was_ordinary = isinstance(fit, StretchedFit) and fit.is_ordinary
-        drawn = self._drawn(np.column_stack([self.vertices, image]), fit.origin)
+        drawn = self._drawn(self._pairs(replace(fit, image=image)), fit.origin)
         return replace(self._bent(drawn), is_ordinary=was_ordinary)
 
     def embedding(self, fit: Fit) -> Embedding:
-        """Positions and normals of the target, and of the source bent onto it in full.
+        """Joint coordinates, beside positions and normals of the target and of the source bent onto it in full.
 
-        From where both shapes lie, the smooth maps are fitted once more, with all functions. Then the source is bent as
-        similarly as possible, at last in full.
+        From where both shapes lie, the smooth maps are fitted once more, with all functions. The source is bent as
+        similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
+        look like, and bending where limbs are. An ordinary map that fits well has its say in where that step begins.
         """
-        fit, settings = cast(StretchedFit, fit), self.pair.config.elastic
-        there, _ = self._bendings
+        fit, pair = cast(StretchedFit, fit), self.pair
+        bent = self._in_full(fit)
+        lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
+        image = self._read(lying)
+        if fit.is_ordinary and self.ordinary is not None and self.ordinary_fits:
+            image = self._read(self._beside(self.ordinary.image, lying))
+        image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
+        return self._beside(image, lying)
+
+    def _in_full(self, fit: StretchedFit) -> Bent:
+        """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
+        settings, (there, _) = self.pair.config.elastic, self._bendings
         pairs = np.concatenate([bending.pairs(bent) for bending, bent in zip(self._bendings, fit.bent)])
         coefficients, _ = self._fine.run(self._fine.from_pairs(pairs, LAST_STEP), (LAST_STEP,))
-        drawn, most_scaled = self._fine.embedding(coefficients), settings.most_scaled
-        coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=most_scaled)
-        bent = there.in_full(coarse, FULL_LENGTHS, most_scaled)
-        return Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
+        drawn = self._fine.embedding(coefficients)
+        coarse = there.coarsely(drawn, settings.bending[SKIPPED:], most_scaled=settings.most_scaled)
+        return there.in_full(coarse, FULL_LENGTHS, settings.most_scaled)
+
+    def _read(self, embedding: Embedding) -> IntArray:
+        """Images of the vertices of the relation."""
+        return self.target.index.vertices(embedding.target, embedding.source[self.vertices])
+
+    def _beside(self, image: IntArray, lying: Embedding) -> Embedding:
+        """Joint coordinates under a map, and coordinates in which bent shapes lie on each other."""
+        joint = registered(self.pair, image, 1.0, self.refinement.smooth)
+        return Embedding(*(np.hstack([x, LYING_WEIGHT * y]) for x, y in zip(joint, lying)))
 
     def measure(self, selection: Selection[StretchedFit], reason: str) -> Measured:
         """Take the nearest points under the map selected, and measure it."""
@@ -367,7 +403,7 @@ class Elastic(Relation):
 
 
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:
-    """Tell whether the best map that keeps distances fits badly, so that an elastic one should be sought.
+    """Tell whether the best map that keeps distances does not fit well, so that an elastic one should be sought.
 
     Two meshes are needed, without descriptors, maps that are not given, and a refinement that looks
     further, and no mirror image fits better.
@@ -377,4 +413,5 @@ def far_from_isometric(relation: Relation, quality: Quality) -> bool:
         return False
     if config.hypotheses != "all" or relation.hints.functions[0].shape[1]:
         return False
-    return fits_badly(quality, config.outcome) and not mirror_image_fits(quality, config.outcome)
+    stretched = quality.misfit > config.elastic.sought or fits_badly(quality, config.outcome)
+    return stretched and not mirror_image_fits(quality, config.outcome)

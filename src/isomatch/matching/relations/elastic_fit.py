@@ -14,11 +14,11 @@ from isomatch.surfaces import vertex_normals
 from isomatch.values.arrays import FloatArray, IntArray
 
 # factor of the Dirichlet energy in these steps; its root is a length in √area; chosen with coarse_functions
-COARSE_SMOOTHNESS = (0.01, 0.007)
+COARSE_SMOOTHNESS = (0.01, 0.01, 0.007)
 
-COARSE_FUNCTIONS = (20, 30)  # in the steps of the coarse fit; chosen: limbs, but no details
+COARSE_FUNCTIONS = (20, 20, 30)  # in the steps of the coarse fit; chosen: limbs, but no details
 
-COARSE_ITERATIONS = 4  # in each step; chosen, not measured
+COARSE_ITERATIONS = (2, 2, 4)  # in each step; docs/notes/other_species.md
 
 SIGNATURE_WEIGHT = 0.05  # beside canonical coordinates; chosen on pairs of animals, not one by one
 
@@ -46,10 +46,10 @@ class Step(NamedTuple):
 
 
 def coarse_steps() -> tuple[Step, ...]:
-    """Return the steps with few functions."""
+    """Return the steps with few functions; after each, only the best fits go on."""
     return tuple(
-        Step(k, smoothness, COARSE_ITERATIONS, True)
-        for k, smoothness in zip(COARSE_FUNCTIONS, COARSE_SMOOTHNESS)
+        Step(k, smoothness, iterations, True)
+        for k, smoothness, iterations in zip(COARSE_FUNCTIONS, COARSE_SMOOTHNESS, COARSE_ITERATIONS)
     )
 
 
