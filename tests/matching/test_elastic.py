@@ -152,7 +152,9 @@ def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, fou
     good = replace(poor, misfit=0.4, residual=0.2, stretch=1.0)
     assert not far(good)
     assert far(replace(good, misfit=0.6))  # sooner than a map fits badly
-    assert not far(replace(good, misfit=0.6), replace(pair, config=Config(elastic=ElasticSettings(sought=0.65))))
+    assert not far(
+        replace(good, misfit=0.6), replace(pair, config=Config(elastic=ElasticSettings(sought=0.65)))
+    )
     given = Hints.of(pair, None, species[2], None)
     assert far(poor, hints=given)
     known = Hints.of(pair, None, None, tuple(shape.signatures for shape in species[:2]))
@@ -163,7 +165,7 @@ def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, fou
 
 def test_a_map_that_fits_and_keeps_lengths_stays_what_it_was(animals):
     """Although one was sought that lets limbs stretch."""
-    moved, new = relabelled(creature(2000, pose=1, triangulation=3).mesh, 0)
+    moved, _ = relabelled(creature(2000, pose=1, triangulation=3).mesh, 0)
     bodies = prepare(animals[0].mesh), prepare(moved)
     without = match(*bodies)
     sought = match(*bodies, config=Config(elastic=ElasticSettings(sought=0.0)))

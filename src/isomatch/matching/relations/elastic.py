@@ -52,10 +52,13 @@ ASYMMETRY_EXPONENT = 0.25  # see ASYMMETRY_UNIT; chosen on pairs of animals, not
 # mean cosine between normals from which a coarse fit is followed up; selection.orientation_threshold
 LEAST_ORIENTATION = 0.3
 
+# score over the least, halfway, from which a map is not bent further; docs/notes/other_species.md
+HOPELESS = 1.5
+
 # the step between two bendings: all functions, half the smoothness for twice the functions; docs/notes/other_species.md
 LAST_STEP = Step(200, 0.0005, 2, False)
 
-# mean distance, in √area, by which coarse fits that are bent differ; search.same_map
+# mean distance, in √area, by which maps differ in the large; search.same_map
 SAME_MAP = 0.05
 
 # of normals, beside canonical coordinates, in the last step; docs/robustness.md, other species
@@ -308,15 +311,35 @@ class Elastic(Relation):
         return float(self.target.distance(image[mapped], wanted[mapped]).mean()) if mapped.any() else 0.0
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Bend both shapes onto each other by each map, at a low resolution; images are read off there."""
-        return parallel_map(self._bent, [cast(StretchedFit, fit) for fit in fits])
+        """Bend both shapes onto each other by each map, at a low resolution; images are read off there.
+
+        Those that score much worse than another one halfway are given up, unless the map was known before.
+        """
+        halfway = parallel_map(self._bent_halfway, [cast(StretchedFit, fit) for fit in fits])
+        most = HOPELESS * min((fit.score for fit in halfway), default=0.0)
+        kept = [fit for fit in halfway if fit.score <= most or fit.is_ordinary or fit.is_given]
+        return parallel_map(self._bent_further, kept)
 
     def _bent(self, fit: StretchedFit) -> StretchedFit:
+        return self._bent_further(self._bent_halfway(fit))
+
+    def _bent_halfway(self, fit: StretchedFit) -> StretchedFit:
+        """Bend by the first lengths, which move large pieces."""
         drawn, lengths = self._fine.embedding(fit.coefficients), self.pair.config.elastic.bending
         known = self.hints.initial_pairs if fit.is_given else None
-        bent = tuple(bending.coarsely(drawn, lengths, known) for bending in self._bendings)
-        image = self._bendings[0].images(bent[0], self.vertices)
-        score = max(float(np.sqrt(bent[0].misfit * bent[1].misfit)), NO_SCORE)
+        bent = tuple(
+            bending.coarsely(drawn, lengths[: len(lengths) // 2], known) for bending in self._bendings
+        )
+        return replace(fit, bent=bent, score=_score(bent))
+
+    def _bent_further(self, fit: StretchedFit) -> StretchedFit:
+        """Bend by the other lengths, and read images off."""
+        lengths = self.pair.config.elastic.bending
+        bent = tuple(
+            bending.further(each, lengths[len(lengths) // 2 :])
+            for bending, each in zip(self._bendings, fit.bent)
+        )
+        image, score = self._bendings[0].images(bent[0], self.vertices), _score(bent)
         return replace(
             fit, image=image, misfit=score, score=score, bent=bent, hint_error=self._hint_error(image)
         )
@@ -333,16 +356,24 @@ class Elastic(Relation):
 
         From where both shapes lie, the smooth maps are fitted once more, with all functions. The source is bent as
         similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
-        look like, and bending where limbs are. An ordinary map that fits well has its say in where that step begins.
+        look like, and bending where limbs are. An ordinary map that fits has its say in where that step begins.
         """
         fit, pair = cast(StretchedFit, fit), self.pair
         bent = self._in_full(fit)
         lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
         image = self._read(lying)
-        if fit.is_ordinary and self.ordinary is not None and self.ordinary_fits:
-            image = self._read(self._beside(self.ordinary.image, lying))
+        alike = self._ordinary_like(fit)
+        if alike is not None:
+            image = self._read(self._beside(alike.image, lying))
         image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
         return self._beside(image, lying)
+
+    def _ordinary_like(self, fit: Fit) -> Fit | None:
+        """Return the ordinary map if it fits, and is the same map in the large."""
+        ordinary = self.ordinary if self.ordinary_fits else None
+        if ordinary is None or self.target.mean_distance(fit.image, ordinary.image) > SAME_MAP:
+            return None
+        return ordinary
 
     def _in_full(self, fit: StretchedFit) -> Bent:
         """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
@@ -400,6 +431,11 @@ class Elastic(Relation):
             regions=lifted(regions, self.source, self.target),
             looks_count=False,
         )
+
+
+def _score(bent: tuple[Bent, ...]) -> float:
+    there, back = bent
+    return max(float(np.sqrt(there.misfit * back.misfit)), NO_SCORE)
 
 
 def far_from_isometric(relation: Relation, quality: Quality) -> bool:

@@ -43,17 +43,17 @@ class ElasticBending:
     ) -> Bent:
         """Bend the shape at the low resolution, from where images are nearest in coordinates of both bodies.
 
-        ``known`` pairs (q, 2) of vertices of source and target hold for the first half of the ``lengths``. The rest is as
-        in `Bending.coarsely`.
+        ``known`` pairs (q, 2) of vertices of source and target hold, as landmarks. The rest is as in `Bending.coarsely`.
         """
         here, there = drawn[::-1] if self._back else drawn
         image = self._onto.index.vertices(there, here[self._bending.vertices])
+        pairs = self._landmarks if known is None else np.concatenate([self._landmarks, known])
         start = self._onto.mesh.vertices[image]
-        if known is not None:
-            half, held = len(lengths) // 2, self._held(np.concatenate([self._landmarks, known]))
-            bent = self._bending.coarsely(self._onto, start, lengths[:half], held, most_scaled)
-            start, lengths = bent.mesh.vertices, lengths[half:]
-        return self._bending.coarsely(self._onto, start, lengths, self._held(self._landmarks), most_scaled)
+        return self._bending.coarsely(self._onto, start, lengths, self._held(pairs), most_scaled)
+
+    def further(self, bent: Bent, lengths: tuple[float, ...]) -> Bent:
+        """Bend the shape at the low resolution, from where it lies."""
+        return self._bending.coarsely(self._onto, bent.mesh.vertices, lengths, self._held(self._landmarks))
 
     def in_full(self, bent: Bent, lengths: tuple[float, ...], most_scaled: float) -> Bent:
         """Bend the shape in full, from where it lies at the low resolution."""
