@@ -299,16 +299,17 @@ class Elastic(Relation):
         coefficients = self._fine.from_pairs(pairs, LAST_STEP)
         return StretchedFit(pairs[:0, 0], origin=origin, coefficients=coefficients)
 
+    @cached_property
+    def _given(self) -> IntArray:
+        """(r,) images of the vertices of the relation under the initial map, −1 where it is not known."""
+        image = np.full(self.source.body.n_vertices, -1)
+        image[self.hints.initial_pairs[:, 0]] = self.hints.initial_pairs[:, 1]
+        return image[self.vertices]
+
     def _hint_error(self, image: IntArray) -> float:
         """Mean distance (√area) of a map from the initial map, where that is known."""
-        known = self.hints.initial_pairs
-        if not len(known):
-            return 0.0
-        there = np.full(self.source.body.n_vertices, -1)
-        there[known[:, 0]] = known[:, 1]
-        wanted = there[self.vertices]
-        mapped = wanted >= 0
-        return float(self.target.distance(image[mapped], wanted[mapped]).mean()) if mapped.any() else 0.0
+        known = self._given >= 0
+        return float(self.target.distance(image[known], self._given[known]).mean()) if known.any() else 0.0
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Bend both shapes onto each other by each map, at a low resolution; images are read off there.
@@ -356,24 +357,29 @@ class Elastic(Relation):
 
         From where both shapes lie, the smooth maps are fitted once more, with all functions. The source is bent as
         similarly as possible, at last in full. From there the joint refinement takes its last step: it knows what details
-        look like, and bending where limbs are. An ordinary map that fits has its say in where that step begins.
+        look like, and bending where limbs are. What was known before has its say in where that step begins.
         """
         fit, pair = cast(StretchedFit, fit), self.pair
         bent = self._in_full(fit)
         lying = Embedding(with_normals(bent.mesh, READ_UNIT), with_normals(bent.onto.mesh, READ_UNIT))
         image = self._read(lying)
-        alike = self._ordinary_like(fit)
-        if alike is not None:
-            image = self._read(self._beside(alike.image, lying))
+        known = self._known_before(fit, image)
+        if known is not None:
+            image = self._read(self._beside(known, lying))
         image, _ = refined_images(pair, image, 1.0, *pair.config.refining.last_step)
         return self._beside(image, lying)
 
-    def _ordinary_like(self, fit: Fit) -> Fit | None:
-        """Return the ordinary map if it fits, and is the same map in the large."""
-        ordinary = self.ordinary if self.ordinary_fits else None
-        if ordinary is None or self.target.mean_distance(fit.image, ordinary.image) > SAME_MAP:
+    def _known_before(self, fit: StretchedFit, image: IntArray) -> IntArray | None:
+        """Return images (r,) known before, where some are: of the initial map, or of an ordinary map that fits.
+
+        The ordinary map has to be the same in the large.
+        """
+        if fit.is_given:
+            return np.where(self._given >= 0, self._given, image)
+        if self.ordinary is None or not self.ordinary_fits:
             return None
-        return ordinary
+        alike = self.target.mean_distance(fit.image, self.ordinary.image) < SAME_MAP
+        return self.ordinary.image if alike else None
 
     def _in_full(self, fit: StretchedFit) -> Bent:
         """Bend the source onto the target in full, from where the two bent shapes lie at the low resolution."""
