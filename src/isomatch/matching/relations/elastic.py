@@ -139,8 +139,8 @@ class Elastic(Relation):
 
         √(s g · s′ g′)
 
-    weighed by the mismatches, see `Relation.weighed`. A map that leaves a limb out has a large g′, one that exchanges
-    limbs a large s. The ordinary map contends like all others.
+    A map that leaves a limb out has a large g′, one that exchanges limbs a large s. The ordinary map contends like all
+    others.
 
     Examples
     --------
@@ -188,14 +188,13 @@ class Elastic(Relation):
             )
         fits = cast(list[StretchedFit], self.contest(parallel_map(self._begun, kept)))
         fits.sort(key=lambda fit: fit.score)
-        costs = self.weighed(fits, [fit.score for fit in fits], [True] * len(fits))
         apart = distances_between([fit.image for fit in fits], self.target.mean_distances)
         tie = HINTED_TIE if len(self.hints.initial_pairs) else 1.0
         rules = Rules(
             rival_distance=self.pair.config.selection.rival_distance, tie=tie, landmark_slack=LANDMARK_SLACK
         )
         reason = f"least score of {len(starts)} elastic maps, {len(fits)} bent"
-        return select(fits, apart, rules, scores=costs), reason
+        return select(fits, apart, rules), reason
 
     @property
     def is_needless(self) -> bool:
@@ -210,11 +209,6 @@ class Elastic(Relation):
 
     def _drawn_ordinary(self, fit: Fit) -> StretchedFit:
         return replace(self._drawn(self._pairs(fit), fit.origin), is_ordinary=True)
-
-    @property
-    def mismatch_weight(self) -> float:
-        """None with landmarks, which tell limbs apart better than looks do: docs/notes/ball_signature.md."""
-        return 0.0 if len(self.hints.landmarks) else super().mismatch_weight
 
     def _starts(self) -> list[tuple[IntArray, str]]:
         """First maps (q, 2), and where each comes from; those of an ordinary map have made use of hints before."""
