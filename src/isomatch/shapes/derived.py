@@ -111,6 +111,15 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     return None
 
 
+def region_of(shape: PreparedShape, vertices: IntArray) -> PreparedShape:
+    """Prepare a connected region of a body, as a shape of its own; ``vertices`` (m,) are those of the region, increasing."""
+    inside = np.zeros(shape.body.n_vertices, dtype=bool)
+    inside[vertices] = True
+    mesh, _ = shape.mesh_body.submesh(inside)
+    made = _prepared_again(shape, mesh)
+    return replace(made, scale=made.scale * shape.scale)
+
+
 @cached_method
 def _contacts(shape: PreparedShape, most: int) -> Cut:
     """Cut a body along the seams of contacts."""

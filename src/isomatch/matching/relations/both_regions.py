@@ -1,0 +1,153 @@
+"""A region that two parts have in common, refined as a part of the target, and grown again from where it lies then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from isomatch.correspondence import trilaterate_common
+from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.relations.both_seeds import (
+    COST,
+    EXTENSION_NEAR,
+    NEXT_ANCHORS,
+    ROUND_TRIP,
+    CommonRegion,
+    CommonRegions,
+    worth,
+)
+from isomatch.matching.relations.both_side import BothSide
+from isomatch.matching.relations.part_bending import ON_EDGE, BentPart
+from isomatch.matching.relations.part_fits import PartFit, PartFits
+from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
+from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import Config
+from isomatch.shapes import PreparedShape, region_of
+from isomatch.surfaces import linked
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
+from isomatch.values.cached import cached_property
+
+AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
+OFF, RIM = 0.04, 0.02  # distances from the target, and from its boundary, up to which bent vertices count as in common
+N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedRegion:
+    """A region of the source refined as a part of the target.
+
+    Parameters
+    ----------
+    regions : CommonRegions
+        The two parts.
+    vertices : (m,) array of int
+        Vertices of the source's body that the region consists of.
+    fits : PartFits
+    fit : PartFit
+        Its map.
+    """
+
+    regions: CommonRegions
+    vertices: IntArray
+    fits: PartFits
+    fit: PartFit
+
+    @cached_property
+    def image(self) -> IntArray:
+        """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
+        image = np.full(self.regions.source.shape.body.n_vertices, -1)
+        inside = np.arange(len(self.vertices))
+        image[self.vertices] = self.fit.bending.image(self.fit.bent, inside)
+        return image
+
+    @cached_property
+    def matched(self) -> BoolArray:
+        """(n_source,) which of its vertices lie near the target, bent at the lower resolution."""
+        near = self.fits.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
+        matched = np.zeros(len(self.image), dtype=bool)
+        matched[self.vertices] = near
+        return matched
+
+    @cached_property
+    def area(self) -> float:
+        """Area in common, in the unit of both parts."""
+        source = self.regions.source
+        return float(source.unit**2 * source.shape.body.vertex_areas[self.matched].sum())
+
+    @cached_property
+    def mismatch(self) -> float:
+        """How differently the parts look there."""
+        source = self.regions.source
+        rows = np.flatnonzero(self.matched[source.vertices])
+        vertices = source.vertices[rows]
+        return self.regions.mean_mismatch(vertices, self.image[vertices], source.areas[rows])
+
+    @property
+    def worth(self) -> float:
+        """See `worth`; a map that turns the inside out, or is twisted, is worth little."""
+        value = worth(self.area, self.mismatch)
+        return value if self.fit.orientation > 0.45 else 0.1 * value
+
+    def grown_again(self, accepted_cost: float) -> CommonRegion:
+        """Extend the region from where its samples lie."""
+        source, target = self.regions.source, self.regions.target
+        at_samples = np.where(self.matched, self.image, -1)[source.vertices]
+        inside = np.flatnonzero(at_samples >= 0)
+        rows = inside[:NEXT_ANCHORS]
+        columns = target.nearest_sample[at_samples[rows]]
+        here, there = (
+            side.intervals.at(chosen, np.arange(len(side.vertices)))
+            for side, chosen in ((source, rows), (target, columns))
+        )
+        placed, costs = trilaterate_common(here, there, EXTENSION_NEAR, COST)
+        back, _ = trilaterate_common(there, here, EXTENSION_NEAR, COST)
+        everything = np.arange(len(source.vertices))
+        returned = source.intervals.upper[everything, back[placed]]
+        accepted = (costs < accepted_cost) & (returned < ROUND_TRIP)
+        images = np.where(at_samples >= 0, at_samples, target.vertices[placed])
+        return self.regions.region(images, accepted)
+
+
+def overlaps(bent: BentPart) -> BoolArray:
+    """Which vertices of a bent part lie on the target, where that is not just its boundary."""
+    onto, points = bent.onto.mesh, bent.points
+    gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
+    of_rim = np.zeros(onto.n_vertices, dtype=bool)
+    of_rim[onto.boundary_edges] = True
+    on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
+    found: BoolArray = gap <= np.where(on_rim, RIM, OFF)
+    return found
+
+
+def refined_region(
+    regions: CommonRegions, region: CommonRegion, config: Config, landmarks: IntArray
+) -> RefinedRegion:
+    """Refine the samples of a region, and what lies around them, as a part of the target."""
+    source, target = regions.source, regions.target
+    inside = source.vertices[region.accepted]
+    gap, owner = distance_along_edges_to_nearest(source.shape.body, inside)
+    vertices = _largest(source.shape, source.unit * gap <= AROUND)
+    part = region_of(source.shape, vertices)
+    # the unit of lengths on the part, in that of the target
+    part = replace(part, scale=part.scale / source.shape.scale * source.unit / target.unit * target.shape.scale)
+    number = np.full(source.shape.body.n_vertices, -1)
+    number[vertices] = np.arange(len(vertices))
+    marks = np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])
+    pair = PartPair.of(part, target.shape, config, marks[marks[:, 0] >= 0])
+    fits = PartFits(pair)
+    images = np.full(source.shape.body.n_vertices, -1)
+    images[source.vertices] = region.images
+    rough = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+    return RefinedRegion(regions, vertices, fits, fits.refined(fits.begun(pair, rough, "")))
+
+
+def _largest(shape: PreparedShape, kept: BoolArray) -> IntArray:
+    """Vertices of the largest piece of some vertices of a body, connected by its faces."""
+    faces = shape.faces[kept[shape.faces].all(axis=1)]
+    in_faces = np.zeros(len(kept), dtype=bool)
+    in_faces[faces] = True
+    _, label = linked(len(kept), (faces[:, 0], faces[:, 1]), (faces[:, 1], faces[:, 2]))
+    areas = np.bincount(label, shape.body.vertex_areas * in_faces)
+    return np.flatnonzero(in_faces & (label == areas.argmax()))
