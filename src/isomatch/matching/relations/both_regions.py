@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import trilaterate_common
+from isomatch.correspondence import Embedding, trilaterate_common
 from isomatch.geodesics import distance_along_edges_to_nearest
+from isomatch.matching.hints import Hints
+from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.both_seeds import (
     COST,
     EXTENSION_NEAR,
@@ -17,13 +20,12 @@ from isomatch.matching.relations.both_seeds import (
     CommonRegions,
     worth,
 )
-from isomatch.matching.relations.both_side import BothSide
+from isomatch.matching.relations.part import Part
 from isomatch.matching.relations.part_bending import ON_EDGE, BentPart
-from isomatch.matching.relations.part_fits import PartFit, PartFits
-from isomatch.matching.relations.part_pair import PartPair
+from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
-from isomatch.runtime.stage_timer import StageTimer
-from isomatch.settings import Config
+from isomatch.matching.relations.part_pair import NO_LANDMARKS
+from isomatch.matching.stages import Stages
 from isomatch.shapes import PreparedShape, region_of
 from isomatch.surfaces import linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -44,14 +46,15 @@ class RefinedRegion:
         The two parts.
     vertices : (m,) array of int
         Vertices of the source's body that the region consists of.
-    fits : PartFits
+    relation : Part
+        Of the region and the target.
     fit : PartFit
         Its map.
     """
 
     regions: CommonRegions
     vertices: IntArray
-    fits: PartFits
+    relation: Part
     fit: PartFit
 
     @cached_property
@@ -65,7 +68,7 @@ class RefinedRegion:
     @cached_property
     def matched(self) -> BoolArray:
         """(n_source,) which of its vertices lie near the target, bent at the lower resolution."""
-        near = self.fits.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
+        near = self.fit.bending.spread(overlaps(self.fit.bent).astype(np.float64)) > 0.5
         matched = np.zeros(len(self.image), dtype=bool)
         matched[self.vertices] = near
         return matched
@@ -122,25 +125,29 @@ def overlaps(bent: BentPart) -> BoolArray:
 
 
 def refined_region(
-    regions: CommonRegions, region: CommonRegion, config: Config, landmarks: IntArray
+    regions: CommonRegions, region: CommonRegion, pair: ShapePair, hints: Hints, stages: Stages
 ) -> RefinedRegion:
     """Refine the samples of a region, and what lies around them, as a part of the target."""
     source, target = regions.source, regions.target
-    inside = source.vertices[region.accepted]
-    gap, owner = distance_along_edges_to_nearest(source.shape.body, inside)
+    n = source.shape.body.n_vertices
+    gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
     vertices = _largest(source.shape, source.unit * gap <= AROUND)
     part = region_of(source.shape, vertices)
-    # the unit of lengths on the part, in that of the target
-    part = replace(part, scale=part.scale / source.shape.scale * source.unit / target.unit * target.shape.scale)
-    number = np.full(source.shape.body.n_vertices, -1)
-    number[vertices] = np.arange(len(vertices))
-    marks = np.column_stack([number[landmarks[:, 0]], landmarks[:, 1]])
-    pair = PartPair.of(part, target.shape, config, marks[marks[:, 0] >= 0])
-    fits = PartFits(pair)
-    images = np.full(source.shape.body.n_vertices, -1)
-    images[source.vertices] = region.images
+    # what a length is worth on the target, as if both came in the unit of both parts
+    length = part.scale / source.shape.scale * source.unit / target.unit
+    part = replace(part, scale=length * target.shape.scale)
+    images, number = np.full(n, -1), np.full(n, -1)
+    images[source.vertices], number[vertices] = region.images, np.arange(len(vertices))
+    landmarks = np.column_stack([number[hints.landmarks[:, 0]], hints.landmarks[:, 1]])
+    nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
+    known = Hints(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
+    functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
+    config = replace(pair.config, scale="same")
+    relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
     rough = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-    return RefinedRegion(regions, vertices, fits, fits.refined(fits.begun(pair, rough, "")))
+    begun = relation.fits.begun(relation.fits.pair, rough, region.origin)
+    fit = relation.contest([begun])[0]
+    return RefinedRegion(regions, vertices, relation, cast(PartFit, fit))
 
 
 def _largest(shape: PreparedShape, kept: BoolArray) -> IntArray:

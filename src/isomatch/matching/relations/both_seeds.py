@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.correspondence import Intervals, IntervalCost, grow_common_regions, trilaterate_common
+from isomatch.correspondence import Intervals, IntervalCost, grow_common_regions, pin_first, trilaterate_common
 from isomatch.descriptors import deviation_of
 from isomatch.matching.relations.both_side import BothSide
+from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -50,6 +51,8 @@ class CommonRegion:
         Of the region, in the unit of both.
     orientation : float
         Mean sign of its small triangles.
+    origin : str
+        Where it came from.
     """
 
     images: IntArray
@@ -57,6 +60,7 @@ class CommonRegion:
     mismatch: float
     area: float
     orientation: float
+    origin: str = FromAnchors.name
 
     @property
     def worth(self) -> float:
@@ -121,6 +125,9 @@ class CommonRegions:
         likely = np.argsort(alone[roots], axis=1, kind="stable")[:, :N_LIKELY]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
         unary = LIKELY_GAIN * (alone - NEUTRAL)
+        if n := len(source.landmarks):
+            pin_first(unary, np.arange(n))
+            seeds = np.column_stack([np.arange(n)] * 2)
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
         found, gains = grow_common_regions(
             here, there, unary, seeds, COST, NEAR, DEAREST, WIDTH, VARIANTS_APART
@@ -189,11 +196,18 @@ class CommonRegions:
 
         ranked = [each for each in parallel_map(screened, order) if each is not None]
         ranked.sort(key=lambda each: -each[0])
-        n = len(self.source.vertices)
-        regions = parallel_map(lambda each: self.extended(each[1], each[2], n), ranked[:count])
+        n, marks = len(self.source.vertices), np.arange(len(self.source.landmarks))
+        starts = [(marks, marks)] if len(marks) else []
+        starts += [(rows, columns) for _, rows, columns in ranked[:count]]
+        regions = parallel_map(lambda start: self.extended(*start, n), starts)
         return [
             region for region in regions if region is not None and region.accepted.sum() >= FEWEST_SAMPLES
         ]
+
+    def given(self, image: IntArray, known: BoolArray, origin: str) -> CommonRegion:
+        """Take the region where a map is known, by its images (n,) of the vertices of the source."""
+        vertices = self.source.vertices
+        return replace(self.region(image[vertices], known[vertices]), origin=origin)
 
 
 N_AROUND = 8  # samples around each whose triangles are compared

@@ -8,8 +8,8 @@ import numpy as np
 
 from isomatch.correspondence import Intervals
 from isomatch.descriptors import BallSignature, ball_signature
-from isomatch.geodesics import MissingRegion, distance_engine
-from isomatch.matching.relations.part_pair import N_POSTS, areas_of_samples
+from isomatch.geodesics import MissingRegion, distance_along_edges_to_nearest, distance_engine
+from isomatch.matching.relations.part_pair import N_POSTS, NO_LANDMARKS, areas_of_samples
 from isomatch.shapes import PreparedShape
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
@@ -42,15 +42,19 @@ class BothSide:
         The part.
     unit : float
         What √area of the part is worth in the unit of both.
+    landmarks : (l,) array of int
+        Vertices whose counterparts on the other part are known.
     """
 
     shape: PreparedShape
     unit: float
+    landmarks: IntArray
 
     @cached_property
     def vertices(self) -> IntArray:
-        """(r,) its samples."""
-        return self.shape.sample_vertices[:N_SAMPLES]
+        """(r,) its samples: the landmarks, then vertices evenly spread."""
+        spread = self.shape.sample_vertices
+        return np.concatenate([self.landmarks, spread[~np.isin(spread, self.landmarks)]])[:N_SAMPLES]
 
     @cached_property
     def _missing(self) -> MissingRegion:
@@ -97,8 +101,6 @@ class BothSide:
     @cached_property
     def nearest_sample(self) -> IntArray:
         """(n,) number of the sample nearest to each vertex."""
-        from isomatch.geodesics import distance_along_edges_to_nearest
-
         owner = distance_along_edges_to_nearest(self.shape.body, self.vertices)[1]
         number = np.zeros(self.shape.body.n_vertices, dtype=np.int64)
         number[self.vertices] = np.arange(len(self.vertices))
@@ -106,10 +108,15 @@ class BothSide:
         return nearest
 
 
-def two_sides(source: PreparedShape, target: PreparedShape, same_area: bool) -> tuple[BothSide, BothSide]:
+def two_sides(
+    source: PreparedShape, target: PreparedShape, same_area: bool, landmarks: IntArray = NO_LANDMARKS
+) -> tuple[BothSide, BothSide]:
     """Both parts in one unit: that of the files, unless these are too unlike or areas are to be the same."""
     lengths = np.array([source.scale, target.scale])
     if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
         lengths[:] = 1.0
     units = lengths / (BODY * np.sqrt((lengths**2).mean()))
-    return BothSide(source, float(units[0])), BothSide(target, float(units[1]))
+    return (
+        BothSide(source, float(units[0]), landmarks[:, 0]),
+        BothSide(target, float(units[1]), landmarks[:, 1]),
+    )
