@@ -11,6 +11,7 @@ import numpy as np
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.mending import Cut, capped, creases, cut_along, cut_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
@@ -111,12 +112,13 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
     return None
 
 
-def region_of(shape: PreparedShape, vertices: IntArray) -> PreparedShape:
+def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> PreparedShape:
     """Prepare a connected region of a body, as a shape of its own; ``vertices`` (m,) are those of the region, increasing."""
     inside = np.zeros(shape.body.n_vertices, dtype=bool)
     inside[vertices] = True
     mesh, _ = shape.mesh_body.submesh(inside)
-    made = _prepared_again(shape, mesh)
+    config = replace(config, resolution="full")
+    made = prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
     return replace(made, scale=made.scale * shape.scale)
 
 

@@ -34,8 +34,8 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 N_REFINED = 10  # best regions that are refined; chosen on two parts of SHREC'16
-N_GROWN_AGAIN = 3  # best refined ones that are grown again
-GROWN_COSTS = (0.05, 0.045)  # cost of a sample, up to which it joins, each time
+# best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
+ROUNDS = (4, 0.05, True), (2, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
 
 
@@ -57,20 +57,22 @@ class BothParts(Relation):
         NotConvergedError
             If none was found.
         """
-        regions = parallel_map(self._refined, self._first_regions())
+        regions = self._refined(self._first_regions(), roughly=True)
         if not regions:
             raise NotConvergedError(
                 "no region was found that both shapes show; give three to five landmarks on both"
             )
-        for cost in GROWN_COSTS:
-            regions.sort(key=lambda region: -region.worth)
-            grown = parallel_map(lambda region: region.grown_again(cost), regions[:N_GROWN_AGAIN])
-            regions += parallel_map(self._refined, [each for each in grown if each.accepted.any()])
-        regions.sort(key=lambda region: -region.worth)
+        for count, cost, roughly in ROUNDS:
+            grown = [region.grown_again(cost) for region in regions[:count]]
+            again = self._refined([region for region in grown if region.accepted.any()], roughly)
+            regions = _ranked([*again, *regions])
         return regions
 
-    def _refined(self, region: CommonRegion) -> RefinedRegion:
-        return refined_region(self._regions, region, self.pair, self.hints, self.stages)
+    def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
+        refined = lambda region: refined_region(  # noqa: E731
+            self._regions, region, self.pair, self.hints, self.stages, roughly
+        )
+        return _ranked(parallel_map(refined, regions))
 
     @cached_property
     def _regions(self) -> CommonRegions:
@@ -181,3 +183,8 @@ class BothParts(Relation):
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of the vertices of a region, and of those of the target."""
         return self._part(fit).embedding(fit)
+
+
+def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
+    """Put those worth most first."""
+    return sorted(regions, key=lambda region: -region.worth)

@@ -18,7 +18,6 @@ from isomatch.matching.relations.both_seeds import (
     ROUND_TRIP,
     CommonRegion,
     CommonRegions,
-    worth,
 )
 from isomatch.matching.relations.part import Part
 from isomatch.matching.relations.part_bending import ON_EDGE, BentPart
@@ -26,6 +25,7 @@ from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
 from isomatch.matching.stages import Stages
+from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, region_of
 from isomatch.surfaces import linked
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -33,6 +33,7 @@ from isomatch.values.cached import cached_property
 
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
 OFF, RIM = 0.04, 0.02  # distances from the target, and from its boundary, up to which bent vertices count as in common
+ORIENTED, TWISTED = 0.45, 0.1  # orientation below which a map is twisted, and what it is worth then
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
@@ -80,18 +81,27 @@ class RefinedRegion:
         return float(source.unit**2 * source.shape.body.vertex_areas[self.matched].sum())
 
     @cached_property
+    def rows(self) -> IntArray:
+        """(q,) samples of the source that are matched."""
+        return np.flatnonzero(self.matched[self.regions.source.vertices])
+
+    @cached_property
+    def mismatches(self) -> FloatArray:
+        """(q,) how differently the parts look around them, see `CommonRegions.mismatches`."""
+        return self.regions.mismatches(self.rows, self.image[self.regions.source.vertices[self.rows]])
+
+    @property
     def mismatch(self) -> float:
-        """How differently the parts look there."""
-        source = self.regions.source
-        rows = np.flatnonzero(self.matched[source.vertices])
-        vertices = source.vertices[rows]
-        return self.regions.mean_mismatch(vertices, self.image[vertices], source.areas[rows])
+        """Mean of these."""
+        return float(np.average(self.mismatches, weights=self.regions.source.areas[self.rows]))
 
     @property
     def worth(self) -> float:
-        """See `worth`; a map that turns the inside out, or is twisted, is worth little."""
-        value = worth(self.area, self.mismatch)
-        return value if self.fit.orientation > 0.45 else 0.1 * value
+        """What the map is worth; one that turns the inside out, or is twisted, is worth little."""
+        if not len(self.rows):
+            return 0.0
+        worth = self.regions.worth(self.rows, self.mismatches)
+        return worth if self.fit.orientation > ORIENTED else TWISTED * worth
 
     def grown_again(self, accepted_cost: float) -> CommonRegion:
         """Extend the region from where its samples lie."""
@@ -124,15 +134,34 @@ def overlaps(bent: BentPart) -> BoolArray:
     return found
 
 
+def rough(config: Config) -> Config:
+    """Settings of a refinement that takes less time, of regions that may be wrong."""
+    refining = replace(
+        config.refining, sizes_without_positions=(20, 40, 70), sizes_with_positions=(50, 75), final_sizes=(100,)
+    )
+    parts = replace(config.parts, bending=config.parts.bending[::2], n_bent_vertices=600)
+    return replace(
+        config, n_columns=40, rank=20, n_functions=100, n_search=300, n_refine=500, refining=refining, parts=parts
+    )
+
+
 def refined_region(
-    regions: CommonRegions, region: CommonRegion, pair: ShapePair, hints: Hints, stages: Stages
+    regions: CommonRegions,
+    region: CommonRegion,
+    pair: ShapePair,
+    hints: Hints,
+    stages: Stages,
+    roughly: bool = False,
 ) -> RefinedRegion:
     """Refine the samples of a region, and what lies around them, as a part of the target."""
     source, target = regions.source, regions.target
     n = source.shape.body.n_vertices
     gap, owner = distance_along_edges_to_nearest(source.shape.body, source.vertices[region.accepted])
     vertices = _largest(source.shape, source.unit * gap <= AROUND)
-    part = region_of(source.shape, vertices)
+    config = replace(pair.config, scale="same")
+    if roughly:
+        config = rough(config)
+    part = region_of(source.shape, vertices, config)
     # what a length is worth on the target, as if both came in the unit of both parts
     length = part.scale / source.shape.scale * source.unit / target.unit
     part = replace(part, scale=length * target.shape.scale)
@@ -142,10 +171,9 @@ def refined_region(
     nothing = np.zeros((len(vertices), 0)), np.zeros((target.shape.body.n_vertices, 0))
     known = Hints(landmarks[landmarks[:, 0] >= 0], NO_LANDMARKS, nothing)
     functions = pair.functions and Embedding(pair.known.source[vertices], pair.functions.target)
-    config = replace(pair.config, scale="same")
     relation = Part().on(ShapePair(part, target.shape, config, functions), known, stages)
-    rough = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
-    begun = relation.fits.begun(relation.fits.pair, rough, region.origin)
+    first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
+    begun = relation.fits.begun(relation.fits.pair, first, region.origin)
     fit = relation.contest([begun])[0]
     return RefinedRegion(regions, vertices, relation, cast(PartFit, fit))
 

@@ -20,14 +20,19 @@ N_ROOTS, N_LIKELY = 40, 30  # anchors deepest inside from which regions grow, an
 COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 NEAR, DEAREST = 0.2, 0.09  # see `grow_common_regions`
 WIDTH, VARIANTS_APART = 4, 0.12
-LIKELY_GAIN = 2.0  # of an anchor that looks alike, against one whose distances agree
+LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
 NEUTRAL, PRIOR_RADII = 0.25, 1.5  # mismatch that says nothing, and the number of radii that it counts as
 NEUTRAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
 LOOKS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
 
+UNLIKE, PRIOR = 0.5, 0.5  # mismatch from which a region is worth nothing, and number of radii that it counts as
+AROUND = 0.12  # distance over which mismatches are averaged
+
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-N_SCREENED, N_SCREENING = 150, 300  # regions that are extended, to so many samples
+SAME_MAP, SAME_SHARE = 0.05, 0.7  # mean distance of images, and share of samples in both, of maps that become one
+N_SCREENED = 400  # regions that are extended
+RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
 ACCEPTED, ROUND_TRIP = 0.06, 0.12  # cost of a sample, and how far it may be from where it returns to
 EXTENSION_NEAR = 0.15  # see `trilaterate_common`
 FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
@@ -45,10 +50,8 @@ class CommonRegion:
         Vertex of the target's body for each sample.
     accepted : (r,) array of bool
         Which samples are in the region.
-    mismatch : float
-        How differently both parts look there.
-    area : float
-        Of the region, in the unit of both.
+    worth : float
+        See `CommonRegions.worth`.
     orientation : float
         Mean sign of its small triangles.
     origin : str
@@ -57,23 +60,9 @@ class CommonRegion:
 
     images: IntArray
     accepted: BoolArray
-    mismatch: float
-    area: float
+    worth: float
     orientation: float
     origin: str = FromAnchors.name
-
-    @property
-    def worth(self) -> float:
-        """What the region is worth: large ones that look alike are worth most."""
-        return worth(self.area, self.mismatch)
-
-
-UNLIKE = 0.5  # mismatch from which a region is worth nothing
-
-
-def worth(area: float, mismatch: float) -> float:
-    """Area × (0.5 − mismatch)."""
-    return area * (UNLIKE - mismatch)
 
 
 class CommonRegions:
@@ -92,16 +81,31 @@ class CommonRegions:
     def _deviation(self) -> FloatArray:
         return deviation_of(self.source.looks, self.target.looks)
 
-    def mismatches(self, vertices: IntArray, images: IntArray) -> FloatArray:
-        """(q,) how differently the parts look around vertices and their images; nan where nothing is known."""
-        here, there = self.source.looks.at(vertices), self.target.looks.at(images)
-        return here.mismatch(there, self._deviation)
+    @cached_property
+    def _around(self) -> FloatArray:
+        """(r, r) how much each sample of the source counts around each."""
+        source = self.source
+        around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
+        return around
 
-    def mean_mismatch(self, vertices: IntArray, images: IntArray, areas: FloatArray) -> float:
-        """Mean of these over the area of what is known; neutral where nothing is."""
-        found = self.mismatches(vertices, images)
-        known = np.isfinite(found)
-        return float(np.average(found[known], weights=areas[known])) if known.any() else UNLIKE
+    def mismatches(self, rows: IntArray, images: IntArray) -> FloatArray:
+        """(q,) how differently the parts look around some samples of the source and their images, vertices of the target.
+
+        Means over near samples of the region, drawn to a neutral value where little is known.
+        """
+        here, there = self.source.looks.at(self.source.vertices[rows]), self.target.looks.at(images)
+        count = (here.known & there.known).sum(axis=1)
+        total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
+        around = self._around[np.ix_(rows, rows)]
+        mean: FloatArray = (around @ (total + UNLIKE * PRIOR)) / (around @ (count + PRIOR))
+        return mean
+
+    def worth(self, rows: IntArray, mismatches: FloatArray) -> float:
+        """Area × (0.5 − mismatch), summed over the samples of a region where that is above 0.
+
+        Large regions that look alike are worth most, and what a map covers too much takes nothing away.
+        """
+        return float(self.source.areas[rows] @ np.maximum(UNLIKE - mismatches, 0.0))
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
@@ -115,8 +119,8 @@ class CommonRegions:
         areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), NEUTRAL_AREA, PRIOR_AREAS)
         return LOOKS_WEIGHT * looks + AREAS_WEIGHT * areas
 
-    def grown(self) -> tuple[IntArray, IntArray]:
-        """Grow regions: candidates (s, m) of the anchors, −1 for none, and the order (q,) of those that differ."""
+    def grown(self) -> list[IntArray]:
+        """Grow regions: for each that differs from those before, the candidates (m,) of the anchors, −1 for none."""
         source, target = self.source, self.target
         rows = np.arange(min(N_ANCHORS, len(source.vertices)))
         columns = np.arange(min(N_CANDIDATES, len(target.vertices)))
@@ -124,36 +128,34 @@ class CommonRegions:
         roots = np.argsort(-source.to_boundary[source.vertices[rows]], kind="stable")[:N_ROOTS]
         likely = np.argsort(alone[roots], axis=1, kind="stable")[:, :N_LIKELY]
         seeds = np.column_stack([np.repeat(roots, likely.shape[1]), likely.ravel()])
-        unary = LIKELY_GAIN * (alone - NEUTRAL)
-        if n := len(source.landmarks):
-            pin_first(unary, np.arange(n))
-            seeds = np.column_stack([np.arange(n)] * 2)
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
-        found, gains = grow_common_regions(
-            here, there, unary, seeds, COST, NEAR, DEAREST, WIDTH, VARIANTS_APART
-        )
-        return found, self._distinct(found, np.argsort(-gains, kind="stable"))
+        ranked = []
+        for weight in LIKELY_GAINS:
+            unary = weight * (alone - NEUTRAL)
+            if n := len(source.landmarks):
+                pin_first(unary, np.arange(n))
+                seeds = np.column_stack([np.arange(n)] * 2)
+            found, gains = grow_common_regions(
+                here, there, unary, seeds, COST, NEAR, DEAREST, WIDTH, VARIANTS_APART
+            )
+            ranked.append(found[np.argsort(-gains, kind="stable")])
+        return self._distinct(np.stack(ranked, axis=1).reshape(-1, len(rows)))
 
-    def _distinct(self, found: IntArray, order: IntArray) -> IntArray:
+    def _distinct(self, found: IntArray) -> list[IntArray]:
         """Keep the first regions that differ."""
         distances = self.target.intervals.upper
         kept = np.zeros((N_SCREENED, found.shape[1]), dtype=np.int64)
-        chosen: list[int] = []
-        for row in order:
-            region = found[row]
-            if len(chosen) == N_SCREENED:
+        n = 0
+        for region in found[(found >= 0).sum(axis=1) >= FEWEST_GROWN]:
+            if n == N_SCREENED:
                 break
-            if (region >= 0).sum() < FEWEST_GROWN:
-                continue
-            others = kept[: len(chosen)]
-            both = (region >= 0) & (others >= 0)
+            both = (region >= 0) & (kept[:n] >= 0)
             common = both.sum(axis=1)
-            apart = (np.where(both, distances[region, others], 0.0)).sum(axis=1)
-            if ((common >= FEWEST_COMMON) & (apart < SAME_REGION * common)).any():
-                continue
-            kept[len(chosen)] = region
-            chosen.append(int(row))
-        return np.array(chosen, dtype=np.int64)
+            apart = np.where(both, distances[region, kept[:n]], 0.0).sum(axis=1)
+            if not ((common >= FEWEST_COMMON) & (apart < SAME_REGION * common)).any():
+                kept[n] = region
+                n += 1
+        return list(kept[:n])
 
     def extended(self, rows: IntArray, columns: IntArray, n: int, rounds: int = 2) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
@@ -175,34 +177,42 @@ class CommonRegions:
     def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
         """Measure a region of the first samples (n,), by the images of all of them."""
         inside = np.flatnonzero(accepted)
-        vertices, areas = self.source.vertices[inside], self.source.areas[inside]
-        mismatch = self.mean_mismatch(vertices, images[inside], areas)
-        share = self.source.areas.sum() / self.source.areas[: len(accepted)].sum()
+        worth = self.worth(inside, self.mismatches(inside, images[inside]))
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
-        return CommonRegion(images, accepted, mismatch, float(areas.sum() * share), orientation)
+        return CommonRegion(images, accepted, worth, orientation)
 
     def best(self, count: int) -> list[CommonRegion]:
-        """Return the regions that are worth most, extended to all samples."""
-        found, order = self.grown()
+        """Return the regions that are worth most, extended to all samples: a few samples tell which may be."""
+        starts = [(rows := np.flatnonzero(region >= 0), region[rows]) for region in self.grown()]
+        marks = np.arange(len(self.source.landmarks))
+        if len(marks):
+            starts.insert(0, (marks, marks))
+        regions: list[CommonRegion] = []
+        for n, rounds, most in (*RANKS, (len(self.source.vertices), 2, count)):
+            ranked = [
+                (region, start)
+                for start in starts
+                for region in [self.extended(*start, n, rounds)]
+                if region is not None and region.orientation > ORIENTED
+            ]
+            ranked.sort(key=lambda each: -each[0].worth)
+            starts = [start for _, start in ranked[:most]]
+            regions = [region for region, _ in ranked]
+        return self._apart([region for region in regions if region.accepted.sum() >= FEWEST_SAMPLES])[:count]
 
-        def screened(row: int) -> tuple[float, IntArray, IntArray] | None:
-            rows = np.flatnonzero(found[row] >= 0)
-            columns = found[row][rows]
-            region = self.extended(rows, columns, N_SCREENING)
-            if region is None or region.accepted.sum() < FEWEST_SAMPLES // 2:
-                return None
-            value = region.worth if region.orientation > ORIENTED else ORIENTED * region.worth
-            return value, rows, columns
+    def _apart(self, regions: list[CommonRegion]) -> list[CommonRegion]:
+        """Keep the first regions whose images differ."""
+        target, kept = self.target, list[CommonRegion]()
+        for region in regions:
+            for other in kept:
+                both = region.accepted & other.accepted
+                far = target.unit * target.shape.distance(region.images[both], other.images[both])
+                if both.sum() > SAME_SHARE * region.accepted.sum() and far.mean() < SAME_MAP:
+                    break
+            else:
+                kept.append(region)
+        return kept
 
-        ranked = [each for each in parallel_map(screened, order) if each is not None]
-        ranked.sort(key=lambda each: -each[0])
-        n, marks = len(self.source.vertices), np.arange(len(self.source.landmarks))
-        starts = [(marks, marks)] if len(marks) else []
-        starts += [(rows, columns) for _, rows, columns in ranked[:count]]
-        regions = parallel_map(lambda start: self.extended(*start, n), starts)
-        return [
-            region for region in regions if region is not None and region.accepted.sum() >= FEWEST_SAMPLES
-        ]
 
     def given(self, image: IntArray, known: BoolArray, origin: str) -> CommonRegion:
         """Take the region where a map is known, by its images (n,) of the vertices of the source."""
