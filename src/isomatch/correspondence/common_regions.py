@@ -48,7 +48,7 @@ def grow_common_regions(
     width: int,
     apart: float,
 ) -> tuple[IntArray, FloatArray]:
-    """Assign points to candidates, from one pair outward; a point may have none, and distances are intervals on both sides.
+    """Assign points to candidates, from one pair outward, or to nothing; distances are intervals on both sides.
 
     As `grow_regions`, but two points may not be matched only if their intervals are disjoint, and of each region several
     variants are kept while it grows.

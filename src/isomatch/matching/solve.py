@@ -15,6 +15,7 @@ from isomatch.matching.judge import Evidence, Solution, closed_evidence, measure
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mean_known, mismatch_of
+from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.closed import (
     GIVEN,
     ClosedMatch,
@@ -32,6 +33,8 @@ from isomatch.shapes import crease_length, opened_shape
 
 # in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
 MORE_CREASES = 1.0
+
+SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -226,18 +229,34 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
+    """Match two parts: as two patches of the same extent, with their holes closed, and as overlapping parts of a body.
+
+    The first of these maps that is sure is returned. If none is, it is that of overlapping parts, unless none was found.
+    """
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
     as_they_are = relation.summed_up(found, found.measured, timer)
-    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
+    if as_they_are.outcome in SURE:
         return as_they_are
+    solution, closed = _with_holes_closed(relation, found, timer)
+    if solution.outcome in SURE:
+        return solution
+    with suppress(NotConvergedError):
+        return BothParts(closed).on(pair, hints, stages).solution(timer)
+    return solution
+
+
+def _with_holes_closed(
+    relation: Isometry, found: IsometricMatch, timer: StageTimer
+) -> tuple[Solution, ClosedMatch | None]:
+    """Match two parts with their holes closed; if that fits worse than as they are, they are summed up as they are."""
+    pair, hints = relation.pair, relation.hints
     timer.start("holes closed")
-    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+    closed = match_closed(pair, hints, relation.stages, timer) if pair.config.parts.close else None
     if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
-        return solve_complete(relation, found, timer)
+        return solve_complete(relation, found, timer), closed
     doubt, with_caps = closed.doubt, closed.solution(timer)
     evidence = closed_evidence(doubt.evidence, with_caps.evidence)
     note = "both shapes were matched with their holes closed"
-    return with_doubt(with_caps, evidence, doubt, note, len(hints.landmarks) > 0)
+    return with_doubt(with_caps, evidence, doubt, note, len(hints.landmarks) > 0), closed

@@ -113,7 +113,7 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
 
 
 def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> PreparedShape:
-    """Prepare a connected region of a body, as a shape of its own; ``vertices`` (m,) are those of the region, increasing."""
+    """Prepare a connected region of a body as a shape of its own; ``vertices`` (m,) are its vertices, increasing."""
     inside = np.zeros(shape.body.n_vertices, dtype=bool)
     inside[vertices] = True
     mesh, _ = shape.mesh_body.submesh(inside)

@@ -23,6 +23,7 @@ from isomatch.matching.relations.both_regions import (
 )
 from isomatch.matching.relations.both_seeds import CommonRegion, CommonRegions
 from isomatch.matching.relations.both_side import two_sides
+from isomatch.matching.relations.closed import ClosedMatch
 from isomatch.matching.relations.part import Part, expected_errors_of_part, quality_of_part
 from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.search import FromAnchors, starts_of
@@ -35,12 +36,17 @@ from isomatch.values.cached import cached_property
 
 N_REFINED = 10  # best regions that are refined; chosen on two parts of SHREC'16
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
-ROUNDS = (4, 0.05, True), (2, 0.045, False)
+ROUNDS = (5, 0.05, True), (3, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
 
 
 class BothParts(Relation):
     """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
+
+    Parameters
+    ----------
+    closed : ClosedMatch, optional
+        The match with the holes closed, whose map contends, too.
 
     Notes
     -----
@@ -49,8 +55,11 @@ class BothParts(Relation):
     better, unless the parts look different there.
     """
 
+    def __init__(self, closed: ClosedMatch | None = None) -> None:
+        self.closed = closed
+
     def match(self) -> list[RefinedRegion]:
-        """Search, refine and rank regions in common; those that differ, the best first.
+        """Search and refine regions in common: those refined to the end, the best first, then those on the way.
 
         Raises
         ------
@@ -62,11 +71,12 @@ class BothParts(Relation):
             raise NotConvergedError(
                 "no region was found that both shapes show; give three to five landmarks on both"
             )
+        others: list[RefinedRegion] = []
         for count, cost, roughly in ROUNDS:
             grown = [region.grown_again(cost) for region in regions[:count]]
             again = self._refined([region for region in grown if region.accepted.any()], roughly)
-            regions = _ranked([*again, *regions])
-        return regions
+            regions, others = again or regions, [*regions, *others]
+        return [*regions, *_ranked(others)]
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
         refined = lambda region: refined_region(  # noqa: E731
@@ -85,6 +95,8 @@ class BothParts(Relation):
         starts, pairs = starts_of(self), self.hints.initial_pairs
         found = self._regions.best(N_REFINED) if any(isinstance(x, FromAnchors) for x in starts) else []
         given = [(pairs, "initial map")] if len(pairs) else []
+        if self.closed is not None:
+            given.append((self.closed.pairs, self.closed.origin))
         if self.pair.config.start == "pose":
             everything = np.arange(self.source.body.n_vertices)
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
@@ -105,8 +117,8 @@ class BothParts(Relation):
         self.require_hints()
         if self.hints.functions[0].shape[1]:
             raise DescriptorError(
-                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: two parts cannot be "
-                "aligned by functions; give landmarks or an initial map instead, or leave the relation out"
+                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: two parts cannot "
+                "be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
             )
         timer.start("parts")
         regions = self.match()
@@ -168,7 +180,7 @@ class BothParts(Relation):
         )
 
     def _part(self, fit: Fit) -> Part:
-        """The relation of a region and the target, by a map of the region."""
+        """Return the relation of a region and the target, by a map of the region."""
         own = cast(PartFit, fit).pair
         return Part().on(replace(self.pair, source=own.part, functions=None), self.hints, self.stages)
 

@@ -22,8 +22,8 @@ from isomatch.matching.relations.both_seeds import (
 from isomatch.matching.relations.part import Part
 from isomatch.matching.relations.part_bending import ON_EDGE, BentPart
 from isomatch.matching.relations.part_fits import PartFit
-from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
+from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
 from isomatch.matching.stages import Stages
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, region_of
@@ -32,7 +32,10 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
-OFF, RIM = 0.04, 0.02  # distances from the target, and from its boundary, up to which bent vertices count as in common
+OFF, RIM = (
+    0.04,
+    0.02,
+)  # distances from the target, and from its boundary, up to which bent vertices count as in common
 ORIENTED, TWISTED = 0.45, 0.1  # orientation below which a map is twisted, and what it is worth then
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
@@ -135,13 +138,23 @@ def overlaps(bent: BentPart) -> BoolArray:
 
 
 def rough(config: Config) -> Config:
-    """Settings of a refinement that takes less time, of regions that may be wrong."""
+    """Change settings so that a refinement takes less time, for regions that may be wrong."""
     refining = replace(
-        config.refining, sizes_without_positions=(20, 40, 70), sizes_with_positions=(50, 75), final_sizes=(100,)
+        config.refining,
+        sizes_without_positions=(20, 40, 70),
+        sizes_with_positions=(50, 75),
+        final_sizes=(100,),
     )
     parts = replace(config.parts, bending=config.parts.bending[::2], n_bent_vertices=600)
     return replace(
-        config, n_columns=40, rank=20, n_functions=100, n_search=300, n_refine=500, refining=refining, parts=parts
+        config,
+        n_columns=40,
+        rank=20,
+        n_functions=100,
+        n_search=300,
+        n_refine=500,
+        refining=refining,
+        parts=parts,
     )
 
 

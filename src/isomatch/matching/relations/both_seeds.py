@@ -6,11 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from isomatch.correspondence import Intervals, IntervalCost, grow_common_regions, pin_first, trilaterate_common
+from isomatch.correspondence import (
+    IntervalCost,
+    grow_common_regions,
+    pin_first,
+    trilaterate_common,
+)
 from isomatch.descriptors import deviation_of
 from isomatch.matching.relations.both_side import BothSide
 from isomatch.matching.search import FromAnchors
-from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -25,12 +29,18 @@ NEUTRAL, PRIOR_RADII = 0.25, 1.5  # mismatch that says nothing, and the number o
 NEUTRAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
 LOOKS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
 
-UNLIKE, PRIOR = 0.5, 0.5  # mismatch from which a region is worth nothing, and number of radii that it counts as
+UNLIKE, PRIOR = (
+    0.5,
+    0.5,
+)  # mismatch from which a region is worth nothing, and number of radii that it counts as
 AROUND = 0.12  # distance over which mismatches are averaged
 
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-SAME_MAP, SAME_SHARE = 0.05, 0.7  # mean distance of images, and share of samples in both, of maps that become one
+SAME_MAP, SAME_SHARE = (
+    0.05,
+    0.7,
+)  # mean distance of images, and share of samples in both, of maps that become one
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
 ACCEPTED, ROUND_TRIP = 0.06, 0.12  # cost of a sample, and how far it may be from where it returns to
@@ -109,8 +119,9 @@ class CommonRegions:
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
-        here, there = self.source.looks.at(self.source.vertices[rows]), self.target.looks.at(
-            self.target.vertices[columns]
+        here, there = (
+            self.source.looks.at(self.source.vertices[rows]),
+            self.target.looks.at(self.target.vertices[columns]),
         )
         looks = _drawn_to(*_summed(here, there, self._deviation), NEUTRAL, PRIOR_RADII)
         values, known = zip(self.source.ball_areas, self.target.ball_areas)
@@ -162,10 +173,10 @@ class CommonRegions:
         source, target = self.source, self.target
         everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
         accepted = np.zeros(len(everything), dtype=bool)
-        for step in range(rounds):
+        for _ in range(rounds):
             here_at, there_at = source.intervals.at(rows, everything), target.intervals.at(columns, there)
             placed, costs = trilaterate_common(here_at, there_at, EXTENSION_NEAR, COST)
-            back, _ = trilaterate_common(there_at, here_at, EXTENSION_NEAR, COST)
+            back, __ = trilaterate_common(there_at, here_at, EXTENSION_NEAR, COST)
             returned = source.intervals.upper[everything, back[placed]]
             accepted = (costs < ACCEPTED) & (returned < ROUND_TRIP)
             if accepted.sum() < 8:
@@ -212,7 +223,6 @@ class CommonRegions:
             else:
                 kept.append(region)
         return kept
-
 
     def given(self, image: IntArray, known: BoolArray, origin: str) -> CommonRegion:
         """Take the region where a map is known, by its images (n,) of the vertices of the source."""
