@@ -36,7 +36,7 @@ from isomatch.values.cached import cached_property
 
 N_REFINED = 10  # best regions that are refined; chosen on two parts of SHREC'16
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
-ROUNDS = (5, 0.05, True), (3, 0.045, False)
+ROUNDS = (6, 0.05, True), (4, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
 
 

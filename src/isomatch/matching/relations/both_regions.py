@@ -103,8 +103,9 @@ class RefinedRegion:
         """What the map is worth; one that turns the inside out, or is twisted, is worth little."""
         if not len(self.rows):
             return 0.0
-        worth = self.regions.worth(self.rows, self.mismatches)
-        return worth if self.fit.orientation > ORIENTED else TWISTED * worth
+        images = self.image[self.regions.source.vertices[self.rows]]
+        worth = self.regions.worth(self.rows, images, self.mismatches)
+        return worth if self.fit.orientation > ORIENTED or worth < 0 else TWISTED * worth
 
     def grown_again(self, accepted_cost: float) -> CommonRegion:
         """Extend the region from where its samples lie."""

@@ -35,6 +35,10 @@ UNLIKE, PRIOR = (
 )  # mismatch from which a region is worth nothing, and number of radii that it counts as
 AROUND = 0.12  # distance over which mismatches are averaged
 
+SURELY = 0.05  # distance from where nothing is shown, from which something surely is
+UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
+LEFT_OUT_COST, UNLIKE_COST = 0.2, 0.5  # of area that has no image but must, and of area × mismatch above 0.5
+
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
 SAME_MAP, SAME_SHARE = (
@@ -110,12 +114,26 @@ class CommonRegions:
         mean: FloatArray = (around @ (total + UNLIKE * PRIOR)) / (around @ (count + PRIOR))
         return mean
 
-    def worth(self, rows: IntArray, mismatches: FloatArray) -> float:
-        """Area × (0.5 − mismatch), summed over the samples of a region where that is above 0.
+    def worth(self, rows: IntArray, images: IntArray, mismatches: FloatArray) -> float:
+        """Area × (0.5 − mismatch), summed over the samples of a region where that is above 0, less what speaks against it.
 
-        Large regions that look alike are worth most, and what a map covers too much takes nothing away.
+        Large regions that look alike are worth most, and what a map covers too much takes nothing away, unless both
+        parts must show it: a sample nearer to one of the region than the image of that is to the boundary of the target
+        has an image. What has none, or looks unlike, counts against the region; so does the same of the target.
         """
-        return float(self.source.areas[rows] @ np.maximum(UNLIKE - mismatches, 0.0))
+        source, target = self.source, self.target
+        alike = UNLIKE - mismatches
+        gained = source.areas[rows] @ np.maximum(alike, 0.0)
+        at = target.nearest_sample[images]
+        from_region, from_images = source.intervals.upper[:, rows], target.intervals.upper[:, at]
+        shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
+        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
+        outside = np.ones(len(source.vertices), dtype=bool)
+        outside[rows] = False
+        left_out = source.areas[shown & outside].sum()
+        left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
+        unlike = source.areas[rows] @ (np.maximum(-alike, 0.0) * shown[rows])
+        return float(gained - LEFT_OUT_COST * left_out - UNLIKE_COST * unlike)
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
@@ -188,7 +206,10 @@ class CommonRegions:
     def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
         """Measure a region of the first samples (n,), by the images of all of them."""
         inside = np.flatnonzero(accepted)
-        worth = self.worth(inside, self.mismatches(inside, images[inside]))
+        mismatches = self.mismatches(inside, images[inside])
+        worth = float(self.source.areas[inside] @ np.maximum(UNLIKE - mismatches, 0.0))
+        if len(accepted) == len(self.source.vertices):
+            worth = self.worth(inside, images[inside], mismatches)
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
         return CommonRegion(images, accepted, worth, orientation)
 
