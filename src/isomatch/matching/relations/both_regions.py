@@ -7,15 +7,12 @@ from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import Embedding, trilaterate_common
+from isomatch.correspondence import UNMATCHED, Embedding
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.relations.both_seeds import (
-    COST,
-    EXTENSION_NEAR,
     NEXT_ANCHORS,
-    ROUND_TRIP,
     CommonRegion,
     CommonRegions,
 )
@@ -64,7 +61,7 @@ class RefinedRegion:
     @cached_property
     def image(self) -> IntArray:
         """(n_source,) vertex of the target for each vertex of the source; −1 outside the region."""
-        image = np.full(self.regions.source.shape.body.n_vertices, -1)
+        image = np.full(self.regions.source.shape.body.n_vertices, UNMATCHED)
         inside = np.arange(len(self.vertices))
         image[self.vertices] = self.fit.bending.image(self.fit.bent, inside)
         return image
@@ -107,24 +104,16 @@ class RefinedRegion:
         worth = self.regions.worth(self.rows, images, self.mismatches)
         return worth if self.fit.orientation > ORIENTED or worth < 0 else TWISTED * worth
 
-    def grown_again(self, accepted_cost: float) -> CommonRegion:
-        """Extend the region from where its samples lie."""
+    def grown_again(self, most: float) -> CommonRegion:
+        """Extend the region from where its samples lie, to those that cost at most so much."""
         source, target = self.regions.source, self.regions.target
-        at_samples = np.where(self.matched, self.image, -1)[source.vertices]
-        inside = np.flatnonzero(at_samples >= 0)
-        rows = inside[:NEXT_ANCHORS]
+        at_samples = np.where(self.matched, self.image, UNMATCHED)[source.vertices]
+        at_samples[: len(source.landmarks)] = target.landmarks
+        rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
         columns = target.nearest_sample[at_samples[rows]]
-        here, there = (
-            side.intervals.at(chosen, np.arange(len(side.vertices)))
-            for side, chosen in ((source, rows), (target, columns))
-        )
-        placed, costs = trilaterate_common(here, there, EXTENSION_NEAR, COST)
-        back, _ = trilaterate_common(there, here, EXTENSION_NEAR, COST)
-        everything = np.arange(len(source.vertices))
-        returned = source.intervals.upper[everything, back[placed]]
-        accepted = (costs < accepted_cost) & (returned < ROUND_TRIP)
-        images = np.where(at_samples >= 0, at_samples, target.vertices[placed])
-        return self.regions.region(images, accepted)
+        placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
+        images = np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed])
+        return replace(self.regions.region(images, accepted), origin=self.fit.origin)
 
 
 def overlaps(bent: BentPart) -> BoolArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from isomatch.correspondence import (
 from isomatch.descriptors import deviation_of
 from isomatch.matching.relations.both_side import BothSide
 from isomatch.matching.search import FromAnchors
+from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
@@ -47,10 +49,11 @@ SAME_MAP, SAME_SHARE = (
 )  # mean distance of images, and share of samples in both, of maps that become one
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
+LED_ACCEPTED = 0.12  # the first of them where landmarks lead, so that little is wrong
 ACCEPTED, ROUND_TRIP = 0.06, 0.12  # cost of a sample, and how far it may be from where it returns to
 EXTENSION_NEAR = 0.15  # see `trilaterate_common`
 FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
-FEWEST_SAMPLES = 25
+FEWEST_ACCEPTED, FEWEST_SAMPLES = 8, 25  # samples of a region on the way, and in the end
 ORIENTED = 0.2  # mean sign of triangles, below which a region is taken for a mirror image
 
 
@@ -76,7 +79,7 @@ class CommonRegion:
     accepted: BoolArray
     worth: float
     orientation: float
-    origin: str = FromAnchors.name
+    origin: str
 
 
 class CommonRegions:
@@ -115,7 +118,7 @@ class CommonRegions:
         return mean
 
     def worth(self, rows: IntArray, images: IntArray, mismatches: FloatArray) -> float:
-        """Area × (0.5 − mismatch), summed over the samples of a region where that is above 0, less what speaks against it.
+        """Sum area × (0.5 − mismatch) over the samples where that is above 0, less what speaks against the region.
 
         Large regions that look alike are worth most, and what a map covers too much takes nothing away, unless both
         parts must show it: a sample nearer to one of the region than the image of that is to the boundary of the target
@@ -186,22 +189,33 @@ class CommonRegions:
                 n += 1
         return list(kept[:n])
 
-    def extended(self, rows: IntArray, columns: IntArray, n: int, rounds: int = 2) -> CommonRegion | None:
+    def _extended_from(self, start: tuple[IntArray, IntArray], n: int, rounds: int) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
-        source, target = self.source, self.target
-        everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
-        accepted = np.zeros(len(everything), dtype=bool)
+        source, target, (rows, columns) = self.source, self.target, start
         for _ in range(rounds):
-            here_at, there_at = source.intervals.at(rows, everything), target.intervals.at(columns, there)
-            placed, costs = trilaterate_common(here_at, there_at, EXTENSION_NEAR, COST)
-            back, __ = trilaterate_common(there_at, here_at, EXTENSION_NEAR, COST)
-            returned = source.intervals.upper[everything, back[placed]]
-            accepted = (costs < ACCEPTED) & (returned < ROUND_TRIP)
-            if accepted.sum() < 8:
+            placed, accepted = self.placed(rows, columns, n, LED_ACCEPTED if len(source.landmarks) else ACCEPTED)
+            if accepted.sum() < FEWEST_ACCEPTED:
                 return None
             rows = np.flatnonzero(accepted)[: FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS]
             columns = placed[rows]
         return self.region(target.vertices[placed], accepted)
+
+    def placed(self, rows: IntArray, columns: IntArray, n: int, most: float) -> tuple[IntArray, BoolArray]:
+        """Trilaterate the first n samples from some, with images among those of the target.
+
+        Returns samples of the target, (n,), and which agree, at most at a cost, and return to near where they came from.
+        Landmarks go where they are known to.
+        """
+        source, target = self.source, self.target
+        everything, there = np.arange(min(n, len(source.vertices))), np.arange(min(n, len(target.vertices)))
+        of_source, of_target = source.intervals.at(rows, everything), target.intervals.at(columns, there)
+        placed, costs = trilaterate_common(of_source, of_target, EXTENSION_NEAR, COST)
+        back, _ = trilaterate_common(of_target, of_source, EXTENSION_NEAR, COST)
+        returned = source.intervals.upper[everything, back[placed]]
+        accepted = (costs < most) & (returned < ROUND_TRIP)
+        known = np.arange(len(source.landmarks))
+        placed[known], accepted[known] = known, True
+        return placed, accepted
 
     def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
         """Measure a region of the first samples (n,), by the images of all of them."""
@@ -211,7 +225,8 @@ class CommonRegions:
         if len(accepted) == len(self.source.vertices):
             worth = self.worth(inside, images[inside], mismatches)
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
-        return CommonRegion(images, accepted, worth, orientation)
+        origin = "landmarks" if len(self.source.landmarks) else FromAnchors.name
+        return CommonRegion(images, accepted, worth, orientation, origin)
 
     def best(self, count: int) -> list[CommonRegion]:
         """Return the regions that are worth most, extended to all samples: a few samples tell which may be."""
@@ -221,10 +236,10 @@ class CommonRegions:
             starts.insert(0, (marks, marks))
         regions: list[CommonRegion] = []
         for n, rounds, most in (*RANKS, (len(self.source.vertices), 2, count)):
+            extend = partial(self._extended_from, n=n, rounds=rounds)
             ranked = [
                 (region, start)
-                for start in starts
-                for region in [self.extended(*start, n, rounds)]
+                for region, start in zip(parallel_map(extend, starts), starts)
                 if region is not None and region.orientation > ORIENTED
             ]
             ranked.sort(key=lambda each: -each[0].worth)
