@@ -221,6 +221,46 @@ class PartDoubt:
         ]
 
 
+@dataclass(frozen=True)
+class CommonDoubt:
+    """How sure the map of what two parts have in common is.
+
+    Parameters
+    ----------
+    score : float
+        How good it is: the larger and the more alike what is in common, the better.
+    other : float
+        The same of the best map that differs; 0 if none does.
+    settings : PartSettings
+        The bounds.
+    """
+
+    score: float
+    other: float
+    settings: PartSettings
+
+    @property
+    def rival(self) -> float:
+        """How many times as good it is; inf if no other is any good."""
+        return self.score / self.other if self.other else np.inf
+
+    @property
+    def evidence(self) -> Evidence:
+        """A map must be good, and better than others."""
+        poor = self.score < self.settings.sure_common
+        return Evidence(ambiguous=not poor and self.rival < self.settings.tie_common, poor=poor, partial=True)
+
+    def notes(self, hinted: bool) -> list[str]:
+        """Say why a map is not sure, and what to do."""
+        if not self.evidence.poor:
+            return []
+        return [
+            f"the map is not sure, for what is in common is small, or looks different (score {self.score:.2f}, at least "
+            f"{self.settings.sure_common:.2f} if sure); look at the picture, and give "
+            f"{'more' if hinted else 'three to five'} landmarks"
+        ]
+
+
 def part_evidence(own: Evidence, closed: tuple[Evidence, ...], agrees: bool) -> tuple[Evidence, ...]:
     """Weigh the evidence for the map of a part against that for the map with the holes closed.
 

@@ -12,7 +12,7 @@ from isomatch.correspondence import Embedding, PrecisePoints
 from isomatch.errors import DescriptorError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
-from isomatch.matching.judge import Evidence, Solution, part_contradicts
+from isomatch.matching.judge import CommonDoubt, Evidence, Solution, part_contradicts
 from isomatch.matching.quality import contradicted_landmarks, distances_to_hints, mean_known, mismatch_of
 from isomatch.matching.relations.both_regions import (
     AROUND,
@@ -34,7 +34,6 @@ from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
-N_REFINED = 10  # best regions that are refined; chosen on two parts of SHREC'16
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
 ROUNDS = (6, 0.05, True), (4, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
@@ -93,7 +92,11 @@ class BothParts(Relation):
     def _first_regions(self) -> list[CommonRegion]:
         """Regions grown from seeds, those of given maps, and those of starts handed in."""
         starts, pairs = starts_of(self), self.hints.initial_pairs
-        found = self._regions.best(N_REFINED) if any(isinstance(x, FromAnchors) for x in starts) else []
+        found = (
+            self._regions.best(self.pair.config.parts.n_common)
+            if any(isinstance(x, FromAnchors) for x in starts)
+            else []
+        )
         given = [(pairs, "initial map")] if len(pairs) else []
         if self.closed is not None:
             given.append((self.closed.pairs, self.closed.origin))
@@ -145,10 +148,10 @@ class BothParts(Relation):
         mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
         quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
-        ratio = np.inf if rival is None or rival.worth <= 0 else max(best.worth, 0.0) / rival.worth
+        doubt = CommonDoubt(best.score, rival.score if rival else 0.0, pair.config.parts)
         quality = replace(
             quality,
-            rival=ratio,
+            rival=doubt.rival,
             bend_misfit=bent.misfit,
             mismatch=mean_known(mismatch, pair.source.body.vertex_areas),
         )
@@ -164,14 +167,14 @@ class BothParts(Relation):
             *hints.notes,
             f"both shapes were matched as parts of one body: {share:.0%} of the source and {quality.coverage:.0%} of the "
             "target are in common",
+            *doubt.notes(len(hints.landmarks) > 0),
             *contradicted_landmarks(pair, points, hints),
         )
-        evidence = Evidence(partial=True)
         return Solution(
             pair,
             found,
             quality,
-            (evidence, Evidence(contradicted=contradicted)),
+            (doubt.evidence, Evidence(contradicted=contradicted)),
             np.where(found.matched, pair.source.lift_smooth(errors), np.nan),
             notes=notes,
             mismatch=None if mismatch is None else pair.source.lift(mismatch),
@@ -198,5 +201,5 @@ class BothParts(Relation):
 
 
 def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
-    """Put those worth most first."""
-    return sorted(regions, key=lambda region: -region.worth)
+    """Put those of the highest score first."""
+    return sorted(regions, key=lambda region: -region.score)

@@ -33,7 +33,6 @@ OFF, RIM = (
     0.04,
     0.02,
 )  # distances from the target, and from its boundary, up to which bent vertices count as in common
-ORIENTED, TWISTED = 0.45, 0.1  # orientation below which a map is twisted, and what it is worth then
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
@@ -97,12 +96,16 @@ class RefinedRegion:
 
     @property
     def worth(self) -> float:
-        """What the map is worth; one that turns the inside out, or is twisted, is worth little."""
+        """What the region is worth, see `CommonRegions.worth`."""
         if not len(self.rows):
             return 0.0
         images = self.image[self.regions.source.vertices[self.rows]]
-        worth = self.regions.worth(self.rows, images, self.mismatches)
-        return worth if self.fit.orientation > ORIENTED or worth < 0 else TWISTED * worth
+        return self.regions.worth(self.rows, images, self.mismatches)
+
+    @property
+    def score(self) -> float:
+        """How good the map is among others: its worth × orientation / misfit; 0 if it is worth nothing or mirrored."""
+        return max(self.worth, 0.0) * max(self.fit.orientation, 0.0) / self.fit.misfit
 
     def grown_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""

@@ -193,7 +193,9 @@ class CommonRegions:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
         for _ in range(rounds):
-            placed, accepted = self.placed(rows, columns, n, LED_ACCEPTED if len(source.landmarks) else ACCEPTED)
+            placed, accepted = self.placed(
+                rows, columns, n, LED_ACCEPTED if len(source.landmarks) else ACCEPTED
+            )
             if accepted.sum() < FEWEST_ACCEPTED:
                 return None
             rows = np.flatnonzero(accepted)[: FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS]
