@@ -71,7 +71,9 @@ def test_what_is_unknown_on_both_sides_is_no_contradiction(points):
 
 def test_points_are_placed_where_they_are(points):
     anchors = points[:6]
-    placed, costs = trilaterate_common(exactly(anchors, points), exactly(anchors, points), 0.15, IntervalCost())
+    placed, costs = trilaterate_common(
+        exactly(anchors, points), exactly(anchors, points), 0.15, IntervalCost()
+    )
     np.testing.assert_array_equal(placed, np.arange(60))
     np.testing.assert_allclose(costs, 0.0, atol=1e-6)
 

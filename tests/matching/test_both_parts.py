@@ -58,7 +58,9 @@ def test_labels_and_place_do_not_matter(parts, found):
     both = found.map.matched & again.map.matched
     assert both.sum() > 0.95 * (found.map.matched | again.map.matched).sum()
     prepared = prepare(turned)
-    images = (prepared.body_vertex[each] for each in (new[found.map.vertices[both]], again.map.vertices[both]))
+    images = (
+        prepared.body_vertex[each] for each in (new[found.map.vertices[both]], again.map.vertices[both])
+    )
     assert prepared.mean_distance(*images) < 0.02
 
 

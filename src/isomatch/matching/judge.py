@@ -245,19 +245,23 @@ class CommonDoubt:
         return self.score / self.other if self.other else np.inf
 
     @property
+    def sureness(self) -> float:
+        """The score × √(1 − 1 / rival): the score if no map comes near, down to 0 at a tie."""
+        return self.score * float(np.sqrt(max(1 - 1 / max(self.rival, NO_LEAD), 0.0)))
+
+    @property
     def evidence(self) -> Evidence:
         """A map must be good, and better than others."""
-        poor = self.score < self.settings.sure_common
-        return Evidence(ambiguous=not poor and self.rival < self.settings.tie_common, poor=poor, partial=True)
+        return Evidence(poor=self.sureness < self.settings.sure_common, partial=True)
 
     def notes(self, hinted: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
         if not self.evidence.poor:
             return []
         return [
-            f"the map is not sure, for what is in common is small, or looks different (score {self.score:.2f}, at least "
-            f"{self.settings.sure_common:.2f} if sure); look at the picture, and give "
-            f"{'more' if hinted else 'three to five'} landmarks"
+            "the map is not sure, for what is in common is small or looks different, or another map is nearly as good "
+            f"(sureness {self.sureness:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and "
+            f"give {'more' if hinted else 'three to five'} landmarks"
         ]
 
 
