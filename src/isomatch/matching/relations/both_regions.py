@@ -29,6 +29,7 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
+TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings are not in common
 OFF, RIM = (
     0.04,
     0.02,
@@ -110,13 +111,25 @@ class RefinedRegion:
     def grown_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""
         source, target = self.regions.source, self.regions.target
-        at_samples = np.where(self.matched, self.image, UNMATCHED)[source.vertices]
+        at_samples = np.full(len(source.vertices), UNMATCHED)
+        alike = self.rows[self.mismatches < TOO_UNLIKE]
+        at_samples[alike] = self.image[source.vertices[alike]]
         at_samples[: len(source.landmarks)] = target.landmarks
         rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
         columns = target.nearest_sample[at_samples[rows]]
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
         images = np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed])
         return replace(self.regions.region(images, accepted), origin=self.fit.origin)
+
+
+def alike(regions: CommonRegions, image: IntArray, matched: BoolArray) -> BoolArray:
+    """Which vertices of the source that are matched look like their images (n_source,), with what lies around them."""
+    source = regions.source
+    rows = np.flatnonzero(matched[source.vertices])
+    looks = np.zeros(len(source.vertices), dtype=bool)
+    looks[rows] = regions.mismatches(rows, image[source.vertices[rows]]) < TOO_UNLIKE
+    found: BoolArray = matched & looks[source.nearest_sample]
+    return found
 
 
 def overlaps(bent: BentPart) -> BoolArray:
