@@ -64,6 +64,6 @@ class PartSettings(Settings):
     little_trusted: float = setting(0.15, "docs/robustness.md: parts", least=0, most=1)
     clear: float = setting(2.0, "docs/robustness.md: parts", least=1)
     mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
-    n_common: int = setting(10, "docs/notes/two_parts.md", least=1)
+    n_common: int = setting(8, "docs/notes/two_parts.md", least=1)
     sure_common: float = setting(0.1, "docs/notes/two_parts.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)

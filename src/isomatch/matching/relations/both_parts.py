@@ -36,7 +36,7 @@ from isomatch.values.arrays import IntArray
 from isomatch.values.cached import cached_property
 
 # best refined regions that are grown again, cost of a sample up to which it joins, and whether it is refined roughly
-ROUNDS = (6, 0.05, True), (4, 0.045, False)
+ROUNDS = (4, 0.05, True), (2, 0.045, False)
 APART = 0.12  # mean distance of images, in √area of the target, from which two maps differ
 
 
