@@ -87,7 +87,7 @@ class RefinedRegion:
 
     @cached_property
     def mismatches(self) -> FloatArray:
-        """(q,) how differently the parts look around them, see `CommonRegions.mismatches`."""
+        """(q,) how differently the parts look around them, see `BothLooks.mismatches`."""
         return self.regions.mismatches(self.rows, self.image[self.regions.source.vertices[self.rows]])
 
     @property
@@ -97,11 +97,11 @@ class RefinedRegion:
 
     @property
     def worth(self) -> float:
-        """What the region is worth, see `CommonRegions.worth`."""
+        """What the region is worth, see `BothLooks.worth`."""
         if not len(self.rows):
             return 0.0
         images = self.image[self.regions.source.vertices[self.rows]]
-        return self.regions.worth(self.rows, images, self.mismatches)
+        return self.regions.worth(self.rows, images)
 
     @property
     def score(self) -> float:

@@ -13,12 +13,10 @@ from isomatch.correspondence import (
     pin_first,
     trilaterate_common,
 )
-from isomatch.descriptors import deviation_of
-from isomatch.matching.relations.both_side import BothSide
+from isomatch.matching.relations.both_looks import USUAL, BothLooks, signed_triangles
 from isomatch.matching.search import FromAnchors
 from isomatch.runtime.threads import parallel_map
-from isomatch.values.arrays import BoolArray, FloatArray, IntArray
-from isomatch.values.cached import cached_property
+from isomatch.values.arrays import BoolArray, IntArray
 
 # all chosen on two parts of SHREC'16, not one by one; docs/notes/two_parts.md
 N_ANCHORS, N_CANDIDATES = 56, 300  # samples of the source that grow regions, and of the target where they go
@@ -27,30 +25,19 @@ COST = IntervalCost(tolerance=0.1, inside=0.1, most=0.5, soft=0.15)
 NEAR, DEAREST = 0.2, 0.09  # see `grow_common_regions`
 WIDTH, VARIANTS_APART = 4, 0.12
 LIKELY_GAINS = 2.0, 0.5  # of an anchor that looks alike, against one whose distances agree
-NEUTRAL, PRIOR_RADII = 0.25, 1.5  # mismatch that says nothing, and the number of radii that it counts as
-NEUTRAL_AREA, MOST_AREA, PRIOR_AREAS = 0.15, 1.0, 2.0  # the same of the logarithms of areas
-LOOKS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
-
-UNLIKE, PRIOR = (
-    0.5,
-    0.5,
-)  # mismatch from which a region is worth nothing, and number of radii that it counts as
-AROUND = 0.12  # distance over which mismatches are averaged
-
-SURELY = 0.05  # distance from where nothing is shown, from which something surely is
-UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
-LEFT_OUT_COST, UNLIKE_COST = 0.2, 0.5  # of area that has no image but must, and of area × mismatch above 0.5
 
 FEWEST_GROWN = 5  # anchors of a region
 SAME_REGION, FEWEST_COMMON = 0.1, 3  # mean distance of images, and anchors in common, of regions that are one
-SAME_MAP, SAME_SHARE = (
-    0.05,
-    0.7,
-)  # mean distance of images, and share of samples in both, of maps that become one
+
+# mean distance of images, and share of samples in both, of maps that become one
+SAME_MAP, SAME_SHARE = 0.05, 0.7
+
 N_SCREENED = 400  # regions that are extended
 RANKS = (150, 1, 80), (300, 2, 30)  # samples to which they are extended, rounds, and how many remain
-LED_ACCEPTED = 0.12  # the first of them where landmarks lead, so that little is wrong
-ACCEPTED, ROUND_TRIP = 0.06, 0.12  # cost of a sample, and how far it may be from where it returns to
+
+# cost of a sample, also where landmarks lead, so that little is wrong; and how far it may be from where it returns to
+ACCEPTED, LED_ACCEPTED, ROUND_TRIP = 0.06, 0.12, 0.12
+
 EXTENSION_NEAR = 0.15  # see `trilaterate_common`
 FIRST_ANCHORS, NEXT_ANCHORS = 50, 90  # samples from which others are trilaterated once more
 FEWEST_ACCEPTED, FEWEST_SAMPLES = 8, 25  # samples of a region on the way, and in the end
@@ -68,7 +55,7 @@ class CommonRegion:
     accepted : (r,) array of bool
         Which samples are in the region.
     worth : float
-        See `CommonRegions.worth`.
+        See `BothLooks.worth`; while only some samples are placed, without what counts against it.
     orientation : float
         Mean sign of its small triangles.
     origin : str
@@ -82,7 +69,7 @@ class CommonRegion:
     origin: str
 
 
-class CommonRegions:
+class CommonRegions(BothLooks):
     """The search of regions that two parts have in common.
 
     Parameters
@@ -90,66 +77,6 @@ class CommonRegions:
     source, target : BothSide
         The parts.
     """
-
-    def __init__(self, source: BothSide, target: BothSide) -> None:
-        self.source, self.target = source, target
-
-    @cached_property
-    def _deviation(self) -> FloatArray:
-        return deviation_of(self.source.looks, self.target.looks)
-
-    @cached_property
-    def _around(self) -> FloatArray:
-        """(r, r) how much each sample of the source counts around each."""
-        source = self.source
-        around: FloatArray = np.exp(-((source.intervals.upper / AROUND) ** 2)) * source.areas
-        return around
-
-    def mismatches(self, rows: IntArray, images: IntArray) -> FloatArray:
-        """(q,) how differently the parts look around some samples of the source and their images, vertices of the target.
-
-        Means over near samples of the region, drawn to a neutral value where little is known.
-        """
-        here, there = self.source.looks.at(self.source.vertices[rows]), self.target.looks.at(images)
-        count = (here.known & there.known).sum(axis=1)
-        total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
-        around = self._around[np.ix_(rows, rows)]
-        mean: FloatArray = (around @ (total + UNLIKE * PRIOR)) / (around @ (count + PRIOR))
-        return mean
-
-    def worth(self, rows: IntArray, images: IntArray, mismatches: FloatArray) -> float:
-        """Sum area × (0.5 − mismatch) over the samples where that is above 0, less what speaks against the region.
-
-        Large regions that look alike are worth most, and what a map covers too much takes nothing away, unless both
-        parts must show it: a sample nearer to one of the region than the image of that is to the boundary of the target
-        has an image. What has none, or looks unlike, counts against the region; so does the same of the target.
-        """
-        source, target = self.source, self.target
-        alike = UNLIKE - mismatches
-        gained = source.areas[rows] @ np.maximum(alike, 0.0)
-        at = target.nearest_sample[images]
-        from_region, from_images = source.intervals.upper[:, rows], target.intervals.upper[:, at]
-        shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
-        showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
-        outside = np.ones(len(source.vertices), dtype=bool)
-        outside[rows] = False
-        left_out = source.areas[shown & outside].sum()
-        left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
-        unlike = source.areas[rows] @ (np.maximum(-alike, 0.0) * shown[rows])
-        return float(gained - LEFT_OUT_COST * left_out - UNLIKE_COST * unlike)
-
-    def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
-        here, there = (
-            self.source.looks.at(self.source.vertices[rows]),
-            self.target.looks.at(self.target.vertices[columns]),
-        )
-        looks = _drawn_to(*_summed(here, there, self._deviation), NEUTRAL, PRIOR_RADII)
-        values, known = zip(self.source.ball_areas, self.target.ball_areas)
-        both = known[0][rows][:, None] & known[1][columns][None]
-        apart = np.minimum(np.abs(values[0][rows][:, None] - values[1][columns][None]), MOST_AREA)
-        areas = _drawn_to((apart * both).sum(axis=2), both.sum(axis=2), NEUTRAL_AREA, PRIOR_AREAS)
-        return LOOKS_WEIGHT * looks + AREAS_WEIGHT * areas
 
     def grown(self) -> list[IntArray]:
         """Grow regions: for each that differs from those before, the candidates (m,) of the anchors, −1 for none."""
@@ -163,7 +90,7 @@ class CommonRegions:
         here, there = source.intervals.at(rows, rows), target.intervals.at(columns, columns)
         ranked = []
         for weight in LIKELY_GAINS:
-            unary = weight * (alone - NEUTRAL)
+            unary = weight * (alone - USUAL)
             if n := len(source.landmarks):
                 pin_first(unary, np.arange(n))
                 seeds = np.column_stack([np.arange(n)] * 2)
@@ -192,10 +119,9 @@ class CommonRegions:
     def _extended_from(self, start: tuple[IntArray, IntArray], n: int, rounds: int) -> CommonRegion | None:
         """Trilaterate the first n samples from some, with images among those of the target; None if few agree."""
         source, target, (rows, columns) = self.source, self.target, start
+        most = LED_ACCEPTED if len(source.landmarks) else ACCEPTED
         for _ in range(rounds):
-            placed, accepted = self.placed(
-                rows, columns, n, LED_ACCEPTED if len(source.landmarks) else ACCEPTED
-            )
+            placed, accepted = self.placed(rows, columns, n, most)
             if accepted.sum() < FEWEST_ACCEPTED:
                 return None
             rows = np.flatnonzero(accepted)[: FIRST_ANCHORS if n < len(source.vertices) else NEXT_ANCHORS]
@@ -222,10 +148,8 @@ class CommonRegions:
     def region(self, images: IntArray, accepted: BoolArray) -> CommonRegion:
         """Measure a region of the first samples (n,), by the images of all of them."""
         inside = np.flatnonzero(accepted)
-        mismatches = self.mismatches(inside, images[inside])
-        worth = float(self.source.areas[inside] @ np.maximum(UNLIKE - mismatches, 0.0))
-        if len(accepted) == len(self.source.vertices):
-            worth = self.worth(inside, images[inside], mismatches)
+        everywhere = len(accepted) == len(self.source.vertices)
+        worth = (self.worth if everywhere else self.gain)(inside, images[inside])
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
         origin = "landmarks" if len(self.source.landmarks) else FromAnchors.name
         return CommonRegion(images, accepted, worth, orientation, origin)
@@ -266,39 +190,3 @@ class CommonRegions:
         """Take the region where a map is known, by its images (n,) of the vertices of the source."""
         vertices = self.source.vertices
         return replace(self.region(image[vertices], known[vertices]), origin=origin)
-
-
-N_AROUND = 8  # samples around each whose triangles are compared
-
-
-def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images: IntArray) -> float:
-    """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
-    if len(rows) <= N_AROUND:
-        return 0.0
-    near = np.argsort(source.intervals.upper[np.ix_(rows, rows)], axis=1, kind="stable")[:, 1 : N_AROUND + 1]
-    i, j = np.triu_indices(N_AROUND, 1)
-    signs = []
-    for mesh, vertices in (
-        (source.shape.mesh_body, source.vertices[rows]),
-        (target.shape.mesh_body, images),
-    ):
-        points, normals = mesh.vertices[vertices], mesh.vertex_normals[vertices]
-        around = points[near] - points[:, None]
-        signs.append(np.einsum("akd,ad->ak", np.cross(around[:, i], around[:, j]), normals))
-    weights = np.abs(signs[0])
-    return float((np.sign(signs[0] * signs[1]) * weights).sum() / max(weights.sum(), 1e-12))
-
-
-def _summed(here, there, deviation: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Sum over the radii known at both of the halved mismatches of all pairs, and their number."""
-    known = here.known[:, None] & there.known[None]
-    total = np.zeros(known.shape[:2])
-    for j in range(known.shape[2]):
-        apart = np.abs(here.values[:, None, j] - there.values[None, :, j]) / deviation[j]
-        total += known[:, :, j] * np.minimum(apart, 2.0).mean(axis=2) / 2
-    return total, known.sum(axis=2)
-
-
-def _drawn_to(total: FloatArray, count: IntArray, neutral: float, prior: float) -> FloatArray:
-    drawn: FloatArray = (total + neutral * prior) / (count + prior)
-    return drawn
