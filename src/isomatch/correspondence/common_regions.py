@@ -22,6 +22,12 @@ class Intervals:
     ----------
     lower, upper : (m, n) array of float
         Least and greatest distances between m points and n points.
+
+    Examples
+    --------
+    >>> apart = np.array([[0.0, 2.0], [2.0, 0.0]])
+    >>> Intervals(0.5 * apart, apart).at(np.array([0]), np.array([1])).lower
+    array([[1.]])
     """
 
     lower: FloatArray
