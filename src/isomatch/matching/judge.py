@@ -231,12 +231,15 @@ class CommonDoubt:
         How good it is: the larger and the more alike what is in common, the better.
     other : float
         The same of the best map that differs; 0 if none does.
+    led : bool
+        Whether landmarks were given and hold, so that nothing else has to speak for it.
     settings : PartSettings
         The bounds.
     """
 
     score: float
     other: float
+    led: bool
     settings: PartSettings
 
     @property
@@ -251,8 +254,8 @@ class CommonDoubt:
 
     @property
     def evidence(self) -> Evidence:
-        """A map must be good, and better than others."""
-        return Evidence(poor=self.sureness < self.settings.sure_common, partial=True)
+        """A map must be good, and better than others, unless all landmarks hold."""
+        return Evidence(poor=not self.led and self.sureness < self.settings.sure_common, partial=True)
 
     def notes(self, hinted: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""

@@ -127,7 +127,8 @@ class BothParts(Relation):
         timer.start("parts")
         regions = self.match()
         best = regions[0]
-        rival = next((region for region in regions[1:] if self._differs(best, region)), None)
+        rivals = (each for each in regions[1:] if each.held >= best.held and self._differs(best, each))
+        rival = next(rivals, None)
         return self._summed_up(best, rival, timer)
 
     def _differs(self, best: RefinedRegion, other: RefinedRegion) -> bool:
@@ -150,7 +151,8 @@ class BothParts(Relation):
         mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
         quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
-        doubt = CommonDoubt(best.score, rival.score if rival else 0.0, pair.config.parts)
+        led = 0 < len(hints.landmarks) == best.held
+        doubt = CommonDoubt(best.score, rival.score if rival else 0.0, led, pair.config.parts)
         quality = replace(
             quality,
             rival=doubt.rival,
@@ -203,5 +205,5 @@ class BothParts(Relation):
 
 
 def _ranked(regions: list[RefinedRegion]) -> list[RefinedRegion]:
-    """Put those of the highest score first."""
-    return sorted(regions, key=lambda region: -region.score)
+    """Put those first that hold most landmarks, and of these those of the highest score."""
+    return sorted(regions, key=lambda region: (-region.held, -region.score))

@@ -29,6 +29,7 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
+HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
 TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings are not in common
 OFF, RIM = (
     0.04,
@@ -102,6 +103,13 @@ class RefinedRegion:
             return 0.0
         images = self.image[self.regions.source.vertices[self.rows]]
         return self.regions.worth(self.rows, images)
+
+    @cached_property
+    def held(self) -> int:
+        """Number of landmarks that the map sends near to where they are known to go."""
+        source, target = self.regions.source, self.regions.target
+        image = self.image[source.landmarks]
+        return int((target.shape.distance(image, target.landmarks)[image != UNMATCHED] < HELD).sum())
 
     @property
     def score(self) -> float:

@@ -171,7 +171,11 @@ class CommonRegions(BothLooks):
             ranked.sort(key=lambda each: -each[0].worth)
             starts = [start for _, start in ranked[:most]]
             regions = [region for region, _ in ranked]
-        return self._apart([region for region in regions if region.accepted.sum() >= FEWEST_SAMPLES])[:count]
+        large = [region for region in regions if region.accepted.sum() >= FEWEST_SAMPLES]
+        if len(marks) and not large:  # all that can be said is where the landmarks lead
+            placed, _ = self.placed(marks, marks, len(self.source.vertices), ACCEPTED)
+            large = [self.region(self.target.vertices[placed], np.ones(len(placed), dtype=bool))]
+        return self._apart(large)[:count]
 
     def _apart(self, regions: list[CommonRegion]) -> list[CommonRegion]:
         """Keep the first regions whose images differ."""
