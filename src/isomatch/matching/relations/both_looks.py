@@ -79,6 +79,8 @@ class BothLooks:
         region; so does what of the target must be an image.
         """
         source, target = self.source, self.target
+        if not len(rows):
+            return 0.0
         from_region = source.intervals.upper[:, rows]
         from_images = target.intervals.upper[:, target.nearest_sample[images]]
         shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY

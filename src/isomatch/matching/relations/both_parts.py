@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import cast
 
 import numpy as np
 
 from isomatch.correspondence import Embedding, PrecisePoints
-from isomatch.errors import DescriptorError, NotConvergedError
+from isomatch.errors import DescriptorError, MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import CommonDoubt, Evidence, Solution, part_contradicts
@@ -79,10 +80,12 @@ class BothParts(Relation):
         return [*regions, *_ranked(others)]
 
     def _refined(self, regions: list[CommonRegion], roughly: bool) -> list[RefinedRegion]:
-        refined = lambda region: refined_region(  # noqa: E731
-            self._regions, region, self.pair, self.hints, self.stages, roughly
-        )
-        return _ranked(parallel_map(refined, regions))
+        def refined(region: CommonRegion) -> RefinedRegion | None:
+            with suppress(MeshError):  # too small to be prepared
+                return refined_region(self._regions, region, self.pair, self.hints, self.stages, roughly)
+            return None
+
+        return _ranked([found for found in parallel_map(refined, regions) if found])
 
     @cached_property
     def _regions(self) -> CommonRegions:

@@ -35,6 +35,7 @@ OFF, RIM = (
     0.04,
     0.02,
 )  # distances from the target, and from its boundary, up to which bent vertices count as in common
+ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
 
@@ -99,8 +100,6 @@ class RefinedRegion:
     @property
     def worth(self) -> float:
         """What the region is worth, see `BothLooks.worth`."""
-        if not len(self.rows):
-            return 0.0
         images = self.image[self.regions.source.vertices[self.rows]]
         return self.regions.worth(self.rows, images)
 
@@ -120,8 +119,8 @@ class RefinedRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""
         source, target = self.regions.source, self.regions.target
         at_samples = np.full(len(source.vertices), UNMATCHED)
-        alike = self.rows[self.mismatches < TOO_UNLIKE]
-        at_samples[alike] = self.image[source.vertices[alike]]
+        known = self.rows[self.mismatches < TOO_UNLIKE]
+        at_samples[known] = self.image[source.vertices[known]]
         at_samples[: len(source.landmarks)] = target.landmarks
         rows = np.flatnonzero(at_samples != UNMATCHED)[:NEXT_ANCHORS]
         columns = target.nearest_sample[at_samples[rows]]
@@ -153,22 +152,28 @@ def overlaps(bent: BentPart) -> BoolArray:
 
 def rough(config: Config) -> Config:
     """Change settings so that a refinement takes less time, for regions that may be wrong."""
-    refining = replace(
-        config.refining,
-        sizes_without_positions=(20, 40, 70),
-        sizes_with_positions=(50, 75),
-        final_sizes=(100,),
-    )
-    parts = replace(config.parts, bending=config.parts.bending[::2], n_bent_vertices=600)
+    refining = config.refining
+    steps = refining.sizes_without_positions, refining.sizes_with_positions, refining.final_sizes
+    without, with_positions, final = (tuple(k for k in sizes if k <= ROUGH_FUNCTIONS) for sizes in steps)
+    if without or with_positions or final:
+        refining = replace(
+            refining,
+            sizes_without_positions=without,
+            sizes_with_positions=with_positions,
+            final_sizes=final,
+        )
     return replace(
         config,
-        n_columns=40,
-        rank=20,
-        n_functions=100,
-        n_search=300,
-        n_refine=500,
+        n_columns=min(config.n_columns, 40),
+        rank=min(config.rank, 20),
+        n_functions=min(config.n_functions, ROUGH_FUNCTIONS),
+        n_refine=min(config.n_refine, 500),
         refining=refining,
-        parts=parts,
+        parts=replace(
+            config.parts,
+            bending=config.parts.bending[::2],
+            n_bent_vertices=min(config.parts.n_bent_vertices, 600),
+        ),
     )
 
 
