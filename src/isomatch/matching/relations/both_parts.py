@@ -154,7 +154,7 @@ class BothParts(Relation):
         mismatch = mismatch_of(pair.source.balls, pair.target.balls, points.corners[:, 0], matched)
         side, other = self._regions.source, self._regions.target
         quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
-        led = 0 < len(hints.landmarks) == best.held
+        led = 0 < len(side.landmarks) == best.held
         doubt = CommonDoubt(best.score, rival.score if rival else 0.0, led, pair.config.parts)
         quality = replace(
             quality,

@@ -49,15 +49,12 @@ class RefinedRegion:
         The two parts.
     vertices : (m,) array of int
         Vertices of the source's body that the region consists of.
-    relation : Part
-        Of the region and the target.
     fit : PartFit
         Its map.
     """
 
     regions: CommonRegions
     vertices: IntArray
-    relation: Part
     fit: PartFit
 
     @cached_property
@@ -207,7 +204,7 @@ def refined_region(
     first = images[owner[vertices[part.sample_vertices[:N_ROUGH_VERTICES]]]]
     begun = relation.fits.begun(relation.fits.pair, first, region.origin)
     fit = relation.contest([begun])[0]
-    return RefinedRegion(regions, vertices, relation, cast(PartFit, fit))
+    return RefinedRegion(regions, vertices, cast(PartFit, fit))
 
 
 def _largest(shape: PreparedShape, kept: BoolArray) -> IntArray:

@@ -15,6 +15,7 @@ from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 N_SAMPLES = 600  # vertices of each part that are mapped; chosen, not measured
+MOST_LANDMARKS = 50  # that lead the search, of those given; all lead the refinement
 
 # lengths below are in the unit of both parts, about √area of the body that they are parts of
 
@@ -115,8 +116,9 @@ def two_sides(
     lengths = np.array([source.scale, target.scale])
     if same_area or lengths.max() > MOST_UNLIKE * lengths.min():
         lengths[:] = 1.0
+    first = landmarks[:MOST_LANDMARKS]
     units = lengths / (BODY * np.sqrt((lengths**2).mean()))
     return (
-        BothSide(source, float(units[0]), landmarks[:, 0]),
-        BothSide(target, float(units[1]), landmarks[:, 1]),
+        BothSide(source, float(units[0]), first[:, 0]),
+        BothSide(target, float(units[1]), first[:, 1]),
     )
