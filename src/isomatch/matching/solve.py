@@ -231,7 +231,8 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
     """Match two parts: as two patches of the same extent, with their holes closed, and as overlapping parts of a body.
 
-    The first of these maps that is sure is returned. If none is, it is that of overlapping parts, unless none was found.
+    The first of these maps that is sure is returned. If none is, an elastic one may be, unless the shapes fit better with
+    their holes closed; and if that is not, either, the map is that of overlapping parts.
     """
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
@@ -239,24 +240,25 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
     as_they_are = relation.summed_up(found, found.measured, timer)
     if as_they_are.outcome in SURE:
         return as_they_are
-    solution, closed = _with_holes_closed(relation, found, timer)
-    if solution.outcome in SURE:
-        return solution
-    with suppress(NotConvergedError):
-        return BothParts(closed).on(pair, hints, stages).solution(timer)
-    return solution
-
-
-def _with_holes_closed(
-    relation: Isometry, found: IsometricMatch, timer: StageTimer
-) -> tuple[Solution, ClosedMatch | None]:
-    """Match two parts with their holes closed; if that fits worse than as they are, they are summed up as they are."""
-    pair, hints = relation.pair, relation.hints
     timer.start("holes closed")
-    closed = match_closed(pair, hints, relation.stages, timer) if pair.config.parts.close else None
-    if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
-        return solve_complete(relation, found, timer), closed
+    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+    with_caps = None
+    if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
+        with_caps = _two_closed_parts(closed, timer)
+        if with_caps.outcome in SURE:
+            return with_caps
+    overlapping = None
+    with suppress(NotConvergedError):
+        overlapping = BothParts(closed).on(pair, hints, stages).solution(timer)
+        if with_caps or overlapping.outcome in SURE:
+            return overlapping
+    complete = with_caps or solve_complete(relation, found, timer)
+    return overlapping if overlapping and complete.outcome not in SURE else complete
+
+
+def _two_closed_parts(closed: ClosedMatch, timer: StageTimer) -> Solution:
+    """Sum up the match of two parts with their holes closed."""
     doubt, with_caps = closed.doubt, closed.solution(timer)
     evidence = closed_evidence(doubt.evidence, with_caps.evidence)
     note = "both shapes were matched with their holes closed"
-    return with_doubt(with_caps, evidence, doubt, note, len(hints.landmarks) > 0), closed
+    return with_doubt(with_caps, evidence, doubt, note, len(closed.hints.landmarks) > 0)
