@@ -325,7 +325,7 @@ def test_two_parts_that_caps_put_in_doubt_are_judged_without(doubted):
 
 @pytest.mark.long
 def test_two_parts_that_caps_put_in_doubt_may_stay_so(two_parts):
-    config = replace(STRICT, parts=PartSettings(poor_doubt=0.0))
+    config = replace(STRICT, parts=PartSettings(poor_doubt=0.0, sure_common=np.inf))
     assert match(*two_parts, config=config).outcome is Outcome.LOW_CONFIDENCE
 
 

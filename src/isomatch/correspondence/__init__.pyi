@@ -5,6 +5,7 @@ from isomatch.correspondence.alignment import (
     signed_procrustes,
 )
 from isomatch.correspondence.checked_map import UNMATCHED
+from isomatch.correspondence.common_regions import Intervals, grow_common_regions, trilaterate_common
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.functional_maps import (
     Embedding,
@@ -57,6 +58,7 @@ __all__ = [
     "Embedding",
     "FunctionalMap",
     "IntervalCost",
+    "Intervals",
     "PrecisePoints",
     "RigidRegistration",
     "SampledBasis",
@@ -71,6 +73,7 @@ __all__ = [
     "assign_points",
     "faces_around_vertices",
     "fit_functional_map",
+    "grow_common_regions",
     "grow_regions",
     "iterative_closest_points",
     "nearest_in_cells",
@@ -87,6 +90,7 @@ __all__ = [
     "signed_procrustes",
     "spectral_embedding",
     "trilaterate",
+    "trilaterate_common",
     "welded_map",
     "with_normals",
     "wrap",

@@ -11,6 +11,7 @@ from isomatch.matching.quality import COVERAGE_RADIUS, contradicted_landmarks, c
 from isomatch.matching.refinement_laws import check_refinement
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.regions import DoubtfulRegion
+from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.elastic import Elastic
 from isomatch.matching.relations.isometry import Isometry
 from isomatch.matching.relations.part import Part
@@ -24,6 +25,7 @@ __all__ = [
     "REFINEMENTS",
     "Alternative",
     "BothDirections",
+    "BothParts",
     "Candidate",
     "DoubtfulRegion",
     "Elastic",

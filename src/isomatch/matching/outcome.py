@@ -52,7 +52,8 @@ _ADVICE = {
         "is meant; or start = 'pose' if the shapes are roughly aligned in space."
     ),
     Outcome.PARTIAL: (
-        "One shape is a part of the other, or has further components; what has no counterpart is marked unmatched (−1). "
+        "One shape is a part of the other, both are parts of one body, or one has further components; what has no "
+        "counterpart is marked unmatched (−1). "
         "The notes say what is missing. Landmarks on two components make them partners."
     ),
     Outcome.CONVERGED: "The evidence agrees on one map.",

@@ -15,6 +15,7 @@ from isomatch.matching.judge import Evidence, Solution, closed_evidence, fits_ba
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import mean_known, mismatch_of
+from isomatch.matching.relations.both_parts import BothParts
 from isomatch.matching.relations.closed import (
     GIVEN,
     ClosedMatch,
@@ -32,6 +33,8 @@ from isomatch.shapes import crease_length, opened_shape
 
 # in √area, by which creases of shapes with touching limbs are longer; docs/notes/contacts.md
 MORE_CREASES = 1.0
+
+SURE = Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS
 
 
 def solve(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
@@ -230,18 +233,36 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, and if these fit badly, with their holes closed."""
+    """Match two parts: as two patches of the same extent, with their holes closed, and as overlapping parts of a body.
+
+    The first of these maps that is sure is returned. If none is, an elastic one may be, unless the shapes fit better with
+    their holes closed; and if that is not, either, the map is that of overlapping parts.
+    """
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
     timer.start("quality")
     as_they_are = relation.summed_up(found, found.measured, timer)
-    if as_they_are.outcome in (Outcome.CONVERGED, Outcome.PARTIAL, Outcome.SYMMETRY_AMBIGUOUS):
+    if as_they_are.outcome in SURE:
         return as_they_are
     timer.start("holes closed")
     closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
-    if closed is None or closed.found.selection.winner.misfit > found.selection.winner.misfit:
-        return solve_complete(relation, found, timer)
+    with_caps = None
+    if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
+        with_caps = _two_closed_parts(closed, timer)
+        if with_caps.outcome in SURE:
+            return with_caps
+    overlapping = None
+    with suppress(NotConvergedError):
+        overlapping = BothParts(closed).on(pair, hints, stages).solution(timer)
+        if with_caps or overlapping.outcome in SURE:
+            return overlapping
+    complete = with_caps or solve_complete(relation, found, timer)
+    return overlapping if overlapping and complete.outcome not in SURE else complete
+
+
+def _two_closed_parts(closed: ClosedMatch, timer: StageTimer) -> Solution:
+    """Sum up the match of two parts with their holes closed."""
     doubt, with_caps = closed.doubt, closed.solution(timer)
     evidence = closed_evidence(doubt.evidence, with_caps.evidence)
     note = "both shapes were matched with their holes closed"
-    return with_doubt(with_caps, evidence, doubt, note, len(hints.landmarks) > 0)
+    return with_doubt(with_caps, evidence, doubt, note, len(closed.hints.landmarks) > 0)

@@ -7,6 +7,7 @@ from isomatch.shapes.derived import (
     cut_shape,
     mirror_image,
     opened_shape,
+    region_of,
 )
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
@@ -36,4 +37,5 @@ __all__ = [
     "opened_shape",
     "orientation_of",
     "prepare",
+    "region_of",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from isomatch.errors import MeshError, NotConvergedError
 from isomatch.mending import Cut, capped, creases, cut_along, cut_contacts, ends_of
 from isomatch.runtime.stage_timer import StageTimer
+from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
@@ -109,6 +110,16 @@ def opened_shape(shape: PreparedShape, most: int) -> PreparedShape | None:
             notes=(*shape.notes, note),
         )
     return None
+
+
+def region_of(shape: PreparedShape, vertices: IntArray, config: Config) -> PreparedShape:
+    """Prepare a connected region of a body as a shape of its own; ``vertices`` (m,) are its vertices, increasing."""
+    inside = np.zeros(shape.body.n_vertices, dtype=bool)
+    inside[vertices] = True
+    mesh, _ = shape.mesh_body.submesh(inside)
+    config = replace(config, resolution="full")
+    made = prepared_body(mesh, sound_body(mesh), config, shape.seed, StageTimer())
+    return replace(made, scale=made.scale * shape.scale)
 
 
 @cached_method

@@ -146,6 +146,11 @@ class Bending:
         there, here = with_normals(bent.onto.mesh), places.interpolated(with_normals(bent.mesh))
         return bent.onto.index.vertices(there, here)
 
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Interpolate values (n_coarse,) at the lower resolution on the vertices of the shape."""
+        spread: FloatArray = self._coarse.on_coarse.interpolated(values[:, None])[:, 0]
+        return spread
+
     def _bent(
         self,
         registration: RigidRegistration,

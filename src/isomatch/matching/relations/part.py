@@ -16,6 +16,7 @@ from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
 from isomatch.matching.fit import Fit
+from isomatch.matching.hints import Hints
 from isomatch.matching.judge import Evidence, PartDoubt, Solution, part_contradicts, part_evidence
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair, SmoothPair
@@ -114,16 +115,16 @@ class Part(Relation):
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Refine maps of a part by functions of the whole that are pulled back to it."""
-        return parallel_map(lambda fit: self._fits.refined(cast(PartFit, fit)), fits)
+        return parallel_map(lambda fit: self.fits.refined(cast(PartFit, fit)), fits)
 
     def refined_again(self, fit: Fit) -> PartFit:
         """Take the last steps of the refinement again."""
-        return self._fits.refined_again(cast(PartFit, fit))
+        return self.fits.refined_again(cast(PartFit, fit))
 
     def measured(self, fit: Fit, image: IntArray) -> PartFit:
         """Measure a map: where it is judged, the part is bent by it, too."""
         self.require_images(image)
-        return self._fits.measured(cast(PartFit, fit).pair, image, fit.origin)
+        return self.fits.measured(cast(PartFit, fit).pair, image, fit.origin)
 
     def embedding(self, fit: Fit) -> Embedding:
         """Coordinates of all vertices of part and whole, with all functions."""
@@ -138,7 +139,7 @@ class Part(Relation):
         NotConvergedError
             If no map that keeps the orientation was found.
         """
-        config, settings, fits_of = self.pair.config, self.pair.config.parts, self._fits
+        config, settings, fits_of = self.pair.config, self.pair.config.parts, self.fits
         first_maps = self._first_maps()
         only_given = config.hypotheses == "given" and not starts_of(self)
         rough = [] if only_given else self._rough_fits(first_maps)
@@ -192,7 +193,7 @@ class Part(Relation):
 
     def _rough_fits(self, first_maps: list[tuple[PartPair, IntArray, str]]) -> list[PartFit]:
         """Refine starts and given maps roughly, and vary the best by maps of the whole onto itself; the best first."""
-        promise, fits_of, pair = attrgetter("promise"), self._fits, self._fits.pair
+        promise, fits_of, pair = attrgetter("promise"), self.fits, self.fits.pair
         # landmarks tell the sides
         onto_itself = [] if len(pair.landmarks) else self_maps(pair.whole, pair.config)
         fits: list[PartFit] = []
@@ -219,14 +220,15 @@ class Part(Relation):
             for pairs, name in first_maps_of(starts_of(self), self.pair)
         ]
         rough = self.source.sample_vertices[:N_ROUGH_VERTICES]
-        return [(self._fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
+        return [(self.fits.pair.in_unit_of(image), image[rough], origin) for image, origin in images]
 
     def _towards_whole(self, pairs: IntArray) -> IntArray:
         """Turn pairs (q, 2) of vertices of source and target into such of part and whole."""
         return pairs if self.side == "source" else pairs[:, ::-1]
 
     @cached_property
-    def _fits(self) -> PartFits:
+    def fits(self) -> PartFits:
+        """Refines maps of the part."""
         landmarks, known = self._towards_whole(self.hints.landmarks), self._from_part.known
         return PartFits(
             PartPair.of(self.source, self.target, self.pair.config, landmarks, known), self._hinted_image
@@ -268,7 +270,7 @@ class Part(Relation):
             image = self.closed.image_of(self.side)
             apart = self.target.mean_distance(best.image, image[best.refinement.vertices])
             agrees = apart <= APART
-            as_found = self._fits.measured(self._fits.pair.in_unit_of(image), image[self.vertices])
+            as_found = self.fits.measured(self.fits.pair.in_unit_of(image), image[self.vertices])
             ratio = self.weighed([best, as_found], [best.cost, as_found.cost], [True, False])[1] / best.cost
             returned = ratio < settings.closed_score
             if returned or (agrees and (doubt.evidence.poor or doubt.evidence.ambiguous)):
@@ -315,7 +317,7 @@ class Part(Relation):
         bent = self.bent(best)
         onto_whole, (onto_part, covered) = bent.points, bent.onto_part()
         errors, area = (
-            _expected_errors(best.pair, onto_whole),
+            expected_errors_of_part(best.pair, onto_whole),
             best.pair.meshes[1].vertex_areas[covered].sum(),
         )
         if self.side == "source":
@@ -363,41 +365,61 @@ class Part(Relation):
         points: PrecisePoints,
         matched: BoolArray,
     ) -> Quality:
-        pair, hints, best = self.pair, self.hints, selection.winner
-        source, target = pair.source, pair.target
-        image = points.corners[:, 0]
-        on_user = np.zeros(source.surface.n_vertices, dtype=bool)
-        on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
+        best = selection.winner
         unit = best.pair.unit if self.side == "source" else 1 / best.pair.unit
-        landmark_error, initial_map_error = np.nan, np.nan
-        if len(hints.landmarks):
-            landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
-        initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
-        if len(initial_pairs):
-            initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
-        return Quality(
-            misfit=best.misfit,
-            rival=selection.rival,
-            mirrored=np.inf,
-            residual=np.nan,
-            stretch=edge_stretch(
-                source.body,
-                image_positions(source.body, target.body, points),
-                pair.config.outcome.torn,
-                unit,
-                matched,
-            ),
-            orientation=best.orientation,
-            distortion_mean=np.nan,
-            distortion_p95=np.nan,
-            coverage=covered_share(target.body, image[matched], pair.config.outcome.coverage_radius),
-            matched=float(on_user.mean()),
-            landmark_error=landmark_error,
-            initial_map_error=initial_map_error,
-            stress=best.stress,
-            bend_misfit=bent.misfit,
-            doubt=doubt.doubt,
-        )
+        quality = quality_of_part(self.pair, self.hints, best, unit, points, matched)
+        return replace(quality, rival=selection.rival, bend_misfit=bent.misfit, doubt=doubt.doubt)
+
+
+def quality_of_part(
+    pair: ShapePair, hints: Hints, fit: PartFit, unit: float, points: PrecisePoints, matched: BoolArray
+) -> Quality:
+    """Measure a map in which a part takes part.
+
+    Parameters
+    ----------
+    pair, hints
+        The shapes, and what is known of the map.
+    fit : PartFit
+        The map of the part.
+    unit : float
+        What √area of the source is worth in √area of the target.
+    points : PrecisePoints
+        Images of the vertices of the source's body.
+    matched : (n_s,) array of bool
+        Which of them there are.
+    """
+    source, target = pair.source, pair.target
+    image = points.corners[:, 0]
+    on_user = np.zeros(source.surface.n_vertices, dtype=bool)
+    on_user[source.body_vertex >= 0] = matched[source.body_vertex[source.body_vertex >= 0]]
+    landmark_error, initial_map_error = np.nan, np.nan
+    if len(hints.landmarks):
+        landmark_error = float(distances_to_hints(pair, image, hints.landmarks).mean())
+    initial_pairs = hints.initial_pairs[matched[hints.initial_pairs[:, 0]]]
+    if len(initial_pairs):
+        initial_map_error = float(np.median(distances_to_hints(pair, image, initial_pairs)))
+    return Quality(
+        misfit=fit.misfit,
+        rival=np.inf,
+        mirrored=np.inf,
+        residual=np.nan,
+        stretch=edge_stretch(
+            source.body,
+            image_positions(source.body, target.body, points),
+            pair.config.outcome.torn,
+            unit,
+            matched,
+        ),
+        orientation=fit.orientation,
+        distortion_mean=np.nan,
+        distortion_p95=np.nan,
+        coverage=covered_share(target.body, image[matched], pair.config.outcome.coverage_radius),
+        matched=float(on_user.mean()),
+        landmark_error=landmark_error,
+        initial_map_error=initial_map_error,
+        stress=fit.stress,
+    )
 
 
 def _filled(part: PreparedShape, known: IntArray) -> IntArray:
@@ -409,7 +431,7 @@ def _filled(part: PreparedShape, known: IntArray) -> IntArray:
     return filled
 
 
-def _expected_errors(pair: PartPair, points: PrecisePoints) -> FloatArray:
+def expected_errors_of_part(pair: PartPair, points: PrecisePoints) -> FloatArray:
     """Estimate the errors (n_part,) of the images of the part, in √area of the whole."""
     smooth = SmoothPair(pair.part, pair.whole, pair.config)
     return pair.unit * expected_errors(smooth, points, unit=pair.unit)

@@ -11,7 +11,7 @@ from isomatch.matching.relations.bending import Bending, Bent, Held, Surrounding
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import PartRefinement
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, IntArray
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 ALL_FUNCTIONS = 10**6
@@ -75,6 +75,10 @@ class PartBending:
     def image(self, bent: BentPart, vertices: IntArray) -> IntArray:
         """Vertices of the whole nearest to some vertices (r,) of the part that is bent at the lower resolution."""
         return self._bending.images(bent, vertices)
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Interpolate values (n_coarse,) at the lower resolution on the vertices of the part."""
+        return self._bending.spread(values)
 
     def in_full(self, bent: BentPart, lengths: tuple[float, ...]) -> BentPart:
         """Bend the part in full, from where it lies at the lower resolution."""
