@@ -364,11 +364,11 @@ class Elastic(Relation):
         return self._beside(image, lying)
 
     def _known_before(self, fit: StretchedFit, image: IntArray) -> IntArray | None:
-        """Return images (r,) known before, where some are: of the initial map, or of an ordinary map that fits.
+        """Return images (r,) known before, if a map is the same in the large.
 
-        The ordinary map has to be the same in the large.
+        They are those of the initial map, and of the map elsewhere, or those of an ordinary map that fits.
         """
-        if fit.is_given:
+        if len(self.hints.initial_pairs) and fit.hint_error < SAME_MAP:
             return np.where(self._given >= 0, self._given, image)
         if self.ordinary is None or not self.ordinary_fits:
             return None
