@@ -158,6 +158,7 @@ def test_a_map_that_fits_and_keeps_lengths_stays_what_it_was(animals):
     assert "elastic match" not in without.timings
     np.testing.assert_array_equal(sought.map.vertices, without.map.vertices)
     assert sought.outcome is without.outcome
+    assert sought.notes == without.notes
 
 
 def test_canonical_coordinates_keep_distances(species):
