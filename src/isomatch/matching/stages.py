@@ -12,7 +12,7 @@ import numpy as np
 
 from isomatch.correspondence import Embedding, SpectralPair
 from isomatch.descriptors import deviation_of
-from isomatch.errors import SettingError
+from isomatch.errors import DescriptorError, SettingError
 from isomatch.matching.contest import weighed
 from isomatch.matching.fit import Fit
 from isomatch.matching.hints import Hints
@@ -229,6 +229,14 @@ class Relation(ABC):
             raise SettingError(
                 f"relation = {name}, but orientation = {orientation!r}, and this relation finds only maps that preserve "
                 "it; turn the faces of one shape inside out (faces[:, ::-1]) and leave orientation at 'preserve'"
+            )
+
+    def require_no_descriptors(self, shapes: str) -> None:
+        """Raise `DescriptorError` if descriptors were given: such ``shapes`` have no functions in common."""
+        if self.hints.functions[0].shape[1]:
+            raise DescriptorError(
+                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: {shapes} cannot "
+                "be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
             )
 
     def require_hints(self) -> None:

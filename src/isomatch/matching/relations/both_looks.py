@@ -69,7 +69,10 @@ class BothLooks:
 
         Large regions that look alike are worth most, and what a map covers too much takes nothing away.
         """
-        return float(self.source.areas[rows] @ np.maximum(UNLIKE - self.mismatches(rows, images), 0.0))
+        return self._gain(rows, self.mismatches(rows, images))
+
+    def _gain(self, rows: IntArray, mismatches: FloatArray) -> float:
+        return float(self.source.areas[rows] @ np.maximum(UNLIKE - mismatches, 0.0))
 
     def worth(self, rows: IntArray, images: IntArray) -> float:
         """Return the gain of a region, less what speaks against it.
@@ -89,9 +92,10 @@ class BothLooks:
         outside[rows] = False
         left_out = source.areas[shown & outside].sum()
         left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
-        unlike = np.maximum(self.mismatches(rows, images) - UNLIKE, 0.0) * shown[rows]
+        mismatches = self.mismatches(rows, images)
+        unlike = np.maximum(mismatches - UNLIKE, 0.0) * shown[rows]
         against = LEFT_OUT_COST * left_out + UNLIKE_COST * float(source.areas[rows] @ unlike)
-        return self.gain(rows, images) - float(against)
+        return self._gain(rows, mismatches) - float(against)
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from isomatch.correspondence import Embedding, PrecisePoints
-from isomatch.errors import DescriptorError, MeshError, NotConvergedError
+from isomatch.errors import MeshError, NotConvergedError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.fit import Fit
 from isomatch.matching.judge import CommonDoubt, Evidence, Solution, part_contradicts
@@ -122,11 +122,7 @@ class BothParts(Relation):
         """Find the map, and the evidence for it."""
         self.require_sides()
         self.require_hints()
-        if self.hints.functions[0].shape[1]:
-            raise DescriptorError(
-                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: two parts cannot "
-                "be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
-            )
+        self.require_no_descriptors("two parts")
         timer.start("parts")
         regions = self.match()
         best = regions[0]

@@ -31,10 +31,8 @@ from isomatch.values.cached import cached_property
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
 HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
 TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings are not in common
-OFF, RIM = (
-    0.04,
-    0.02,
-)  # distances from the target, and from its boundary, up to which bent vertices count as in common
+OFF = 0.04  # distance from the target up to which bent vertices count as in common
+RIM = 0.02  # the same from its boundary
 ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
 N_BENT_IN_FULL = 3  # last lengths with which the best region is bent in full
 
@@ -74,12 +72,6 @@ class RefinedRegion:
         return matched
 
     @cached_property
-    def area(self) -> float:
-        """Area in common, in the unit of both parts."""
-        source = self.regions.source
-        return float(source.unit**2 * source.shape.body.vertex_areas[self.matched].sum())
-
-    @cached_property
     def rows(self) -> IntArray:
         """(q,) samples of the source that are matched."""
         return np.flatnonzero(self.matched[self.regions.source.vertices])
@@ -89,12 +81,7 @@ class RefinedRegion:
         """(q,) how differently the parts look around them, see `BothLooks.mismatches`."""
         return self.regions.mismatches(self.rows, self.image[self.regions.source.vertices[self.rows]])
 
-    @property
-    def mismatch(self) -> float:
-        """Mean of these."""
-        return float(np.average(self.mismatches, weights=self.regions.source.areas[self.rows]))
-
-    @property
+    @cached_property
     def worth(self) -> float:
         """What the region is worth, see `BothLooks.worth`."""
         images = self.image[self.regions.source.vertices[self.rows]]

@@ -11,7 +11,7 @@ from typing import Literal, cast
 import numpy as np
 
 from isomatch.correspondence import Embedding, PrecisePoints, SampledBasis, SpectralPair
-from isomatch.errors import DescriptorError, NotConvergedError, SettingError
+from isomatch.errors import NotConvergedError, SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.confidence import expected_errors
 from isomatch.matching.contest import LANDMARK_SLACK, Rules, Selection, distances_between, distinct, select
@@ -252,11 +252,7 @@ class Part(Relation):
         """Find the map, and the evidence for it."""
         self.require_sides()
         self.require_hints()
-        if self.hints.functions[0].shape[1]:
-            raise DescriptorError(
-                f"initial descriptors were given, but relation = {type(self).__name__} cannot use them: a whole and its "
-                "part cannot be aligned by functions; give landmarks or an initial map instead, or leave the relation out"
-            )
+        self.require_no_descriptors("a whole and its part")
         timer.start("parts")
         selection = self.match()
         best, settings = selection.winner, self.pair.config.parts
