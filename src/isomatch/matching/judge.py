@@ -227,44 +227,31 @@ class CommonDoubt:
 
     Parameters
     ----------
-    score : float
-        How good it is: the larger and the more alike what is in common, the better.
-    other : float
-        The same of the best map that differs; 0 if none does.
+    alike : float
+        How much better they look alike there than at random, see `BothLooks.evidence`.
     led : bool
         Whether landmarks were given and hold, so that nothing else has to speak for it.
     settings : PartSettings
         The bounds.
     """
 
-    score: float
-    other: float
+    alike: float
     led: bool
     settings: PartSettings
 
     @property
-    def rival(self) -> float:
-        """How many times as good it is; inf if no other is any good."""
-        return self.score / self.other if self.other else np.inf
-
-    @property
-    def sureness(self) -> float:
-        """The score × √(1 − 1 / rival): the score if no map comes near, down to 0 at a tie."""
-        return self.score * float(np.sqrt(max(1 - 1 / max(self.rival, NO_LEAD), 0.0)))
-
-    @property
     def evidence(self) -> Evidence:
-        """A map must be good, and better than others, unless all landmarks hold."""
-        return Evidence(poor=not self.led and self.sureness < self.settings.sure_common, partial=True)
+        """What is in common must be large and look alike, unless all landmarks hold."""
+        return Evidence(poor=not self.led and self.alike < self.settings.sure_common, partial=True)
 
     def notes(self, hinted: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
         if not self.evidence.poor:
             return []
         return [
-            "the map is not sure, for what is in common is small or looks different, or another map is nearly as good "
-            f"(sureness {self.sureness:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and "
-            f"give {'more' if hinted else 'three to five'} landmarks"
+            "the map is not sure, for what is in common is small or looks different (evidence "
+            f"{self.alike:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
+            f"{'more' if hinted else 'three to five'} landmarks"
         ]
 
 

@@ -244,6 +244,11 @@ class MatchResult:
         """(n_source,) trust in each image: 1 for no expected error, ½ for one of 0.05 √area; nan where unmatched."""
         return 1 / (1 + self.expected_error / HALF_TRUSTED)
 
+    @property
+    def overlap(self) -> tuple[float, float]:
+        """Shares of both shapes that the map says they have in common: ``quality.matched`` and ``quality.coverage``."""
+        return self.quality.matched, self.quality.coverage
+
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
         """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
 

@@ -233,10 +233,10 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 
 
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
-    """Match two parts: as two patches of the same extent, with their holes closed, and as overlapping parts of a body.
+    """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with their holes closed.
 
-    The first of these maps that is sure is returned. If none is, an elastic one may be, unless the shapes fit better with
-    their holes closed; and if that is not, either, the map is that of overlapping parts.
+    The first of these maps that is sure is returned. If none is, and the shapes do not fit better with their holes closed,
+    an elastic one may be; otherwise the map is that of overlapping parts.
     """
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
@@ -244,19 +244,17 @@ def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: Stage
     as_they_are = relation.summed_up(found, found.measured, timer)
     if as_they_are.outcome in SURE:
         return as_they_are
-    timer.start("holes closed")
-    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
-    with_caps = None
-    if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
-        with_caps = _two_closed_parts(closed, timer)
-        if with_caps.outcome in SURE:
-            return with_caps
     overlapping = None
     with suppress(NotConvergedError):
-        overlapping = BothParts(closed).on(pair, hints, stages).solution(timer)
-        if with_caps or overlapping.outcome in SURE:
+        overlapping = BothParts().on(pair, hints, stages).solution(timer)
+        if overlapping.outcome in SURE:
             return overlapping
-    complete = with_caps or solve_complete(relation, found, timer)
+    timer.start("holes closed")
+    closed = match_closed(pair, hints, stages, timer) if pair.config.parts.close else None
+    if closed and closed.found.selection.winner.misfit <= found.selection.winner.misfit:
+        with_caps = _two_closed_parts(closed, timer)
+        return with_caps if with_caps.outcome in SURE or overlapping is None else overlapping
+    complete = solve_complete(relation, found, timer)
     return overlapping if overlapping and complete.outcome not in SURE else complete
 
 

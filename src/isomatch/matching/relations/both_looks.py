@@ -17,14 +17,13 @@ LOOKS_WEIGHT, AREAS_WEIGHT = 0.6, 0.5
 MOST_MISMATCH = 2.0  # standard deviations from which values differ as much as any two
 
 AROUND = 0.12  # distance over which mismatches are averaged
-UNLIKE, PRIOR = (
-    0.5,
-    0.5,
-)  # mismatch from which a region is worth nothing, and number of radii that it counts as
+N_ALIKE = 3  # samples of the target that always look as alike as any
+BY_CHANCE = 1.2  # mean of −log of the ranks of images up to which they may be at random; uniform ranks have 1
+NEUTRAL, PRIOR = 0.5, 0.5  # mismatch where nothing is known, and number of radii that it counts as
 
 SURELY = 0.05  # distance from where nothing is shown, from which something surely is
 UNCOVERED = 0.08  # distance from all images from which a sample of the target has none
-LEFT_OUT_COST, UNLIKE_COST = 0.2, 0.5  # of area that has no image but must, and of area × mismatch above 0.5
+LEFT_OUT_COST = 1.0  # of area that has no image but must, in evidence
 
 N_AROUND = 8  # samples around each whose triangles are compared
 
@@ -61,25 +60,35 @@ class BothLooks:
         count = (here.known & there.known).sum(axis=1)
         total = np.nan_to_num(here.mismatch(there, self._deviation)) * count
         around = self._around[np.ix_(rows, rows)]
-        mean: FloatArray = (around @ (total + UNLIKE * PRIOR)) / (around @ (count + PRIOR))
+        mean: FloatArray = (around @ (total + NEUTRAL * PRIOR)) / (around @ (count + PRIOR))
         return mean
 
-    def gain(self, rows: IntArray, images: IntArray) -> float:
-        """Sum area × (0.5 − mismatch) over the samples of a region where that is above 0.
+    @cached_property
+    def _surprise(self) -> FloatArray:
+        """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
+        here, there = self.source.looks.at(self.source.vertices), self.target.looks.at(self.target.vertices)
+        apart = _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+        rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
+        surprise: FloatArray = -np.log((rank + N_ALIKE) / apart.shape[1])
+        return surprise
 
-        Large regions that look alike are worth most, and what a map covers too much takes nothing away.
+    def evidence(self, rows: IntArray, images: IntArray) -> float:
+        """Sum area × how much better images look than at random, over the samples of a region where that is above 0.
+
+        What everything looks like is no evidence, and shapes of two kinds, which look unlike everywhere, are judged as
+        those of one.
         """
-        return self._gain(rows, self.mismatches(rows, images))
-
-    def _gain(self, rows: IntArray, mismatches: FloatArray) -> float:
-        return float(self.source.areas[rows] @ np.maximum(UNLIKE - mismatches, 0.0))
+        surprise = self._surprise[rows, self.target.nearest_sample[images]]
+        around = self._around[np.ix_(rows, rows)]
+        mean = around @ surprise / around.sum(axis=1)
+        return float(self.source.areas[rows] @ np.maximum(mean - BY_CHANCE, 0.0))
 
     def worth(self, rows: IntArray, images: IntArray) -> float:
-        """Return the gain of a region, less what speaks against it.
+        """Return the evidence for a region, less what speaks against it.
 
         Two parts of one body show the same where both reach: a sample that is nearer to one of the region than the image
-        of that is to the boundary of the target must have an image. What has none, or looks unlike, counts against the
-        region; so does what of the target must be an image.
+        of that is to the boundary of the target must have an image. What has none counts against the region; so does what
+        of the target must be an image.
         """
         source, target = self.source, self.target
         if not len(rows):
@@ -88,14 +97,10 @@ class BothLooks:
         from_images = target.intervals.upper[:, target.nearest_sample[images]]
         shown = (target.to_boundary[images] - from_region).max(axis=1) > SURELY
         showing = (source.to_boundary[source.vertices[rows]] - from_images).max(axis=1) > SURELY
-        outside = np.ones(len(source.vertices), dtype=bool)
-        outside[rows] = False
-        left_out = source.areas[shown & outside].sum()
+        shown[rows] = False
+        left_out = source.areas[shown].sum()
         left_out += target.areas[showing & (from_images.min(axis=1) > UNCOVERED)].sum()
-        mismatches = self.mismatches(rows, images)
-        unlike = np.maximum(mismatches - UNLIKE, 0.0) * shown[rows]
-        against = LEFT_OUT_COST * left_out + UNLIKE_COST * float(source.areas[rows] @ unlike)
-        return self._gain(rows, mismatches) - float(against)
+        return self.evidence(rows, images) - LEFT_OUT_COST * float(left_out)
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
@@ -115,7 +120,9 @@ def signed_triangles(source: BothSide, rows: IntArray, target: BothSide, images:
     """Mean sign of the small triangles of samples: 1 if their images are wound alike, −1 if they are mirrored."""
     if len(rows) <= N_AROUND:
         return 0.0
-    near = np.argsort(source.intervals.upper[np.ix_(rows, rows)], axis=1, kind="stable")[:, 1 : N_AROUND + 1]
+    apart = source.intervals.upper[np.ix_(rows, rows)]
+    np.fill_diagonal(apart, np.inf)
+    near = np.argpartition(apart, N_AROUND - 1, axis=1)[:, :N_AROUND]
     i, j = np.triu_indices(N_AROUND, 1)
     signs = []
     for mesh, vertices in (

@@ -25,7 +25,6 @@ from isomatch.matching.relations.both_regions import (
 )
 from isomatch.matching.relations.both_seeds import CommonRegion, CommonRegions
 from isomatch.matching.relations.both_side import two_sides
-from isomatch.matching.relations.closed import ClosedMatch
 from isomatch.matching.relations.part import Part, expected_errors_of_part, quality_of_part
 from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.search import FromAnchors, starts_of
@@ -44,20 +43,12 @@ APART = 0.12  # mean distance of images, in √area of the target, from which tw
 class BothParts(Relation):
     """Two shapes show overlapping parts of one body: some vertices of the source have an image, the others none.
 
-    Parameters
-    ----------
-    closed : ClosedMatch, optional
-        The match with the holes closed, whose map contends, too.
-
     Notes
     -----
     A distance on the body lies in an interval on both sides, and a point may have no partner. Regions in common are
     grown from seeds; each is refined as a part of the target, as by `Part`. Of two maps, that of the larger region is
     better, unless the parts look different there.
     """
-
-    def __init__(self, closed: ClosedMatch | None = None) -> None:
-        self.closed = closed
 
     def match(self) -> list[RefinedRegion]:
         """Search and refine regions in common: those refined to the end, the best first, then those on the way.
@@ -102,8 +93,6 @@ class BothParts(Relation):
             else []
         )
         given = [(pairs, "initial map")] if len(pairs) else []
-        if self.closed is not None:
-            given.append((self.closed.pairs, self.closed.origin))
         if self.pair.config.start == "pose":
             everything = np.arange(self.source.body.n_vertices)
             images = nearest_in_pose(self.pair.source, self.pair.target, everything)
@@ -151,10 +140,10 @@ class BothParts(Relation):
         side, other = self._regions.source, self._regions.target
         quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
         led = 0 < len(side.landmarks) == best.held
-        doubt = CommonDoubt(best.score, rival.score if rival else 0.0, led, pair.config.parts)
+        doubt = CommonDoubt(best.evidence, led, pair.config.parts)
         quality = replace(
             quality,
-            rival=doubt.rival,
+            rival=best.score / rival.score if rival and rival.score else np.inf,
             bend_misfit=bent.misfit,
             mismatch=mean_known(mismatch, pair.source.body.vertex_areas),
         )

@@ -79,13 +79,21 @@ class RefinedRegion:
     @cached_property
     def mismatches(self) -> FloatArray:
         """(q,) how differently the parts look around them, see `BothLooks.mismatches`."""
-        return self.regions.mismatches(self.rows, self.image[self.regions.source.vertices[self.rows]])
+        return self.regions.mismatches(self.rows, self._images)
+
+    @property
+    def _images(self) -> IntArray:
+        return self.image[self.regions.source.vertices[self.rows]]
+
+    @cached_property
+    def evidence(self) -> float:
+        """How much the parts look alike there, see `BothLooks.evidence`."""
+        return self.regions.evidence(self.rows, self._images)
 
     @cached_property
     def worth(self) -> float:
         """What the region is worth, see `BothLooks.worth`."""
-        images = self.image[self.regions.source.vertices[self.rows]]
-        return self.regions.worth(self.rows, images)
+        return self.regions.worth(self.rows, self._images)
 
     @cached_property
     def held(self) -> int:
@@ -96,8 +104,8 @@ class RefinedRegion:
 
     @property
     def score(self) -> float:
-        """How good the map is among others: its worth × orientation / misfit; 0 if it is worth nothing or mirrored."""
-        return max(self.worth, 0.0) * max(self.fit.orientation, 0.0) / self.fit.misfit
+        """How good the map is among others: its worth × orientation; 0 if it is worth nothing or mirrored."""
+        return max(self.worth, 0.0) * max(self.fit.orientation, 0.0)
 
     def grown_again(self, most: float) -> CommonRegion:
         """Extend the region from where its samples lie, to those that cost at most so much."""

@@ -149,7 +149,7 @@ class CommonRegions(BothLooks):
         """Measure a region of the first samples (n,), by the images of all of them."""
         inside = np.flatnonzero(accepted)
         everywhere = len(accepted) == len(self.source.vertices)
-        worth = (self.worth if everywhere else self.gain)(inside, images[inside])
+        worth = (self.worth if everywhere else self.evidence)(inside, images[inside])
         orientation = signed_triangles(self.source, inside, self.target, images[inside])
         origin = "landmarks" if len(self.source.landmarks) else FromAnchors.name
         return CommonRegion(images, accepted, worth, orientation, origin)
