@@ -235,8 +235,8 @@ def _elastic(relation: Isometry, found: IsometricMatch) -> Elastic:
 def _solve_two_parts(pair: ShapePair, hints: Hints, stages: Stages, timer: StageTimer) -> Solution:
     """Match two parts: as two patches of the same extent, as overlapping parts of a body, and with their holes closed.
 
-    The first of these maps that is sure is returned. If none is, and the shapes do not fit better with their holes closed,
-    an elastic one may be; otherwise the map is that of overlapping parts.
+    The first of these maps that is sure is returned. If none is, and the shapes fit no better with their holes closed, an
+    elastic one may be; otherwise the map is that of overlapping parts.
     """
     relation = Isometry().on(pair, hints, stages)
     found = relation.match(timer)
