@@ -25,7 +25,7 @@ LEVELS = {  # of damage; pair i suffers level i, and its source and target take 
     "view": (1,),
     "two views": (2,),
 }
-BOTH = {"cut": 0.25, "holes": 0.2}  # damage to both shapes
+BOTH = {"cut": 0.25, "holes": 0.2, "view": 1}  # damage to both shapes
 REAL = {"faust_r": 6, "tosca_iso_r": 6, "scape": 3}  # pairs drawn from sets of real shapes
 CREATURES = 5
 COLUMNS = [
