@@ -227,22 +227,22 @@ class CommonDoubt:
 
     Parameters
     ----------
-    alike : float
-        How much better they look alike there than at random, see `BothLooks.evidence`.
+    worth : float
+        How much better they look alike there than at random, less what speaks against it; see `BothLooks.worth`.
     led : bool
         Whether landmarks were given and hold, so that nothing else has to speak for it.
     settings : PartSettings
         The bounds.
     """
 
-    alike: float
+    worth: float
     led: bool
     settings: PartSettings
 
     @property
     def evidence(self) -> Evidence:
         """What is in common must be large and look alike, unless all landmarks hold."""
-        return Evidence(poor=not self.led and self.alike < self.settings.sure_common, partial=True)
+        return Evidence(poor=not self.led and self.worth < self.settings.sure_common, partial=True)
 
     def notes(self, hinted: bool) -> list[str]:
         """Say why a map is not sure, and what to do."""
@@ -250,7 +250,7 @@ class CommonDoubt:
             return []
         return [
             "the map is not sure, for what is in common is small or looks different (evidence "
-            f"{self.alike:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
+            f"{self.worth:.2f}, at least {self.settings.sure_common:.2f} if sure); look at the picture, and give "
             f"{'more' if hinted else 'three to five'} landmarks"
         ]
 

@@ -42,7 +42,7 @@ class PartSettings(Settings):
     n_common : int
         Of two overlapping parts of one body: regions in common that are refined, the likeliest ones.
     sure_common : float
-        How much better the best of them must look than at random for it to be sure; see `CommonDoubt`.
+        How much more alike than at random the parts must look in the best of them for it to be sure; see `CommonDoubt`.
     tie : float
         Score of a rival, against the map returned, below which nothing decides between them.
     """
@@ -65,5 +65,5 @@ class PartSettings(Settings):
     clear: float = setting(2.0, "docs/robustness.md: parts", least=1)
     mismatch_weight: float = setting(6.0, "docs/notes/ball_signature.md", least=0)
     n_common: int = setting(8, "docs/notes/two_parts.md", least=1)
-    sure_common: float = setting(0.45, "docs/notes/two_parts.md", least=0)
+    sure_common: float = setting(0.5, "docs/notes/two_parts.md", least=0)
     tie: float = setting(1.2, "chosen on cuts and holes, not one by one", least=1)

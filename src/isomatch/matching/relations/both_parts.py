@@ -140,7 +140,7 @@ class BothParts(Relation):
         side, other = self._regions.source, self._regions.target
         quality = quality_of_part(pair, hints, fit, side.unit / other.unit, points, matched)
         led = 0 < len(side.landmarks) == best.held
-        doubt = CommonDoubt(best.evidence, led, pair.config.parts)
+        doubt = CommonDoubt(best.worth, led, pair.config.parts)
         quality = replace(
             quality,
             rival=best.score / rival.score if rival and rival.score else np.inf,

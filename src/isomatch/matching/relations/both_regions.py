@@ -86,11 +86,6 @@ class RefinedRegion:
         return self.image[self.regions.source.vertices[self.rows]]
 
     @cached_property
-    def evidence(self) -> float:
-        """How much the parts look alike there, see `BothLooks.evidence`."""
-        return self.regions.evidence(self.rows, self._images)
-
-    @cached_property
     def worth(self) -> float:
         """What the region is worth, see `BothLooks.worth`."""
         return self.regions.worth(self.rows, self._images)
