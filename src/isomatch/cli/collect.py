@@ -38,6 +38,7 @@ def run(
     executor: str = "local",
     shard: str = "1/1",
     reflect: str | None = None,
+    units: str | None = None,
     time_limit: float | None = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     reports: Reports = "doubtful",
@@ -68,6 +69,10 @@ def run(
         Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right ones;
         none; or their names, separated by commas, or a file with a name on each line. By default as before, at first
         none.
+    units : str
+        Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are brought to
+        that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one unit. By
+        default as before.
     time_limit : float
         Seconds after which nothing new is begun.
     agree : bool
@@ -93,11 +98,14 @@ def run(
         config=read_config(config) or isomatch.Config(),
         seed=seed,
         reflect=_names_of(reflect),
+        units=_units_of(units),
     )
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*told(event))
+            if event.what == "misfit":
+                complain(f"{event.name} {event.record['reason']}")
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
@@ -249,6 +257,14 @@ def _names_of(reflect: str | None) -> str | list[str] | None:
         return []
     names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
     return [name for each in names if (name := each.strip())]
+
+
+def _units_of(units: str | None) -> dict[str, str] | None:
+    """Read what ``--units`` says."""
+    if units is None or units == "none":
+        return None if units is None else {}
+    given = [each.strip().rpartition("=") for each in units.split(",")]
+    return {name.strip() or "*": unit.strip() for name, _, unit in given}
 
 
 def _until(end: float | None) -> float | None:

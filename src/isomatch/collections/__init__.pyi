@@ -1,4 +1,5 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of
+from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
@@ -12,6 +13,7 @@ from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry
 from isomatch.collections.states import state_of
 from isomatch.collections.tables import write_table
+from isomatch.collections.units import scales_of
 
 __all__ = [
     "Agreement",
@@ -19,6 +21,7 @@ __all__ = [
     "Entry",
     "Event",
     "Layout",
+    "Misfit",
     "PairMaps",
     "Rows",
     "agree",
@@ -27,6 +30,8 @@ __all__ = [
     "export",
     "finish",
     "mirror_images",
+    "misfits",
+    "scales_of",
     "state_of",
     "surfaces_written",
     "write_reports",

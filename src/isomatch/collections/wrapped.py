@@ -36,11 +36,18 @@ class PlannedSurface(NamedTuple):
         The pair with the template; None for the template itself.
     key : str
         Identifies the map, and with it the surface.
+    scale : float
+        What its positions are multiplied by, so that they are in the units of the others.
     """
 
     entry: Entry
     pair: Pair | None
     key: str
+    scale: float = 1.0
+
+    def scaled(self, factor: float) -> PlannedSurface:
+        """Return the same surface with positions multiplied by a factor."""
+        return self if factor == 1 else self._replace(scale=factor, key=f"{self.key} × {factor:.6g}")
 
 
 @dataclass(frozen=True)
@@ -65,6 +72,7 @@ class WrapJob:
     def _line(self, plan: PlannedSurface) -> Record:
         name = plan.entry.name
         line = {"name": name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        line |= {"scale": plan.scale if plan.scale != 1 else ""}
         try:
             template, mesh = (
                 _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
@@ -82,6 +90,7 @@ class WrapJob:
                     measure: getattr(wrapped, measure)
                     for measure in ("inverted_before", "inverted", "extended")
                 }
+            mesh = mesh.moved(plan.scale * mesh.vertices)
             write_mesh(self.layout.corresponded(name), mesh)
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:

@@ -1,4 +1,4 @@
-from isomatch.statistics.doubts import Doubt, doubtful_shapes
+from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
 from isomatch.statistics.left_right import left_right_map
@@ -12,8 +12,10 @@ from isomatch.statistics.procrustes import (
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import ScoredShape, ShapeModel
 from isomatch.statistics.shapes import CorrespondedShapes, read_shapes
+from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
 
 __all__ = [
+    "METRES",
     "CorrespondedShapes",
     "Doubt",
     "GroupTest",
@@ -23,6 +25,7 @@ __all__ = [
     "ShapeModel",
     "classical_scaling",
     "compactness",
+    "doubtful_positions",
     "doubtful_shapes",
     "draw_embedding",
     "draw_modes",
@@ -34,10 +37,13 @@ __all__ = [
     "geodesic_distortions",
     "group_test",
     "left_right_map",
+    "likely_units",
     "procrustes_distances",
     "read_shapes",
     "shape_tree",
+    "size_factors",
     "specificity",
+    "told_factor",
     "write_shapeworks",
     "write_statismo",
 ]
