@@ -197,7 +197,7 @@ def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
     assert main(argv) == 0
     said = capsys.readouterr()
     assert said.out == ""
-    assert re.search(r"s002 is \d+ times as large as the others; it may be in other units", said.err)
+    assert re.search(r"s002 is \d+ times as large as the others: in mm, if they are in m", said.err)
     assert "s003 fits the others better as its mirror image" in said.err
     record = json.loads((tmp_path / "out" / "statistics.json").read_text())
     assert [(each["kind"], each["names"]) for each in record["doubts"]] == [

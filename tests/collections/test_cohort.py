@@ -4,15 +4,17 @@ import json
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from isomatch import InputError, Mesh, read_mesh, write_mesh
+from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
-from isomatch.collections import Collection, Rows, finish, misfits, scales_of
+from isomatch.collections import Collection, Rows, export, finish, misfits, scales_of
 from isomatch.collections.likeness import alike_shapes, likeness_of
+from isomatch.correspondence import UNMATCHED
 from isomatch.statistics import ShapeModel, read_shapes
 from isomatch.surfaces import reflected
 from shapes import box, disguised
@@ -271,3 +273,25 @@ def alike(**surfaces):
     return alike_shapes(
         {name: {"hash": mesh.content_hash, **likeness_of(mesh)} for name, mesh in surfaces.items()}
     )
+
+
+def test_what_a_specimen_lacks_is_missing_in_its_surface(plain, tmp_path):
+    collection = Collection.open(shutil.copytree(plain.folder, tmp_path / "out"))
+    maps = collection.maps("good0", "good3")
+    there = maps.there
+    vertices = np.where(np.arange(len(there.vertices)) < 20, UNMATCHED, there.vertices)
+    hashes = there.source_hash, there.target_hash
+    partial = Correspondence(vertices, there.n_target, there.faces, there.barycentric, *hashes)
+    replace(maps, there=partial).save(collection.layout.maps(("good0", "good3")))
+    collection.layout.corresponded("good3").unlink()
+    assert finished(collection) == ["good3"]
+    shapes = read_shapes(collection.folder)
+    assert [int((~row).sum()) for row in shapes.measured] == [0, 0, 0, 20, 0, 0]
+    assert not shapes.measured[3, :20].any()
+    list(export(collection, tmp_path / "exported", ".vtp", None))
+    kept = read_asset(tmp_path / "exported" / "meshes" / "good3.vtp").attribute("measured")
+    assert np.array_equal(kept.values.astype(bool), shapes.measured[3])
+    argv = ["statistics", str(collection.folder), "-o", str(tmp_path / "statistics"), "--json"]
+    assert main(argv) == 0
+    seen = read_asset(tmp_path / "statistics" / "variance.ply").attribute("measured").values
+    assert seen.tolist() == [5.0] * 20 + [6.0] * 142

@@ -82,9 +82,16 @@ def statistics(
         tell("model", 0.1)
         if mirror is not None:
             shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
+        share = shapes.area_weights if weights == "area" else None
+        shapes = shape_statistics.filled(shapes, share, scale)
+        missing = _missing(shapes)
+        notes += [
+            f"{name}: {lacks:.1%} of the vertices were not measured, and count as the mean of the others"
+            for name, lacks in missing.items()
+        ]
         model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
-        tested = _tested(model, labels, test, seed) if groups else None
+        tested = _tested(model, shapes, labels, test, seed) if groups else None
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
@@ -92,11 +99,10 @@ def statistics(
         geodesic = shape_statistics.geodesic_distortions(
             shapes, progress=lambda name: tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes))
         )
-        share = shapes.area_weights if weights == "area" else None
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         tell("writing", 0.6)
         into.clear()
-        into.model(model, modes)
+        into.model(model, shapes, modes)
         into.quality(model, seed)
         if scored:
             into.scored(scored)
@@ -109,6 +115,7 @@ def statistics(
             "folder": str(folder),
             "shapes": list(model.names),
             "left_out": list(shapes.left_out),
+            "missing": missing,
             "scale": scale,
             "weights": weights,
             "mirror": mirror,
@@ -176,13 +183,23 @@ def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
 
 def _tested(
     model: shape_statistics.ShapeModel,
+    shapes: shape_statistics.CorrespondedShapes,
     labels: dict[str, str],
     method: Literal["permutation", "parametric"],
     seed: int,
 ) -> shape_statistics.GroupTest:
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed)
+    known = None if shapes.measured is None else shapes.measured[rows]
+    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
+
+
+def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
+    """Share of the vertices that each shape lacks, of those that lack any."""
+    if shapes.measured is None:
+        return {}
+    lacks = (~shapes.measured).mean(axis=1).tolist()
+    return {name: share for name, share in zip(shapes.names, lacks) if share}
 
 
 def _summary(

@@ -21,6 +21,7 @@ from isomatch.values.arrays import FloatArray
 
 RECORD = "statistics.json"
 DEVIATIONS = 2
+GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
 
 
@@ -68,12 +69,14 @@ class StatisticsFolder:
         self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours."""
-        rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
+        rgb = np.nan_to_num(view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 
-    def model(self, model: shape_statistics.ShapeModel, n_modes: int) -> None:
+    def model(
+        self, model: shape_statistics.ShapeModel, shapes: shape_statistics.CorrespondedShapes, n_modes: int
+    ) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
         write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
@@ -94,9 +97,12 @@ class StatisticsFolder:
                     )
                 ),
             )
-        deviations = np.sqrt(model.vertex_variances)
-        values = {"variance": model.vertex_variances, "standard_deviation": deviations}
-        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.quantile(deviations, 0.995)))
+        variances = shape_statistics.measured_variances(model.aligned, shapes)
+        deviations = np.sqrt(variances)
+        values = {"variance": variances, "standard_deviation": deviations}
+        if shapes.measured is not None:
+            values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
+        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.nanquantile(deviations, 0.995)))
         label = "standard deviation, in units of the shapes"
         shape_statistics.draw_values(self.path("variance.png"), model.mesh(), deviations, label)
 

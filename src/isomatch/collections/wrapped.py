@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch.assets import mesh_from, write_mesh
+from isomatch.assets import Asset, Attribute, mesh_from, write_asset
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import PairMaps, Record, as_matched
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import IsomatchError
+from isomatch.statistics import MEASURED
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
@@ -77,6 +78,7 @@ class WrapJob:
             template, mesh = (
                 _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
             )
+            marks: list[Attribute] = []
             if plan.pair is None:
                 template = mesh = reflected(mesh) if plan.entry.reflected else mesh
             else:
@@ -84,6 +86,8 @@ class WrapJob:
                 there = maps.there if plan.pair[0] == self.template.name else maps.back
                 turned = self.template.reflected, plan.entry.reflected
                 there, template, mesh = as_matched(there, template, mesh, turned)
+                if not there.matched.all():
+                    marks = [Attribute(MEASURED, "point", "label", there.matched.astype(np.uint8))]
                 wrapped = wrap(there, template, mesh)
                 mesh = wrapped.mesh
                 line |= {
@@ -91,7 +95,7 @@ class WrapJob:
                     for measure in ("inverted_before", "inverted", "extended")
                 }
             mesh = mesh.moved(plan.scale * mesh.vertices)
-            write_mesh(self.layout.corresponded(name), mesh)
+            write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
             line["error"] = f"{type(error).__name__}: {error}"

@@ -2,6 +2,7 @@ from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shape
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
 from isomatch.statistics.left_right import left_right_map
+from isomatch.statistics.missing import filled, measured_variances
 from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
 from isomatch.statistics.pictures import draw_embedding, draw_modes, draw_quality, draw_tree, draw_values
 from isomatch.statistics.procrustes import (
@@ -11,10 +12,11 @@ from isomatch.statistics.procrustes import (
 )
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import ScoredShape, ShapeModel
-from isomatch.statistics.shapes import CorrespondedShapes, read_shapes
+from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_shapes
 from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
 
 __all__ = [
+    "MEASURED",
     "METRES",
     "CorrespondedShapes",
     "Doubt",
@@ -32,12 +34,14 @@ __all__ = [
     "draw_quality",
     "draw_tree",
     "draw_values",
+    "filled",
     "generalisation",
     "generalised_procrustes",
     "geodesic_distortions",
     "group_test",
     "left_right_map",
     "likely_units",
+    "measured_variances",
     "procrustes_distances",
     "read_shapes",
     "shape_tree",

@@ -86,11 +86,11 @@ def draw_values(path: str | Path, mesh: Mesh, values: FloatArray, label: str) ->
     mesh : Mesh
         The surface.
     values : (n,) array of float
-        The values.
+        The values; nan is drawn grey.
     label : str
         What they are, with their unit.
     """
-    highest = float(np.quantile(values, 0.995)) or 1.0
+    highest = float(np.nanquantile(values, 0.995)) or 1.0
     front = camera_of(mesh)
     paint = colour_scale(RISING, 0.0, highest)
     images = [
