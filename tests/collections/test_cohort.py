@@ -113,7 +113,7 @@ def test_what_can_be_told_is_told_before_anything_is_matched(troubled):
     told = {event.name: event.record["reason"] for event in troubled.events if event.what == "misfit"}
     assert set(told) == {"twin", "same", "hole", "millimetres", "reflection"}
     assert re.fullmatch(
-        r"is \d+ times as large as the others: in mm, if they are in m\? \(--units millimetres=UNIT\)",
+        r"is \d+ times as large as the others: in mm, if they are in m\? \(--units millimetres=mm\)",
         told["millimetres"],
     )
     assert told["twin"] == "is the same shape as good1; take one of them out"

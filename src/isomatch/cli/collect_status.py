@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 from isomatch import collections
 from isomatch.cli.terminal import Talk, say, say_table
 
 
-def tell_status(collection: collections.Collection, talk: Talk, *, is_answer: bool = False) -> None:
-    """Tell how far a collection is, in words or as JSON."""
+def tell_status(
+    collection: collections.Collection,
+    talk: Talk,
+    landmarks: Mapping[str, Any] | None = None,
+    *,
+    is_answer: bool = False,
+) -> None:
+    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried."""
     status = status_of(collection)
+    if landmarks:
+        status["landmarks"] = landmarks
     talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
 
 

@@ -3,7 +3,7 @@ from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
-from isomatch.collections.landmarks import collected_landmarks
+from isomatch.collections.landmarks import LeftOut, collected_landmarks, landmarks_left_out
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
@@ -21,6 +21,7 @@ __all__ = [
     "Entry",
     "Event",
     "Layout",
+    "LeftOut",
     "Misfit",
     "PairMaps",
     "Rows",
@@ -29,6 +30,7 @@ __all__ = [
     "collected_landmarks",
     "export",
     "finish",
+    "landmarks_left_out",
     "mirror_images",
     "misfits",
     "scales_of",

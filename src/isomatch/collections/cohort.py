@@ -13,7 +13,7 @@ from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.plan import Plan
 from isomatch.collections.units import common_unit, scales_of
 from isomatch.mending import check, without_seams
-from isomatch.statistics import size_factors, told_factor
+from isomatch.statistics import likely_units, size_factors, told_factor
 from isomatch.storage.files import read_csv
 from isomatch.surfaces import Mesh
 
@@ -87,7 +87,10 @@ def misfits(collection: Plan, rows: Rows) -> list[Misfit]:
         found.append(Misfit("twice", alike.name, f"is {how} {alike.other}{larger}; take one of them out"))
     found += [Misfit("mirrored", name, reason) for name, reason in mirrored.items()]
     found += _with_holes(Rows(done))
-    found += [Misfit("unlike", name, reason) for name, reason in _unlike(collection) if name in done]
+    unlike = dict(_unlike(collection))
+    found += [
+        Misfit("unlike", name, reason) for name, reason in unlike.items() if name in done.keys() - mirrored
+    ]
     return found
 
 
@@ -104,7 +107,8 @@ def _in_other_units(collection: Plan, rows: Rows) -> Iterator[Misfit]:
         if is_unclear and name in given:
             remedy = f"is said to be in {collection.units[name]}, which fits no unit of the others; give theirs, too"
         elif factor != 1:
-            remedy = f"{told_factor(factor)} (--units {name}=UNIT)"
+            units = likely_units(factor)
+            remedy = f"{told_factor(factor)} (--units {name}={units[0] if units else 'UNIT'})"
         else:
             continue
         yield Misfit("units", name, remedy)

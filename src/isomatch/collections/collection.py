@@ -217,8 +217,7 @@ class Collection(Plan):
         """
         path = self.layout.maps((source, target))
         if not path.exists():
-            turned = PairMaps.load(self.layout.maps((target, source)))
-            return PairMaps(turned.back, turned.there, turned.record)
+            return PairMaps.load(self.layout.maps((target, source))).turned
         return PairMaps.load(path)
 
     def run(

@@ -133,6 +133,8 @@ def _removed(collection: Collection, kept: set[str], lines: dict[str, Any]) -> b
     for name in gone:
         for file in (layout.corresponded(name), layout.thumbnail(name)):
             file.unlink(missing_ok=True)
+        if name not in collection.names:
+            (layout.landmarks / f"{name}.mrk.json").unlink(missing_ok=True)
     for pair in everything.pairs:
         if not set(pair) <= set(collection.names):
             layout.report(pair).unlink(missing_ok=True)

@@ -154,7 +154,7 @@ class Job:
             and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
             and _unsureness(earlier.record) <= _unsureness(maps.record)
         ):
-            maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
+            maps = replace(earlier, record={**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record
 
@@ -188,7 +188,7 @@ class Job:
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
-        return PairMaps(matches.there.map, matches.back.map, record)
+        return PairMaps.of(*matches, record)
 
 
 def _summary(result: MatchResult) -> Record:
