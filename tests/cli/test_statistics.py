@@ -14,6 +14,8 @@ from isomatch.cli.group_table import read_groups
 from isomatch.statistics import ShapeModel
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 
 def write(folder, shapes):
     folder.mkdir()
@@ -204,3 +206,48 @@ def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
         ("units", ["s002"]),
         ("mirrored", ["s003"]),
     ]
+
+
+def test_sizes_scores_and_what_size_describes(tmp_path, capsys):
+    """Shapes that grow taller as they grow larger."""
+    base = random_shapes(9, spread=0.02)
+    factors = np.linspace(1, 2, 9)
+    taller = (
+        base.vertices * factors[:, None, None] * np.stack([np.ones(9), np.ones(9), factors**0.5], -1)[:, None]
+    )
+    folder = write(tmp_path / "shapes", moved(base.moved(taller)))
+    groups = tmp_path / "groups.csv"
+    groups.write_text("name,group\n" + "".join(f"s00{i},{'ab'[i // 4]}\n" for i in range(8)))
+    out = tmp_path / "out"
+    argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--seed", "3"]
+    assert main([*argv, "--pictures", "svg"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    record = json.loads((out / "statistics.json").read_text())
+    assert record["allometry"]["r_squared"] > 0.8
+    assert (record["allometry"]["p_value"], record["allometry"]["seed"]) == (1 / 5000, 3)
+    assert "size describes 8" in said
+    assert "p = 0.0002 (4999 permutations, seed 3)" in said
+    assert "the groups describe" in said
+    table = rows(out / "sizes.csv")
+    sizes = np.array([float(row["centroid_size"]) for row in table])
+    assert (np.diff(sizes) > 0).all()
+    np.testing.assert_allclose([float(row["log_centroid_size"]) for row in table], np.log(sizes))
+    assert (np.diff([float(row["regression_score"]) for row in table]) > 0).all()
+    small, large = (isomatch.read_mesh(out / f"allometry_{end}.ply") for end in ("smallest", "largest"))
+    heights = [np.sort(np.ptp(mesh.vertices - mesh.vertices.mean(axis=0), axis=0)) for mesh in (small, large)]
+    assert heights[1][0] / heights[1][2] > 1.1 * heights[0][0] / heights[0][2]
+    assert not list(out.glob("*.png"))
+    assert {"scores", "modes", "variance", "groups", "allometry"} <= {path.stem for path in out.glob("*.svg")}
+
+
+def test_without_sizes_that_differ_nothing_is_regressed(tmp_path, capsys):
+    folder = write(tmp_path / "shapes", ellipsoids([1.0, 1.0, 1.0]))
+    assert main(["statistics", str(folder), "-o", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "note: shape was not regressed on size: the variables do not vary" in said
+    assert not (tmp_path / "out" / "allometry.png").exists()
+    assert len(rows(tmp_path / "out" / "sizes.csv")) == 3
+
+
+def test_an_unknown_format_of_pictures(folder, tmp_path):
+    assert main(["statistics", str(folder), "-o", str(tmp_path / "out"), "--pictures", "gif"]) == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 import isomatch
@@ -15,6 +16,7 @@ from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_table
 from isomatch.errors import IsomatchError
 from isomatch.storage.files import read_csv
+from isomatch.values.arrays import FloatArray
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
@@ -31,6 +33,7 @@ def statistics(
     test: Literal["permutation", "parametric"] = "permutation",
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
+    pictures: shape_statistics.PictureFormat = "png",
     seed: int = 0,
     force: bool = False,
     talk: Talk = TALK,
@@ -59,6 +62,8 @@ def statistics(
         Further meshes in the same topology, to be described by the modes.
     mirror : str
         Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as a map.
+    pictures : str
+        png (default): with 300 dots per inch. pdf or svg: charts as lines.
     seed : int
         Seed of all draws.
     force : bool
@@ -68,7 +73,7 @@ def statistics(
     """
     if modes < 0:
         raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
-    into = StatisticsFolder(output)
+    into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force):
         tell("reading", 0.0)
         shapes = shape_statistics.read_shapes(folder)
@@ -92,6 +97,10 @@ def statistics(
         model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         tested = _tested(model, shapes, labels, test, seed) if groups else None
+        groups_of = [labels.get(name, "") for name in model.names] if groups else None
+        sizes = shape_statistics.centroid_sizes(shapes.vertices, share)
+        allometry, why_not = _allometry(shapes, sizes, share, seed)
+        notes += why_not
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
@@ -102,13 +111,14 @@ def statistics(
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         tell("writing", 0.6)
         into.clear()
-        into.model(model, shapes, modes)
+        into.model(model, shapes, modes, groups_of)
+        into.sizes(shapes, sizes, allometry, groups_of)
         into.quality(model, seed)
         if scored:
             into.scored(scored)
         if tested:
             into.groups(model.mesh(), tested)
-        into.distances(shapes, geodesic, procrustes, labels)
+        into.distances(shapes, geodesic, procrustes, groups_of)
         notes += into.exports(shapes, model)
         record = {
             "isomatch": isomatch.__version__,
@@ -124,7 +134,8 @@ def statistics(
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
             "scored": {name: each.error for name, each in scored.items()},
-            "groups": _summary(tested, model, test) if tested else None,
+            "allometry": _regressed(allometry) if allometry else None,
+            "groups": _summary(tested, model, labels, test, seed) if tested else None,
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
@@ -194,6 +205,25 @@ def _tested(
     return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
 
 
+def _allometry(
+    shapes: shape_statistics.CorrespondedShapes,
+    sizes: FloatArray,
+    weights: FloatArray | None,
+    seed: int,
+) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
+    """Regress shape, without size, on the logarithm of size; or say why not."""
+    try:
+        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
+        return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
+    except IsomatchError as error:
+        return None, [f"shape was not regressed on size: {error}"]
+
+
+def _regressed(regression: shape_statistics.ShapeRegression) -> dict[str, Any]:
+    values = ("r_squared", "p_value", "n_permutations", "seed")
+    return {name: getattr(regression, name) for name in values}
+
+
 def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
     """Share of the vertices that each shape lacks, of those that lack any."""
     if shapes.measured is None:
@@ -203,9 +233,17 @@ def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
 
 
 def _summary(
-    test: shape_statistics.GroupTest, model: shape_statistics.ShapeModel, method: str
+    test: shape_statistics.GroupTest,
+    model: shape_statistics.ShapeModel,
+    labels: dict[str, str],
+    method: str,
+    seed: int,
 ) -> dict[str, Any]:
+    rows = [i for i, name in enumerate(model.names) if name in labels]
+    is_second = np.array([labels[model.names[i]] == test.groups[1] for i in rows], dtype=np.float64)
+    whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
     return {
+        **_regressed(whole),
         "names": list(test.groups),
         "counts": list(test.counts),
         "test": method,
@@ -213,6 +251,13 @@ def _summary(
         "least_p_value": float(test.p_values.min()),
         "least_q_value": float(test.q_values.min()),
     }
+
+
+def _told(regression: dict[str, Any]) -> str:
+    return (
+        f"{regression['r_squared']:.1%} of the variance of shape, p = {regression['p_value']:.4g} "
+        f"({regression['n_permutations']} permutations, seed {regression['seed']})"
+    )
 
 
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
@@ -231,5 +276,8 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
         first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
         share = tested["significant_share_of_area"]
         say(f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
+        say(f"the groups describe {_told(tested)}")
+    if record["allometry"]:
+        say(f"size describes {_told(record['allometry'])}")
     for note in record["notes"]:
         say(f"note: {note}")

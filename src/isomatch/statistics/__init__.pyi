@@ -1,18 +1,28 @@
+from isomatch.statistics.charts import (
+    PictureFormat,
+    draw_embedding,
+    draw_quality,
+    draw_regression,
+    draw_scores,
+    draw_tree,
+)
 from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
 from isomatch.statistics.left_right import left_right_map
 from isomatch.statistics.missing import filled, measured_variances
 from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
-from isomatch.statistics.pictures import draw_embedding, draw_modes, draw_quality, draw_tree, draw_values
+from isomatch.statistics.pictures import draw_modes, draw_values
 from isomatch.statistics.procrustes import (
     ProcrustesAlignment,
     generalised_procrustes,
     procrustes_distances,
 )
+from isomatch.statistics.regression import ShapeRegression, shape_regression
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import ScoredShape, ShapeModel
 from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_shapes
+from isomatch.statistics.sizes import centroid_sizes
 from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
 
 __all__ = [
@@ -22,9 +32,12 @@ __all__ = [
     "Doubt",
     "GroupTest",
     "ModelCurve",
+    "PictureFormat",
     "ProcrustesAlignment",
     "ScoredShape",
     "ShapeModel",
+    "ShapeRegression",
+    "centroid_sizes",
     "classical_scaling",
     "compactness",
     "doubtful_positions",
@@ -32,6 +45,8 @@ __all__ = [
     "draw_embedding",
     "draw_modes",
     "draw_quality",
+    "draw_regression",
+    "draw_scores",
     "draw_tree",
     "draw_values",
     "filled",
@@ -44,6 +59,7 @@ __all__ = [
     "measured_variances",
     "procrustes_distances",
     "read_shapes",
+    "shape_regression",
     "shape_tree",
     "size_factors",
     "specificity",
