@@ -79,6 +79,11 @@ def test_everything(folder, tmp_path, capsys):
     seen = isomatch.read_asset(out / "variance.ply")
     np.testing.assert_allclose(seen.attribute("variance").values, model.vertex_variances, rtol=1e-6)
 
+    page = (out / "index.html").read_text()
+    shown = set(re.findall(r'<img src="([^"]*)"', page))
+    assert shown == {path.name for path in out.glob("*.png")}
+    assert all(sentence in page for sentence in ("left out: odd", "a (4) and b (3) differ on"))
+
     assert main(argv) == 1
     assert "already exists" in complaint(capsys)
     assert main(["statistics", str(folder), "-o", str(out), "--modes", "1", "--force", "--json"]) == 0
@@ -109,6 +114,11 @@ def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
     assert "1 mode of 4 shapes" in said
     assert "note: e01 may be matched wrongly: LOW_CONFIDENCE" in said
     assert "e00 may" not in said
+    assert "common to all shapes is" in said
+    table = rows(tmp_path / "out" / "asymmetry.csv")
+    assert [row["name"] for row in table] == ["e00", "e01"]
+    assert max(float(row["asymmetry"]) for row in table) < 1e-6
+    assert (tmp_path / "out" / "asymmetry.png").exists()
 
 
 def test_bad_input(folder, tmp_path, capsys):

@@ -101,6 +101,7 @@ def statistics(
         sizes = shape_statistics.centroid_sizes(shapes.vertices, share)
         allometry, why_not = _allometry(shapes, sizes, share, seed)
         notes += why_not
+        turned = _asymmetry(model, seed) if mirror is not None else None
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
@@ -114,6 +115,8 @@ def statistics(
         into.model(model, shapes, modes, groups_of)
         into.sizes(shapes, sizes, allometry, groups_of)
         into.quality(model, seed)
+        if turned:
+            into.asymmetry(model, turned)
         if scored:
             into.scored(scored)
         if tested:
@@ -134,11 +137,13 @@ def statistics(
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
             "scored": {name: each.error for name, each in scored.items()},
-            "allometry": _regressed(allometry) if allometry else None,
+            "allometry": _of_test(allometry, "r_squared") if allometry else None,
+            "asymmetry": _of_test(turned, "share") if turned else None,
             "groups": _summary(tested, model, labels, test, seed) if tested else None,
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
+        into.page(record, _lines(record))
         into.finish(record)
         tell("done", 1.0)
 
@@ -219,9 +224,16 @@ def _allometry(
         return None, [f"shape was not regressed on size: {error}"]
 
 
-def _regressed(regression: shape_statistics.ShapeRegression) -> dict[str, Any]:
-    values = ("r_squared", "p_value", "n_permutations", "seed")
-    return {name: getattr(regression, name) for name in values}
+def _asymmetry(model: shape_statistics.ShapeModel, seed: int) -> shape_statistics.Asymmetry | None:
+    """Compare the shapes of a model, its first half, with their mirror images; of one shape there is no test."""
+    aligned, m = model.aligned, len(model.names) // 2
+    return shape_statistics.asymmetry(aligned[:m], aligned[m:], model.weights, seed=seed) if m > 1 else None
+
+
+def _of_test(
+    test: shape_statistics.ShapeRegression | shape_statistics.Asymmetry, share: str
+) -> dict[str, Any]:
+    return {name: getattr(test, name) for name in (share, "p_value", "n_permutations", "seed")}
 
 
 def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
@@ -243,7 +255,7 @@ def _summary(
     is_second = np.array([labels[model.names[i]] == test.groups[1] for i in rows], dtype=np.float64)
     whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
     return {
-        **_regressed(whole),
+        **_of_test(whole, "r_squared"),
         "names": list(test.groups),
         "counts": list(test.counts),
         "test": method,
@@ -253,11 +265,28 @@ def _summary(
     }
 
 
-def _told(regression: dict[str, Any]) -> str:
+def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of shape") -> str:
     return (
-        f"{regression['r_squared']:.1%} of the variance of shape, p = {regression['p_value']:.4g} "
-        f"({regression['n_permutations']} permutations, seed {regression['seed']})"
+        f"{test[share]:.1%} of the {of}, p = {test['p_value']:.4g} ({test['n_permutations']} permutations, seed "
+        f"{test['seed']})"
     )
+
+
+def _lines(record: dict[str, Any]) -> list[str]:
+    """Say what was found, one sentence each."""
+    lines = [f"{name}: error {error:.4g}" for name, error in record["scored"].items()]
+    if tested := record["groups"]:
+        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
+        share = tested["significant_share_of_area"]
+        lines += [
+            f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %",
+            f"the groups describe {_told(tested)}",
+        ]
+    if record["allometry"]:
+        lines.append(f"size describes {_told(record['allometry'])}")
+    if record["asymmetry"]:
+        lines.append(f"common to all shapes is {_told(record['asymmetry'], 'share', 'asymmetry')}")
+    return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
@@ -270,14 +299,5 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
             (f"mode {i + 1}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
         )
     say_table(rows)
-    for name, error in record["scored"].items():
-        say(f"{name}: error {error:.4g}")
-    if tested := record["groups"]:
-        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
-        share = tested["significant_share_of_area"]
-        say(f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
-        say(f"the groups describe {_told(tested)}")
-    if record["allometry"]:
-        say(f"size describes {_told(record['allometry'])}")
-    for note in record["notes"]:
-        say(f"note: {note}")
+    for line in _lines(record):
+        say(line)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
+from isomatch.cli.statistics_page import page_of
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.storage.files import claimed, made_folder, write_csv, write_text
@@ -174,6 +176,19 @@ class StatisticsFolder:
             moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
             write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
 
+    def asymmetry(self, model: shape_statistics.ShapeModel, found: shape_statistics.Asymmetry) -> None:
+        """Write how far the shapes are from their mirror images, which follow them in the model."""
+        rows = zip(model.names, found.amounts.tolist(), found.fluctuating.tolist())
+        self.table(
+            "asymmetry.csv",
+            ({"name": name, "asymmetry": all_, "fluctuating": own} for name, all_, own in rows),
+        )
+        length = np.linalg.norm(found.directional, axis=1)
+        highest = float(np.quantile(length, 0.995))
+        self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
+        label = "asymmetry common to all shapes, in their units"
+        shape_statistics.draw_values(self.picture("asymmetry"), model.mesh(), length, label)
+
     def distances(self, shapes: shape_statistics.CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray,
                   groups: list[str] | None) -> None:  # fmt: skip
         """Write the distances between shapes, their tree and their places."""
@@ -223,6 +238,12 @@ class StatisticsFolder:
             return [f"model.h5 for Scalismo is not written: {error}"]
         self.written.append("model.h5")
         return []
+
+    def page(self, record: Mapping[str, Any], told: Sequence[str]) -> None:
+        """Write the page with all pictures, and what the command tells."""
+        pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
+        text = page_of(self.folder.resolve().name, record, told, pictures, self.written)
+        write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:
         """Write ``statistics.json`` last: where it exists, the other files are complete."""

@@ -66,7 +66,8 @@ def finish(
     template = collection.chosen_template(rows)
     lines = _lines_of_table(collection)
     plans = [] if template is None else _planned(collection, rows, template)
-    is_changed = _removed(collection, {plan.entry.name for plan in plans}, lines)
+    kept = collection.names if template is None else [plan.entry.name for plan in plans]
+    is_changed = _removed(collection, set(kept), lines)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)

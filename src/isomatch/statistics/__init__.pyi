@@ -1,3 +1,4 @@
+from isomatch.statistics.asymmetry import Asymmetry, asymmetry
 from isomatch.statistics.charts import (
     PictureFormat,
     draw_embedding,
@@ -28,6 +29,7 @@ from isomatch.statistics.units import METRES, likely_units, size_factors, told_f
 __all__ = [
     "MEASURED",
     "METRES",
+    "Asymmetry",
     "CorrespondedShapes",
     "Doubt",
     "GroupTest",
@@ -37,6 +39,7 @@ __all__ = [
     "ScoredShape",
     "ShapeModel",
     "ShapeRegression",
+    "asymmetry",
     "centroid_sizes",
     "classical_scaling",
     "compactness",
