@@ -209,7 +209,7 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, 0.0)
         self.mesh("groups.ply", mean, values, shown, float(shown.max()))
-        label = "distance of the group means where it is significant"
+        label = "distance of the group means where it is significant" + ("" if shown.any() else ": nowhere")
         shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
