@@ -108,10 +108,8 @@ def run(
         units=_units_of(units),
     )
     marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
-    for name, path in marks.items():
-        isomatch.Landmarks.read(
-            path, collection.paths[name]
-        )  # what is wrong with it is told before anything is done
+    for name, path in marks.items():  # what is wrong with them is told before anything is done
+        isomatch.Landmarks.read(path, collection.paths[name])
     carried: dict[str, Any] = {}
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:

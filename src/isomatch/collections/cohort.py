@@ -21,6 +21,9 @@ RESCALED = 0.01  # factor of the sizes of copies: with less, they are of one siz
 WIDEST_SEAM = 0.05  # √area: length of all boundaries, with less of which a surface counts as closed
 
 Trouble = Literal["broken", "units", "twice", "mirrored", "holes", "unlike"]
+OF_SHAPES: tuple[Trouble, ...] = ("units", "twice", "mirrored", "holes")
+"""What is found before anything is matched."""
+NOT_UNLIKE = "no"  # in the table of shapes, of one that was compared
 
 
 class Misfit(NamedTuple):
@@ -135,5 +138,5 @@ def _with_holes(rows: Rows) -> Iterator[Misfit]:
 def _unlike(collection: Plan) -> Iterator[tuple[str, str]]:
     table = collection.layout.shapes_table
     for line in read_csv(table) if table.exists() else []:
-        if line.get("name") and line.get("unlike"):
+        if line.get("name") and line.get("unlike", "") not in ("", NOT_UNLIKE):
             yield line["name"], line["unlike"]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets import read_mesh
+from isomatch.collections.cohort import NOT_UNLIKE
 from isomatch.collections.collection import Collection
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers
@@ -67,7 +68,7 @@ def finish(
     lines = _lines_of_table(collection)
     plans = [] if template is None else _planned(collection, rows, template)
     kept = collection.names if template is None else [plan.entry.name for plan in plans]
-    is_changed = _removed(collection, set(kept), lines)
+    _remove(collection, set(kept), lines)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
@@ -79,16 +80,14 @@ def finish(
             for plan, line in workers.completed(tasks, late):
                 name = plan.entry.name
                 lines[name] = line if isinstance(line, dict) else {"name": name, "error": str(line)}
-                is_changed = True
                 if time.monotonic() > saved + SAVED:
                     write_csv(layout.shapes_table, lines.values(), COLUMNS)
                     saved = time.monotonic()
                 yield lines[name]
             _tell_sides(collection, rows, lines)
-            if is_changed:
-                _tell_unlike(
-                    layout, [plan.entry.name for plan in plans if _is_written(layout, plan, lines)], lines
-                )
+            _tell_unlike(
+                layout, [plan.entry.name for plan in plans if _is_written(layout, plan, lines)], lines
+            )
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
@@ -127,23 +126,26 @@ def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> 
     return up_to_date and layout.corresponded(plan.entry.name).exists()
 
 
-def _removed(collection: Collection, kept: set[str], lines: dict[str, Any]) -> bool:
+def _remove(collection: Collection, kept: set[str], lines: dict[str, Any]) -> None:
     """Remove the files and lines of shapes that are not written any more, and reports of pairs that are no more."""
     layout, everything = collection.layout, read_ledgers(collection.layout.ledgers())
     gone = {*lines, *everything.shapes} - kept
     for name in gone:
-        for file in (layout.corresponded(name), layout.thumbnail(name)):
+        landmarks = layout.landmarks / f"{name}.mrk.json"
+        for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
             file.unlink(missing_ok=True)
-        if name not in collection.names:
-            (layout.landmarks / f"{name}.mrk.json").unlink(missing_ok=True)
+        if lines.pop(name, None):  # the others are compared again, without it
+            for line in lines.values():
+                line.pop("unlike", None)
     for pair in everything.pairs:
         if not set(pair) <= set(collection.names):
             layout.report(pair).unlink(missing_ok=True)
-    return any([lines.pop(name, None) is not None for name in gone])
 
 
 def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> None:
-    """Add to the lines of shapes why they are far from all others, if they are."""
+    """Add to the lines of shapes why they are far from all others, if they are; unless all have been compared."""
+    if all(lines[name].get("unlike") for name in names):
+        return
     compared = names[:: len(names) // MOST_COMPARED + 1]
     sampled = []
     for name in compared:
@@ -152,7 +154,7 @@ def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> Non
     doubts = doubtful_positions(compared, np.array(sampled)) if sampled else []
     unlike = {name: doubt.reason for doubt in doubts if doubt.kind == "unlike" for name in doubt.names}
     for name in names:
-        lines[name]["unlike"] = unlike.get(name, "")
+        lines[name]["unlike"] = unlike.get(name, NOT_UNLIKE)
 
 
 def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, Any]) -> None:

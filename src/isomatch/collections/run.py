@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from isomatch.collections.cohort import misfits
+from isomatch.collections.cohort import OF_SHAPES, misfits
 from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
 from isomatch.collections.layout import identity_of, key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
@@ -62,13 +62,7 @@ class Run:
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             yield from self._prepared_shapes(job, workers, ledger)
-            of_shapes = misfits(
-                self.collection, Rows(ledger.rows.shapes)
-            )  # what was matched before tells nothing new
-            found = [each for each in of_shapes if each.kind not in ("broken", "unlike")]
-            for count, (kind, name, reason) in enumerate(found, 1):
-                record = {"state": "done", "kind": kind, "reason": reason}
-                yield Event("misfit", name, record, count, len(found))
+            yield from self._misfits(ledger.rows)
             tried: set[str] = set()
             while not job.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
@@ -86,6 +80,12 @@ class Run:
             row = _row_of(record)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
+
+    def _misfits(self, rows: Rows) -> Iterator[Event]:
+        """Tell what the shapes alone tell; of those that are broken it was told."""
+        found = [each for each in misfits(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        for count, (kind, name, reason) in enumerate(found, 1):
+            yield Event("misfit", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""
