@@ -123,6 +123,7 @@ def write_all(
             for name, each in found.items()
             if (each.names, each.curves) == (first.names, first.curves)
         }
+        collections.draw_landmarks(to / "landmarks.png", collection, found)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}

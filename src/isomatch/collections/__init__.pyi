@@ -3,6 +3,7 @@ from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
+from isomatch.collections.landmark_sheet import draw_landmarks
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, landmarks_left_out
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
@@ -28,6 +29,7 @@ __all__ = [
     "agree",
     "agreement_of",
     "collected_landmarks",
+    "draw_landmarks",
     "export",
     "finish",
     "landmarks_left_out",
