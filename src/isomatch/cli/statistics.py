@@ -33,7 +33,7 @@ def statistics(
     test: Literal["permutation", "parametric"] = "permutation",
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
-    pictures: shape_statistics.PictureFormat = "png",
+    pictures: Literal["png", "pdf", "svg"] = "png",
     seed: int = 0,
     force: bool = False,
     talk: Talk = TALK,
