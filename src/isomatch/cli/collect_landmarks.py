@@ -153,7 +153,7 @@ def say_landmarks(record: dict[str, Any]) -> None:
     """Print what `write_all` did."""
     say(
         f"wrote the landmarks of {len(record['shapes'])} shapes to {record['folder']}, from "
-        f"{len(record['templates'])} templates"
+        f"{len(record['templates'])} template{'s' * (len(record['templates']) != 1)}"
     )
     for name, mean in record["mean_spread"].items():
         say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
