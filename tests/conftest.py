@@ -92,6 +92,13 @@ def prepared_once():
 
 
 @pytest.fixture
+def coarse_pictures(monkeypatch):
+    """The pictures of statistics with a fifth of the dots in print: what is in them is tested in ``statistics``."""
+    for module in ("charts", "pictures"):
+        monkeypatch.setattr(f"isomatch.statistics.{module}.DPI", 60)
+
+
+@pytest.fixture
 def small_pictures(monkeypatch):
     """The pictures of a match at a sixth of their width: what is in them is tested in ``view``."""
     monkeypatch.setattr(isomatch.view, "draw_map", partial(draw_map, width=300))

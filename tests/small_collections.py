@@ -4,12 +4,14 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import isomatch
 from isomatch.collections import Collection, PairMaps
 from isomatch.datasets import example_pair
 from isomatch.resolution import decimate
+from shapes import icosphere
 
 QUICK = (
     "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
@@ -45,6 +47,21 @@ def finished(small, tmp_path_factory):
 def copied(finished, tmp_path):
     """A copy of the finished collection."""
     return Collection.open(shutil.copytree(finished, tmp_path / "all"))
+
+
+def lopsided_blob(level, seed=0, spread=0.01):
+    """A sphere with four unlike bumps: no rotation and no reflection leaves it as it is."""
+    ball = icosphere(level)
+    points, radius = ball.vertices, np.ones(ball.n_vertices)
+    for direction, height, width in (
+        ((1, 0, 0), 0.9, 0.35),
+        ((0, 1, 0), 0.6, 0.3),
+        ((0, 0, 1), 0.35, 0.25),
+        ((-0.65, -0.54, 0.54), 0.5, 0.2),
+    ):
+        radius += height * np.exp(-((points - direction) ** 2).sum(axis=1) / (2 * width**2))
+    stretched = 1 + spread * np.random.default_rng(seed).standard_normal(3)
+    return isomatch.Mesh(points * radius[:, None] * stretched, ball.faces)
 
 
 def run(collection, **options):

@@ -25,7 +25,8 @@ settings
 shapes landmarks
 matching
 transfer view datasets
-statistics collections
+statistics
+collections
 lab.sets
 lab.damage
 lab.baselines

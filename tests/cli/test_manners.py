@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -153,10 +154,15 @@ def test_a_folder_is_checked_in_a_table(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "small.off", icosphere(1))
     assert main(["check", str(tmp_path)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 3
+    assert [line.split()[0] for line in lines[:3]] == ["file", "good.off", "small.off"]
+    assert lines[1].endswith("  distance, basis, match")
+    assert any(line.startswith("  not fit for match: ") for line in lines[3:])
+    assert max(map(len, lines)) <= 80
     assert main(["check", str(tmp_path), "--for", "match"]) == 1
     assert "1 of 2 meshes are not fit: " in capsys.readouterr().err
     (tmp_path / "bad.off").write_text("nothing")
+    assert main(["check", str(tmp_path)]) == 1
+    assert re.search(r"(?m)^bad\.off +– +–  nothing\n  .*bad", capsys.readouterr().out)
     assert main(["check", str(tmp_path / "good.off"), str(tmp_path / "bad.off"), "--json"]) == 1
     good, bad = json.loads(capsys.readouterr().out)
     assert good["ok"]

@@ -14,6 +14,8 @@ from isomatch.cli.group_table import read_groups
 from isomatch.statistics import ShapeModel
 from shapes import icosphere
 
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
 
 def write(folder, shapes):
     folder.mkdir()
@@ -77,6 +79,11 @@ def test_everything(folder, tmp_path, capsys):
     seen = isomatch.read_asset(out / "variance.ply")
     np.testing.assert_allclose(seen.attribute("variance").values, model.vertex_variances, rtol=1e-6)
 
+    page = (out / "index.html").read_text()
+    shown = set(re.findall(r'<img src="([^"]*)"', page))
+    assert shown == {path.name for path in out.glob("*.png")}
+    assert all(sentence in page for sentence in ("left out: odd", "a (4) and b (3) differ on"))
+
     assert main(argv) == 1
     assert "already exists" in complaint(capsys)
     assert main(["statistics", str(folder), "-o", str(out), "--modes", "1", "--force", "--json"]) == 0
@@ -107,6 +114,11 @@ def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
     assert "1 mode of 4 shapes" in said
     assert "note: e01 may be matched wrongly: LOW_CONFIDENCE" in said
     assert "e00 may" not in said
+    assert "common to all shapes is" in said
+    table = rows(tmp_path / "out" / "asymmetry.csv")
+    assert [row["name"] for row in table] == ["e00", "e01"]
+    assert max(float(row["asymmetry"]) for row in table) < 1e-6
+    assert (tmp_path / "out" / "asymmetry.png").exists()
 
 
 def test_bad_input(folder, tmp_path, capsys):
@@ -197,10 +209,55 @@ def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
     assert main(argv) == 0
     said = capsys.readouterr()
     assert said.out == ""
-    assert re.search(r"s002 is \d+ times as large as the others; it may be in other units", said.err)
+    assert re.search(r"s002 is \d+ times as large as the others: in mm, if they are in m", said.err)
     assert "s003 fits the others better as its mirror image" in said.err
     record = json.loads((tmp_path / "out" / "statistics.json").read_text())
     assert [(each["kind"], each["names"]) for each in record["doubts"]] == [
         ("units", ["s002"]),
         ("mirrored", ["s003"]),
     ]
+
+
+def test_sizes_scores_and_what_size_describes(tmp_path, capsys):
+    """Shapes that grow taller as they grow larger."""
+    base = random_shapes(9, spread=0.02)
+    factors = np.linspace(1, 2, 9)
+    taller = (
+        base.vertices * factors[:, None, None] * np.stack([np.ones(9), np.ones(9), factors**0.5], -1)[:, None]
+    )
+    folder = write(tmp_path / "shapes", moved(base.moved(taller)))
+    groups = tmp_path / "groups.csv"
+    groups.write_text("name,group\n" + "".join(f"s00{i},{'ab'[i // 4]}\n" for i in range(8)))
+    out = tmp_path / "out"
+    argv = ["statistics", str(folder), "-o", str(out), "--groups", str(groups), "--seed", "3"]
+    assert main([*argv, "--pictures", "svg"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    record = json.loads((out / "statistics.json").read_text())
+    assert record["allometry"]["r_squared"] > 0.8
+    assert (record["allometry"]["p_value"], record["allometry"]["seed"]) == (1 / 5000, 3)
+    assert "size describes 8" in said
+    assert "p = 0.0002 (4999 permutations, seed 3)" in said
+    assert "the groups describe" in said
+    table = rows(out / "sizes.csv")
+    sizes = np.array([float(row["centroid_size"]) for row in table])
+    assert (np.diff(sizes) > 0).all()
+    np.testing.assert_allclose([float(row["log_centroid_size"]) for row in table], np.log(sizes))
+    assert (np.diff([float(row["regression_score"]) for row in table]) > 0).all()
+    small, large = (isomatch.read_mesh(out / f"allometry_{end}.ply") for end in ("smallest", "largest"))
+    heights = [np.sort(np.ptp(mesh.vertices - mesh.vertices.mean(axis=0), axis=0)) for mesh in (small, large)]
+    assert heights[1][0] / heights[1][2] > 1.1 * heights[0][0] / heights[0][2]
+    assert not list(out.glob("*.png"))
+    assert {"scores", "modes", "variance", "groups", "allometry"} <= {path.stem for path in out.glob("*.svg")}
+
+
+def test_without_sizes_that_differ_nothing_is_regressed(tmp_path, capsys):
+    folder = write(tmp_path / "shapes", ellipsoids([1.0, 1.0, 1.0]))
+    assert main(["statistics", str(folder), "-o", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "note: shape was not regressed on size: the variables do not vary" in said
+    assert not (tmp_path / "out" / "allometry.png").exists()
+    assert len(rows(tmp_path / "out" / "sizes.csv")) == 3
+
+
+def test_an_unknown_format_of_pictures(folder, tmp_path):
+    assert main(["statistics", str(folder), "-o", str(tmp_path / "out"), "--pictures", "gif"]) == 2

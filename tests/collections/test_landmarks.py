@@ -2,15 +2,26 @@
 
 import csv
 import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from isomatch import InputError, Landmarks, read_mesh, write_landmarks
 from isomatch.cli import main
-from isomatch.collections import Collection, collected_landmarks, export
+from isomatch.collections import (
+    Collection,
+    collected_landmarks,
+    draw_landmarks,
+    export,
+    finish,
+    landmarks_left_out,
+)
 from isomatch.collections.ledger import writing_ledger
-from isomatch.landmarks import Curve
+from isomatch.landmarks import Curve, nearest_on_surface
+from isomatch.view import camera_of
 from small_collections import run
 
 NAMES = ("nose", "tail", "foot", "c1", "c2", "c3")
@@ -127,7 +138,9 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     assert {path.name for path in out.iterdir()} == {
         *(f"s{i}.csv" for i in range(4)),
         "landmarks.csv",
+        "landmarks.png",
         "landmarks.tps",
+        "landmarks_errors.csv",
         "landmarks_sliders.csv",
     }
     with (out / "landmarks.csv").open() as file:
@@ -144,3 +157,131 @@ def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
         "no landmarks of a shape of the collection; give a folder of files such as s0.mrk.json"
         in capsys.readouterr().err
     )
+
+
+def test_expected_errors_come_with_the_maps(finished, marks):
+    """Of one map they are those of its result; over the template, the root of the sum of squares."""
+    collection = Collection.open(finished)
+    maps = collection.maps("s0", "s1")
+    assert np.isfinite(maps.there_error[maps.there.matched]).all()
+    assert np.array_equal(collection.maps("s1", "s0").back_error, maps.there_error)
+    (found,) = (
+        each for name, each in collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}) if name == "s1"
+    )
+    size = np.sqrt(read_mesh(collection.paths["s1"]).area)
+    np.testing.assert_allclose(found.expected_error[:3], size * maps.there_error[ROWS[:3]], rtol=1e-4)
+
+
+def test_over_the_template_expected_errors_add_up(small, marks, tmp_path):
+    collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
+    run(collection)
+    found = dict(collected_landmarks(collection, {"s0": marks / "s0.mrk.json"}))
+    first, second = collection.maps("s0", "s1"), collection.maps("s1", "s3")
+    both = np.hypot(first.there_error, first.there.pull_back(second.there_error))
+    size = np.sqrt(read_mesh(collection.paths["s3"]).area)
+    np.testing.assert_allclose(found["s3"].expected_error[:3], size * both[ROWS[:3]], rtol=1e-4)
+
+
+def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
+    for pair in copied.rows().pairs:
+        maps = copied.maps(*pair)
+        replace(maps, there_error=None, back_error=None).save(copied.layout.maps(pair))
+    assert copied.maps("s0", "s1").there_error is None
+    found = dict(collected_landmarks(copied, {"s0": marks / "s0.mrk.json"}))
+    assert found["s1"].placed.all()
+    assert np.isnan(found["s1"].expected_error).all()
+
+
+def test_marked_shapes_are_compared_with_what_the_others_give(finished, small, marks):
+    """s0 and s2 are one shape, s1 another: each marked one is carried from the others, without its own marks."""
+    collection = Collection.open(finished)
+    files = {name: marks / f"{name}.mrk.json" for name in ("s0", "s2")}
+    found = {each.name: each for each in landmarks_left_out(collection, files)}
+    assert set(found) == set(files)
+    carried = dict(collected_landmarks(collection, {"s2": files["s2"]}))["s0"]
+    own = dict(collected_landmarks(collection, {"s0": files["s0"]}))["s0"]
+    np.testing.assert_allclose(found["s0"].carried.positions, carried.positions, atol=1e-9)
+    wanted = np.linalg.norm(carried.positions - own.positions, axis=1)
+    np.testing.assert_allclose(found["s0"].error, wanted, atol=1e-9)
+    assert list(landmarks_left_out(collection, {"s0": files["s0"]})) == []
+
+
+def test_landmarks_of_other_names_have_no_error(finished, small, marks):
+    mesh = read_mesh(small.shapes / "s2.ply")
+    write_landmarks(marks / "s2.mrk.json", Landmarks(mesh.vertices[ROWS[:3]], ["tail", "nose", "ear"]))
+    mesh = read_mesh(small.shapes / "s0.ply")
+    write_landmarks(marks / "s0.mrk.json", Landmarks(mesh.vertices[ROWS[:2]], ["nose", "tail"]))
+    collection = Collection.open(finished)
+    files = {name: marks / f"{name}.mrk.json" for name in ("s0", "s2")}
+    (of_s2,) = (each for each in landmarks_left_out(collection, files) if each.name == "s2")
+    assert of_s2.carried.names == ("nose", "tail")
+    theirs = Landmarks.read(files["s2"], small.shapes / "s2.ply")
+    wanted = [np.linalg.norm(of_s2.carried[name] - theirs[name]) for name in ("nose", "tail")]
+    np.testing.assert_allclose(of_s2.error, wanted, atol=1e-9)
+    (of_s0,) = (each for each in landmarks_left_out(collection, files) if each.name == "s0")
+    assert np.isnan(of_s0.error).tolist() == [False, False, True]
+
+
+def test_collect_carries_the_landmarks_of_the_template(finished, small, marks, tmp_path, capsys):
+    """On a collection that is matched already; the file of another name is that of the template that is named."""
+    out = tmp_path / "star"
+    collection = Collection.create(out, small.shapes, template="s0", config=small.config, units={"s3": "mm"})
+    run(collection)
+    argv = ["collect", str(small.shapes), "-o", str(out), "--template", "s0", "--config", str(small.settings)]
+    argv += ["--jobs", "1", "--reports", "none", "--landmarks"]
+    template = (marks / "s0.mrk.json").rename(tmp_path / "atlas.mrk.json")
+    assert main([*argv, str(template), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)["landmarks"]
+    assert record["templates"] == ["s0"]
+    assert record["shapes"] == ["s0", "s1", "s2", "s3"]
+    assert set(record["expected_error"]) == {"s1", "s2", "s3"}
+    for name in record["shapes"]:
+        found = Landmarks.read(out / "landmarks" / f"{name}.mrk.json", small.shapes / f"{name}.ply")
+        mesh = read_mesh(small.shapes / f"{name}.ply")
+        near = nearest_on_surface(mesh, found.positions).interpolated(mesh.vertices)
+        np.testing.assert_allclose(found.positions, near, atol=1e-6)
+    with (out / "landmarks" / "landmarks_errors.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert [line["landmark"] for line in lines] == [*NAMES] * 4
+    assert all(bool(line["expected_error"]) == (line["specimen"] != "s0") for line in lines)
+    assert main([*argv, str(template)]) == 0
+    assert "wrote the landmarks of 4 shapes" in capsys.readouterr().out
+    fewer = Collection.create(
+        out, [small.shapes / f"s{i}.ply" for i in range(3)], template="s0", config=small.config
+    )
+    assert fewer.units == {}
+    with ThreadPoolExecutor(1) as executor:
+        list(finish(fewer, executor, 1))
+    assert not (out / "landmarks" / "s3.mrk.json").exists()
+    assert (out / "landmarks" / "s2.mrk.json").exists()
+
+
+def test_what_is_wrong_with_landmarks_is_told_before_anything_is_matched(small, marks, tmp_path, capsys):
+    argv = ["collect", str(small.shapes), "-o", str(tmp_path / "out"), "--landmarks"]
+    nameless = (marks / "s2.mrk.json").rename(tmp_path / "atlas.mrk.json")
+    assert main([*argv, str(nameless)]) == 1
+    assert "it is not known of which shape" in capsys.readouterr().err
+    write_landmarks(marks / "s0.mrk.json", Landmarks([[99.0, 0, 0]], ["nose"]))
+    assert main([*argv, str(marks)]) == 1
+    assert "away from all" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "maps").exists()
+
+
+def test_the_picture_has_a_dot_for_each_landmark_in_sight(finished, small, tmp_path):
+    """With a disc of its expected error around it; none for one that is behind, or has no place."""
+    collection = Collection.open(finished)
+    mesh = read_mesh(small.shapes / "s0.ply")
+    toward = camera_of(mesh)[2]
+    front = mesh.vertices[[(mesh.vertices @ toward).argmax()]]
+
+    def drawn(position, error):
+        marks = Landmarks(position, ["nose"], expected_error=[error])
+        draw_landmarks(tmp_path / "sheet.png", collection, {"s0": marks})
+        seen = imread(tmp_path / "sheet.png")[..., :3]
+        return int((np.ptp(seen, axis=2) > 0.1).sum())
+
+    dot = drawn(front, 0.0)
+    assert dot > 100
+    assert drawn(front, 0.1 * np.sqrt(mesh.area)) > 4 * dot
+    assert drawn(mesh.vertices[[(mesh.vertices @ toward).argmin()]], 0.0) == 0
+    assert drawn([[np.nan] * 3], 0.1) == 0

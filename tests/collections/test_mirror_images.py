@@ -20,26 +20,11 @@ from isomatch.datasets import creature
 from isomatch.errors import MeshError
 from isomatch.matching import match_both
 from isomatch.surfaces import Graph, PointCloud, reflected
-from shapes import box, disguised, icosphere
-from small_collections import arrays_of, run
+from shapes import box, disguised
+from small_collections import arrays_of, lopsided_blob, run
 
 NAMES = ("l0", "l1", "r0", "r1", "r2")
 LEFT = ["l0", "l1"]
-
-
-def lopsided_blob(level, seed=0):
-    """A sphere with four unlike bumps: no rotation and no reflection leaves it as it is."""
-    ball = icosphere(level)
-    points, radius = ball.vertices, np.ones(ball.n_vertices)
-    for direction, height, width in (
-        ((1, 0, 0), 0.9, 0.35),
-        ((0, 1, 0), 0.6, 0.3),
-        ((0, 0, 1), 0.35, 0.25),
-        ((-0.65, -0.54, 0.54), 0.5, 0.2),
-    ):
-        radius += height * np.exp(-((points - direction) ** 2).sum(axis=1) / (2 * width**2))
-    stretched = 1 + 0.01 * np.random.default_rng(seed).standard_normal(3)
-    return Mesh(points * radius[:, None] * stretched, ball.faces)
 
 
 def box_with_unlike_corners():
@@ -300,6 +285,7 @@ def test_a_reflected_shape_whose_file_becomes_a_right_one_is_turned_back(blobs, 
     shutil.copy(shapes / "r1.ply", shapes / "l0.ply")
     assert [(event.what, event.name) for event in run(collection)] == [
         ("shape", "l0"),
+        ("misfit", "r1"),  # the same file
         ("pair", ("r0", "l0")),
         ("reflection", "l0"),
     ]

@@ -1,9 +1,11 @@
 """Pictures of models: what is drawn is there, and differs where the shapes do."""
 
 import numpy as np
+import pytest
 from matplotlib.image import imread
 
 from corresponded import ellipsoids, random_shapes
+from isomatch import SettingError
 from isomatch.statistics import (
     ShapeModel,
     classical_scaling,
@@ -11,19 +13,25 @@ from isomatch.statistics import (
     draw_embedding,
     draw_modes,
     draw_quality,
+    draw_regression,
+    draw_scores,
     draw_tree,
     draw_values,
     generalisation,
     procrustes_distances,
+    shape_regression,
     specificity,
 )
 
 
 def columns(path):
     """How many columns of a picture are not white, from the left third, the middle and the right one."""
-    seen = (imread(path)[..., :3] < 0.9).any(axis=2)[60:]  # below the titles
+    seen = (imread(path)[..., :3] < 0.9).any(axis=2)[24:]  # below the titles
     third = int(0.27 * seen.shape[1])
     return [int(seen[:, i * third : (i + 1) * third].any(axis=0).sum()) for i in range(3)]
+
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
 
 def test_modes_are_drawn_at_one_scale(tmp_path):
@@ -55,4 +63,68 @@ def test_the_others_are_drawn_for_few_shapes_and_many(tmp_path):
         )
         if count > 1:
             draw_tree(tmp_path / f"tree{count}.png", distances, shapes.names, "x")
-    assert len(list(tmp_path.iterdir())) == 11
+            draw_scores(tmp_path / f"scores{count}.png", model, groups)
+    assert len(list(tmp_path.iterdir())) == 13
+
+
+def test_pictures_are_for_print(tmp_path, monkeypatch):
+    """300 dots per inch, 8.5 inches wide; and a label that is higher than a flat shape is not cut off."""
+    for module in ("charts", "pictures"):
+        monkeypatch.setattr(f"isomatch.statistics.{module}.DPI", 300)
+    flat = random_shapes(1).mesh(0)
+    flat = flat.moved(flat.vertices * [5.0, 0.3, 0.3])
+    draw_values(
+        tmp_path / "values.png", flat, np.arange(42.0), "a label that is much longer than the shape is high"
+    )
+    seen = (imread(tmp_path / "values.png")[..., :3] < 0.9).any(axis=2)
+    assert 2200 < seen.shape[1] < 2700
+    assert not seen[[0, -1]].any()
+    assert not seen[:, [0, -1]].any()
+
+
+def test_vertices_without_a_value_are_grey(tmp_path):
+    mesh = random_shapes(1).mesh(0)
+    draw_values(tmp_path / "values.png", mesh, np.where(np.arange(42) < 30, np.nan, 1.0), "x")
+    seen = imread(tmp_path / "values.png")[..., :3]
+    grey = (np.ptp(seen, axis=2) < 0.02) & (seen.mean(axis=2) < 0.9)
+    colour = np.ptp(seen, axis=2) > 0.3
+    assert grey.sum() > 500
+    assert colour.sum() > 500
+
+
+def test_hulls_are_drawn_around_groups(tmp_path):
+    """In the colours of the groups; not around two points, nor around three on a line."""
+    model = ShapeModel.fit(random_shapes(9))
+    areas = []
+    for groups in (["a"] * 9, ["a", "a", *[""] * 7], None):
+        draw_scores(tmp_path / "scores.png", model, groups)
+        seen = imread(tmp_path / "scores.png")[..., :3]
+        areas.append(int((np.abs(seen - [0.88, 0.93, 0.98]).max(axis=2) < 0.03).sum()))
+    assert areas[0] > 20 * max(areas[1:])
+    draw_scores(tmp_path / "line.png", ShapeModel.fit(ellipsoids([1.0, 1.1, 1.3])), ["a"] * 3)
+
+
+def test_one_mode_is_drawn_alone_and_none_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="not among the 0 modes"):
+        draw_scores(tmp_path / "scores.png", ShapeModel.fit(ellipsoids([1.0, 1.0])))
+    with pytest.raises(SettingError, match=r"modes \(0, 5\)"):
+        draw_scores(tmp_path / "scores.png", ShapeModel.fit(random_shapes(4)), modes=(0, 5))
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
+def test_formats_and_that_a_picture_is_the_same_again(tmp_path, kind):
+    shapes = random_shapes(6)
+    size = np.arange(6.0)
+    found = shape_regression(shapes.vertices, size, n_permutations=9)
+    drawn = []
+    for word in "ab":
+        path = tmp_path / f"{word}.{kind}"
+        draw_regression(path, found, size, [f"$name_{i}" for i in range(6)], "size", ["x", "y", ""] * 2)
+        drawn.append(path.read_bytes())
+    assert drawn[0] == drawn[1]
+    assert drawn[0].startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[kind])
+
+
+def test_other_formats_are_refused(tmp_path):
+    with pytest.raises(SettingError, match="pictures are written as png, pdf, svg"):
+        draw_scores(tmp_path / "scores.gif", ShapeModel.fit(random_shapes(4)))

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from os.path import commonpath, dirname, isabs, relpath
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
+from rich.console import Console
 
 import isomatch
 from isomatch import bases, mending, shapes
 from isomatch.assets import FORMATS
 from isomatch.cli.basis import N_COLUMNS
 from isomatch.cli.inputs import surface_of
-from isomatch.cli.terminal import say, say_json, say_table
+from isomatch.cli.terminal import say, say_json
 
 Verb = Literal["distance", "basis", "match"]
 
@@ -55,7 +58,7 @@ def check(
         plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
         say_json(plain if several else plain[0])
     elif several:
-        say_table(_rows(records))
+        _say_several(records)
     else:
         [record] = records
         say(record["report"])
@@ -115,15 +118,38 @@ def _reason(record: dict[str, Any], verb: Verb | None) -> str | None:
     return record["refused_by"][verb] if verb else "; ".join(record["fatal"]) or None
 
 
-def _rows(records: list[dict[str, Any]]) -> Iterator[tuple[str, ...]]:
-    yield "file", "vertices", "faces", *(f"for {each}" for each in get_args(Verb)), "defects"
-    for record in records:
-        if "unreadable" in record:
-            yield record["file"], "", "", *("no" for _ in get_args(Verb)), record["unreadable"]
-            continue
-        fit = ("no" if reason else "yes" for reason in record["refused_by"].values())
-        defects = "; ".join([*record["fatal"], *record["warnings"], *record["notes"]])
-        yield record["file"], str(record["n_vertices"]), str(record["n_faces"]), *fit, defects
+def _say_several(records: list[dict[str, Any]]) -> None:
+    """Print a row for each mesh, and below it a line for each defect, no wider than the terminal."""
+    names = _short([record["file"] for record in records])
+    wide = max(map(len, (*names, "file")))
+    say(f"{'file':<{wide}}  {'vertices':>8}  {'faces':>8}  fit for")
+    for name, record in zip(names, records):
+        counts = (str(record.get(count, "–")) for count in ("n_vertices", "n_faces"))
+        fit = [verb for verb, reason in record.get("refused_by", {}).items() if not reason]
+        numbers = "  ".join(f"{count:>8}" for count in counts)
+        say(f"{name:<{wide}}  {numbers}  {', '.join(fit) or 'nothing'}", "" if fit else "bold red")
+        for defect in _defects(record):
+            say(fill(defect, Console().width, initial_indent="  ", subsequent_indent="  "), "dim")
+
+
+def _defects(record: dict[str, Any]) -> list[str]:
+    """Why a mesh is bad, and why commands would refuse it, each sentence once."""
+    if "unreadable" in record:
+        return [record["unreadable"]]
+    told = [*record["fatal"], *record["warnings"], *record["notes"]]
+    reasons: dict[str, list[str]] = {}
+    for verb, reason in record["refused_by"].items():
+        if reason and reason not in told:
+            reasons.setdefault(reason, []).append(verb)
+    return [*told, *(f"not fit for {', '.join(verbs)}: {reason}" for reason, verbs in reasons.items())]
+
+
+def _short(files: list[str]) -> list[str]:
+    """Names of files without the folder that all are in."""
+    if len({isabs(file) for file in files}) > 1:
+        return files
+    common = commonpath([dirname(file) for file in files])
+    return [relpath(file, common) if common else file for file in files]
 
 
 def _refusal(verb: Verb, mesh: isomatch.Mesh) -> str | None:

@@ -7,13 +7,13 @@ import time
 from collections import Counter
 from os.path import isfile
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
 import isomatch
 from isomatch import collections
-from isomatch.cli.collect_landmarks import landmarks
+from isomatch.cli.collect_landmarks import landmark_files, landmarks, say_landmarks, write_all
 from isomatch.cli.collect_status import status_of, tell_status, told
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
@@ -38,6 +38,9 @@ def run(
     executor: str = "local",
     shard: str = "1/1",
     reflect: str | None = None,
+    units: str | None = None,
+    landmarks: Path | None = None,
+    curve_points: int | None = None,
     time_limit: float | None = None,
     agree: Annotated[bool | None, Parameter(negative="--no-agree")] = None,
     reports: Reports = "doubtful",
@@ -68,6 +71,15 @@ def run(
         Shapes to match as their mirror images. auto: those that fit clearly better so, as left ones among right ones;
         none; or their names, separated by commas, or a file with a name on each line. By default as before, at first
         none.
+    units : str
+        Units of shapes that are in others than most, such as scan7=mm,scan9=cm: um, mm, cm, m or in. They are brought to
+        that of all others, which is found by their sizes, or given first: m,scan7=mm. none: all are in one unit. By
+        default as before.
+    landmarks : Path
+        File of landmarks and curves of the template, as of 3D Slicer, or folder of such files of several shapes, named
+        like them: the folder landmarks gets a file for each shape, and tables; see isomatch collect landmarks.
+    curve_points : int
+        Number of equally spaced points on each curve; by default as many as it was drawn with.
     time_limit : float
         Seconds after which nothing new is begun.
     agree : bool
@@ -93,11 +105,18 @@ def run(
         config=read_config(config) or isomatch.Config(),
         seed=seed,
         reflect=_names_of(reflect),
+        units=_units_of(units),
     )
+    marks = {} if landmarks is None else landmark_files(landmarks, collection, collection.template)
+    for name, path in marks.items():  # what is wrong with them is told before anything is done
+        isomatch.Landmarks.read(path, collection.paths[name])
+    carried: dict[str, Any] = {}
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*told(event))
+            if event.what == "misfit":
+                complain(f"{event.name} {event.record['reason']}")
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
@@ -108,7 +127,13 @@ def run(
                 complain(f"maps were not compared: {error}")
         if part[1] == 1:
             _write(collection, reports, executor, jobs, end, tell)
-    tell_status(collection, talk)
+            if marks:
+                carried = write_all(
+                    collection, marks, collection.layout.landmarks, tell, curve_points=curve_points
+                )
+    tell_status(collection, talk, carried)
+    if carried and not (talk.quiet or talk.json or talk.json_lines):
+        say_landmarks(carried)
 
 
 @collect.command
@@ -249,6 +274,14 @@ def _names_of(reflect: str | None) -> str | list[str] | None:
         return []
     names = [line for _, line in text_lines(Path(reflect))] if isfile(reflect) else reflect.split(",")
     return [name for each in names if (name := each.strip())]
+
+
+def _units_of(units: str | None) -> dict[str, str] | None:
+    """Read what ``--units`` says."""
+    if units is None or units == "none":
+        return None if units is None else {}
+    given = [each.strip().rpartition("=") for each in units.split(",")]
+    return {name.strip() or "*": unit.strip() for name, _, unit in given}
 
 
 def _until(end: float | None) -> float | None:

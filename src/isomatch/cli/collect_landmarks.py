@@ -1,8 +1,10 @@
-"""``isomatch collect landmarks``: landmarks of some shapes of a collection, carried to all others."""
+"""``isomatch collect landmarks`` and ``--landmarks``: landmarks of some shapes of a collection, carried to all others."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +13,12 @@ import numpy as np
 import isomatch
 import isomatch.landmarks as shape_landmarks
 from isomatch import collections
-from isomatch.cli.terminal import TALK, Talk, say
+from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
-from isomatch.storage.files import claimed, made_folder
+from isomatch.storage.files import claimed, made_folder, write_csv
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
+ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
 
 
 def landmarks(
@@ -36,11 +39,12 @@ def landmarks(
     folder : Path
         The folder of a collection.
     marks : Path
-        Folder of the landmarks of some of its shapes, named like them: .mrk.json or .fcsv of 3D Slicer, .pp of MeshLab,
-        or a table name,x,y,z.
+        Folder of the landmarks of some of its shapes, named like them, or one such file: .mrk.json or .fcsv of 3D
+        Slicer, .pp of MeshLab, or a table name,x,y,z. A file of another name is that of the template.
     to : Path
-        Folder for a file of each shape, landmarks.csv with a row for each, and landmarks.tps, for R's geomorph: there
-        shapes that were matched as their mirror images are reflected, x → −x.
+        Folder for a file of each shape, and for R's geomorph landmarks.csv, with a row for each, and landmarks.tps: in
+        the unit of the collection, and reflected, x → −x, where a shape was matched as its mirror image.
+        landmarks_errors.csv has the expected error of each, and that of the marked shapes, carried from the others.
     format : str
         Suffix of the files: mrk.json (default), fcsv, pp or csv. They have the spread over templates, but those of pp.
     curve_points : int
@@ -51,7 +55,50 @@ def landmarks(
     suffix = f".{format.removeprefix('.')}"
     shape_landmarks.writer_of(Path(f"landmarks{suffix}"))
     collection = collections.Collection.open(folder)
-    files = _files_of(marks, collection.names)
+    files = landmark_files(marks, collection, collection.chosen_template(collection.rows()))
+    with talk.progress() as tell:
+        record = write_all(collection, files, to, tell, suffix, curve_points, force)
+    talk.result(record, lambda: say_landmarks(record))
+
+
+def landmark_files(marks: Path, collection: collections.Collection, template: str | None) -> dict[str, Path]:
+    """Find the file of landmarks of each shape that has one, in the order of the shapes.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    names = collection.names
+    present = {path.name: path for path in (marks.iterdir() if marks.is_dir() else [marks])}
+    found = {
+        name: next((present[name + suffix] for suffix in SUFFIXES if name + suffix in present), None)
+        for name in names
+    }
+    files = {name: path for name, path in found.items() if path is not None}
+    if not files and isfile(marks):
+        if template is None:
+            raise InputError(
+                f"{marks}: it is not known of which shape; name it like one, or give the template (--template)"
+            )
+        return {template: marks}
+    if not files:
+        raise InputError(
+            f"{marks}: no landmarks of a shape of the collection; give a folder of files such as {names[0]}.mrk.json"
+        )
+    return files
+
+
+def write_all(
+    collection: collections.Collection,
+    files: dict[str, Path],
+    to: Path,
+    tell: Tell,
+    suffix: str = ".mrk.json",
+    curve_points: int | None = None,
+    force: bool = True,
+) -> dict[str, Any]:
+    """Write the landmarks of all shapes and their tables; return what was written, as plain values."""
     rows = collection.rows()
     ends = {*files, collection.chosen_template(rows)}
     found: dict[str, isomatch.Landmarks] = {}
@@ -59,27 +106,41 @@ def landmarks(
     last = to / "landmarks.tps"
     tables = [to / "landmarks.csv", last]
     earlier = [*tables, *(to / f"{name}{suffix}" for name in collection.names)]
-    with talk.progress() as tell, made_folder(to), claimed(last, [] if force else earlier):
+    with made_folder(to), claimed(last, [] if force else earlier):
         for name, carried in collections.collected_landmarks(collection, files, curve_points):
             lost |= {*isomatch.write_landmarks(to / f"{name}{suffix}", carried)}
             found[name] = carried
-            tell(f"written: {name}", len(found) / len(collection.names))
+            tell(f"landmarks of {name}", len(found) / len(collection.names))
+        left_out = {
+            each.name: each for each in collections.landmarks_left_out(collection, files, curve_points)
+        }
+        write_csv(to / "landmarks_errors.csv", _errors(found, left_out), ERRORS)
         first = next(iter(found.values()))
         turned = rows.reflected(found)
+        scales = collections.scales_of(collection.units, rows)
         alike = {
-            name: replace(each, positions=each.positions * [-1.0, 1.0, 1.0]) if name in turned else each
+            name: _in_table(each, scales.get(name, 1.0), name in turned)
             for name, each in found.items()
             if (each.names, each.curves) == (first.names, first.curves)
         }
+        collections.draw_landmarks(to / "landmarks.png", collection, found)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
-    record: dict[str, Any] = {
+    expected = {
+        name: float(np.nanmedian(each.expected_error))
+        for name, each in found.items()
+        if np.isfinite(each.expected_error).any()
+    }
+    return {
         "folder": str(to),
+        "format": suffix,
         "templates": sorted(files),
         "shapes": list(found),
+        "expected_error": expected,
         "mean_spread": {name: float(np.nanmean(each)) for name, each in spread.items()},
         "largest_spread": {name: found[name].names[int(np.nanargmax(each))] for name, each in spread.items()},
+        "left_out_errors": {name: _described(each) for name, each in left_out.items()},
         "not_written": sorted(lost),
         "other_landmarks": [name for name in found if name not in alike],
         "reflected": turned,
@@ -87,38 +148,61 @@ def landmarks(
         "left_out": [name for name in collection.names if name not in found],
     }
 
-    def summary() -> None:
-        say(f"wrote the landmarks of {len(found)} shapes to {to}, from {len(files)} templates")
-        if len(files) > 1:
-            for name, mean in record["mean_spread"].items():
-                say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
-        if lost:
-            say(f"not written, because {suffix} has no place for them: {', '.join(record['not_written'])}")
-        if record["other_landmarks"]:
-            say(
-                f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}"
-            )
-        if turned:
-            say(f"reflected in the tables, as they were matched: {', '.join(turned)}")
-        if record["doubtful"]:
-            pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
-            say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
-        if record["left_out"]:
-            say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
 
-    talk.result(record, summary)
-
-
-def _files_of(marks: Path, names: list[str]) -> dict[str, Path]:
-    """Find the file of landmarks of each shape that has one, in the order of the shapes."""
-    present = {path.name: path for path in marks.iterdir()} if marks.is_dir() else {}
-    found = {
-        name: next((present[name + suffix] for suffix in SUFFIXES if name + suffix in present), None)
-        for name in names
-    }
-    files = {name: path for name, path in found.items() if path is not None}
-    if not files:
-        raise InputError(
-            f"{marks}: no landmarks of a shape of the collection; give a folder of files such as {names[0]}.mrk.json"
+def say_landmarks(record: dict[str, Any]) -> None:
+    """Print what `write_all` did."""
+    say(
+        f"wrote the landmarks of {len(record['shapes'])} shapes to {record['folder']}, from "
+        f"{len(record['templates'])} template{'s' * (len(record['templates']) != 1)}"
+    )
+    for name, mean in record["mean_spread"].items():
+        say(f"{name}: mean spread {mean:.4g}, largest at {record['largest_spread'][name]}")
+    for name, error in record["left_out_errors"].items():
+        say(
+            f"{name}, carried from the others: error {error['mean']:.4g} in the mean, at most {error['largest']:.4g} at "
+            f"{error['at']}"
         )
-    return files
+    if record["not_written"]:
+        lost = ", ".join(record["not_written"])
+        say(f"not written, because {record['format']} has no place for them: {lost}")
+    if record["other_landmarks"]:
+        say(f"with other landmarks or curves, so not in the tables: {', '.join(record['other_landmarks'])}")
+    if record["reflected"]:
+        say(f"reflected in the tables, as they were matched: {', '.join(record['reflected'])}")
+    if record["doubtful"]:
+        pairs = ", ".join(" and ".join(pair) for pair in record["doubtful"])
+        say(f"not used, because they are doubtful: the maps of {pairs}", "bold red")
+    if record["left_out"]:
+        say(f"no map that is sure leads to: {', '.join(record['left_out'])}", "bold red")
+
+
+def _in_table(landmarks: isomatch.Landmarks, scale: float, reflected: bool) -> isomatch.Landmarks:
+    """Return landmarks in the unit of the collection, and as they were matched."""
+    factors = scale * np.array([-1.0 if reflected else 1.0, 1.0, 1.0])
+    return replace(landmarks, positions=landmarks.positions * factors)
+
+
+def _errors(
+    found: dict[str, isomatch.Landmarks], left_out: dict[str, collections.LeftOut]
+) -> Iterator[dict[str, object]]:
+    """Make a line for each landmark of each shape; of those marked by hand, of what the others give."""
+    for name, own in found.items():
+        marks = left_out[name].carried if name in left_out else own
+        errors = left_out[name].error if name in left_out else np.full(len(marks), np.nan)
+        columns = marks.expected_error, marks.spread, errors
+        for landmark, *values in zip(marks.names, *(column.tolist() for column in columns)):
+            cells = ("" if np.isnan(value) else value for value in values)
+            yield dict(zip(ERRORS, (name, landmark, *cells)))
+
+
+def _described(left_out: collections.LeftOut) -> dict[str, Any]:
+    """Sum up the errors of a shape that was left out; of none, if nothing has a place."""
+    error, known = left_out.error, np.isfinite(left_out.error)
+    if not known.any():
+        return {"mean": float("nan"), "median": float("nan"), "largest": float("nan"), "at": ""}
+    return {
+        "mean": float(error[known].mean()),
+        "median": float(np.median(error[known])),
+        "largest": float(error[known].max()),
+        "at": left_out.carried.names[int(np.nanargmax(error))],
+    }

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 from isomatch import collections
 from isomatch.cli.terminal import Talk, say, say_table
 
 
-def tell_status(collection: collections.Collection, talk: Talk, *, is_answer: bool = False) -> None:
-    """Tell how far a collection is, in words or as JSON."""
+def tell_status(
+    collection: collections.Collection,
+    talk: Talk,
+    landmarks: Mapping[str, Any] | None = None,
+    *,
+    is_answer: bool = False,
+) -> None:
+    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried."""
     status = status_of(collection)
+    if landmarks:
+        status["landmarks"] = landmarks
     talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
 
 
@@ -41,6 +50,7 @@ def status_of(collection: collections.Collection) -> dict[str, Any]:
         "mirror_images": {
             name: rows.pairs[pair].get("not_reflected", {}).get(name) for name, pair in mirrored.items()
         },
+        "misfits": [misfit._asdict() for misfit in collections.misfits(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
         "failures": failures,
     }
@@ -67,6 +77,9 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
             "bold red",
         )
     _say_sides(status)
+    for misfit in status["misfits"]:
+        if misfit["kind"] != "broken" and misfit["name"] not in status["mirror_images"]:
+            say(f"look at {misfit['name']}: it {misfit['reason']}", "bold red")
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
     say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")
@@ -91,13 +104,19 @@ def _say_sides(status: dict[str, Any]) -> None:
 def told(event: collections.Event) -> tuple[str, float]:
     """Describe a step of a run, with the share of its steps that are done."""
     name = event.name if isinstance(event.name, str) else " and ".join(event.name)
-    what = {"shape": "prepared", "pair": "matched", "reflection": "reflected", "agreement": "compared"}[
-        event.what
-    ]
+    what = {
+        "shape": "prepared",
+        "misfit": "looked at",
+        "pair": "matched",
+        "reflection": "reflected",
+        "agreement": "compared",
+    }[event.what]
     return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
 
 
 def _ending(record: dict[str, Any]) -> str:
+    if "reason" in record:
+        return str(record["reason"])
     if record["state"] == "failed":
         return f"failed: {record['error']}"
     if "not_reflected" in record:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
 import isomatch
@@ -15,6 +16,7 @@ from isomatch.cli.statistics_files import StatisticsFolder
 from isomatch.cli.terminal import TALK, Talk, complain, say, say_table
 from isomatch.errors import IsomatchError
 from isomatch.storage.files import read_csv
+from isomatch.values.arrays import FloatArray
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
@@ -31,6 +33,7 @@ def statistics(
     test: Literal["permutation", "parametric"] = "permutation",
     score: Annotated[tuple[Path, ...], Parameter(consume_multiple=True)] = (),
     mirror: str | None = None,
+    pictures: Literal["png", "pdf", "svg"] = "png",
     seed: int = 0,
     force: bool = False,
     talk: Talk = TALK,
@@ -59,6 +62,8 @@ def statistics(
         Further meshes in the same topology, to be described by the modes.
     mirror : str
         Add the mirror image of every shape: auto, or a file with the vertex on the other side of each vertex, as a map.
+    pictures : str
+        png (default): with 300 dots per inch. pdf or svg: charts as lines.
     seed : int
         Seed of all draws.
     force : bool
@@ -68,7 +73,7 @@ def statistics(
     """
     if modes < 0:
         raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
-    into = StatisticsFolder(output)
+    into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force):
         tell("reading", 0.0)
         shapes = shape_statistics.read_shapes(folder)
@@ -82,9 +87,21 @@ def statistics(
         tell("model", 0.1)
         if mirror is not None:
             shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
+        share = shapes.area_weights if weights == "area" else None
+        shapes = shape_statistics.filled(shapes, share, scale)
+        missing = _missing(shapes)
+        notes += [
+            f"{name}: {lacks:.1%} of the vertices were not measured, and count as the mean of the others"
+            for name, lacks in missing.items()
+        ]
         model = shape_statistics.ShapeModel.fit(shapes, scale, weights)
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
-        tested = _tested(model, labels, test, seed) if groups else None
+        tested = _tested(model, shapes, labels, test, seed) if groups else None
+        groups_of = [labels.get(name, "") for name in model.names] if groups else None
+        sizes = shape_statistics.centroid_sizes(shapes.vertices, share)
+        allometry, why_not = _allometry(shapes, sizes, share, seed)
+        notes += why_not
+        turned = _asymmetry(model, seed) if mirror is not None else None
         unlabelled = [name for name in model.names if groups and name not in labels]
         if unlabelled:
             notes.append(f"without a group: {', '.join(unlabelled)}")
@@ -92,23 +109,26 @@ def statistics(
         geodesic = shape_statistics.geodesic_distortions(
             shapes, progress=lambda name: tell(f"distances of {name}", 0.3 + 0.3 * next(done) / len(shapes))
         )
-        share = shapes.area_weights if weights == "area" else None
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         tell("writing", 0.6)
         into.clear()
-        into.model(model, modes)
+        into.model(model, shapes, modes, groups_of)
+        into.sizes(shapes, sizes, allometry, groups_of)
         into.quality(model, seed)
+        if turned:
+            into.asymmetry(model, turned)
         if scored:
             into.scored(scored)
         if tested:
             into.groups(model.mesh(), tested)
-        into.distances(shapes, geodesic, procrustes, labels)
+        into.distances(shapes, geodesic, procrustes, groups_of)
         notes += into.exports(shapes, model)
         record = {
             "isomatch": isomatch.__version__,
             "folder": str(folder),
             "shapes": list(model.names),
             "left_out": list(shapes.left_out),
+            "missing": missing,
             "scale": scale,
             "weights": weights,
             "mirror": mirror,
@@ -117,10 +137,13 @@ def statistics(
             "total_variance": float(model.variances.sum()),
             "shares": model.variance_ratios.tolist(),
             "scored": {name: each.error for name, each in scored.items()},
-            "groups": _summary(tested, model, test) if tested else None,
+            "allometry": _of_test(allometry, "r_squared") if allometry else None,
+            "asymmetry": _of_test(turned, "share") if turned else None,
+            "groups": _summary(tested, model, labels, test, seed) if tested else None,
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
+        into.page(record, _lines(record))
         into.finish(record)
         tell("done", 1.0)
 
@@ -176,19 +199,63 @@ def _reflected(table: Path, names: tuple[str, ...]) -> list[str]:
 
 def _tested(
     model: shape_statistics.ShapeModel,
+    shapes: shape_statistics.CorrespondedShapes,
     labels: dict[str, str],
     method: Literal["permutation", "parametric"],
     seed: int,
 ) -> shape_statistics.GroupTest:
     rows = [i for i, name in enumerate(model.names) if name in labels]
     listed = [labels[model.names[i]] for i in rows]
-    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed)
+    known = None if shapes.measured is None else shapes.measured[rows]
+    return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
+
+
+def _allometry(
+    shapes: shape_statistics.CorrespondedShapes,
+    sizes: FloatArray,
+    weights: FloatArray | None,
+    seed: int,
+) -> tuple[shape_statistics.ShapeRegression | None, list[str]]:
+    """Regress shape, without size, on the logarithm of size; or say why not."""
+    try:
+        aligned = shape_statistics.generalised_procrustes(shapes.vertices, weights, "remove").aligned
+        return shape_statistics.shape_regression(aligned, np.log(sizes), weights, seed=seed), []
+    except IsomatchError as error:
+        return None, [f"shape was not regressed on size: {error}"]
+
+
+def _asymmetry(model: shape_statistics.ShapeModel, seed: int) -> shape_statistics.Asymmetry | None:
+    """Compare the shapes of a model, its first half, with their mirror images; of one shape there is no test."""
+    aligned, m = model.aligned, len(model.names) // 2
+    return shape_statistics.asymmetry(aligned[:m], aligned[m:], model.weights, seed=seed) if m > 1 else None
+
+
+def _of_test(
+    test: shape_statistics.ShapeRegression | shape_statistics.Asymmetry, share: str
+) -> dict[str, Any]:
+    return {name: getattr(test, name) for name in (share, "p_value", "n_permutations", "seed")}
+
+
+def _missing(shapes: shape_statistics.CorrespondedShapes) -> dict[str, float]:
+    """Share of the vertices that each shape lacks, of those that lack any."""
+    if shapes.measured is None:
+        return {}
+    lacks = (~shapes.measured).mean(axis=1).tolist()
+    return {name: share for name, share in zip(shapes.names, lacks) if share}
 
 
 def _summary(
-    test: shape_statistics.GroupTest, model: shape_statistics.ShapeModel, method: str
+    test: shape_statistics.GroupTest,
+    model: shape_statistics.ShapeModel,
+    labels: dict[str, str],
+    method: str,
+    seed: int,
 ) -> dict[str, Any]:
+    rows = [i for i, name in enumerate(model.names) if name in labels]
+    is_second = np.array([labels[model.names[i]] == test.groups[1] for i in rows], dtype=np.float64)
+    whole = shape_statistics.shape_regression(model.aligned[rows], is_second, model.weights, seed=seed)
     return {
+        **_of_test(whole, "r_squared"),
         "names": list(test.groups),
         "counts": list(test.counts),
         "test": method,
@@ -196,6 +263,30 @@ def _summary(
         "least_p_value": float(test.p_values.min()),
         "least_q_value": float(test.q_values.min()),
     }
+
+
+def _told(test: dict[str, Any], share: str = "r_squared", of: str = "variance of shape") -> str:
+    return (
+        f"{test[share]:.1%} of the {of}, p = {test['p_value']:.4g} ({test['n_permutations']} permutations, seed "
+        f"{test['seed']})"
+    )
+
+
+def _lines(record: dict[str, Any]) -> list[str]:
+    """Say what was found, one sentence each."""
+    lines = [f"{name}: error {error:.4g}" for name, error in record["scored"].items()]
+    if tested := record["groups"]:
+        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
+        share = tested["significant_share_of_area"]
+        lines += [
+            f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %",
+            f"the groups describe {_told(tested)}",
+        ]
+    if record["allometry"]:
+        lines.append(f"size describes {_told(record['allometry'])}")
+    if record["asymmetry"]:
+        lines.append(f"common to all shapes is {_told(record['asymmetry'], 'share', 'asymmetry')}")
+    return [*lines, *(f"note: {note}" for note in record["notes"])]
 
 
 def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
@@ -208,11 +299,5 @@ def _say(model: shape_statistics.ShapeModel, record: dict[str, Any]) -> None:
             (f"mode {i + 1}", f"{share:.1%} of the variance, sd {deviation:.4g}", f"{total:.1%} so far")
         )
     say_table(rows)
-    for name, error in record["scored"].items():
-        say(f"{name}: error {error:.4g}")
-    if tested := record["groups"]:
-        first, second = (f"{name} ({count})" for name, count in zip(tested["names"], tested["counts"]))
-        share = tested["significant_share_of_area"]
-        say(f"{first} and {second} differ on {share:.1%} of the area, at a false discovery rate of 5 %")
-    for note in record["notes"]:
-        say(f"note: {note}")
+    for line in _lines(record):
+        say(line)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import isomatch.statistics as shape_statistics
 from isomatch import view
 from isomatch.assets import Asset, Attribute, write_asset, write_mesh
+from isomatch.cli.statistics_page import page_of
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
 from isomatch.storage.files import claimed, made_folder, write_csv, write_text
@@ -21,6 +23,7 @@ from isomatch.values.arrays import FloatArray
 
 RECORD = "statistics.json"
 DEVIATIONS = 2
+GREY = 0.6  # of vertices without a value
 GEODESIC = "difference of geodesic distances, in √area"
 
 
@@ -32,9 +35,12 @@ class StatisticsFolder:
     ----------
     folder : Path
         Its path; it is created if it does not exist.
+    pictures : {"png", "pdf", "svg"}
+        How pictures are written.
     """
 
     folder: Path
+    pictures: shape_statistics.PictureFormat = "png"
     written: list[str] = field(default_factory=list)
 
     @contextmanager
@@ -59,6 +65,10 @@ class StatisticsFolder:
         path.parent.mkdir(exist_ok=True)
         return path
 
+    def picture(self, name: str) -> Path:
+        """Return the path of a picture that is about to be written."""
+        return self.path(f"{name}.{self.pictures}")
+
     def table(self, name: str, rows: Iterable[Mapping[str, object]]) -> None:
         """Write rows with the same columns as CSV."""
         listed = list(rows)
@@ -68,12 +78,18 @@ class StatisticsFolder:
         self, name: str, mesh: Mesh, values: Mapping[str, FloatArray], shown: FloatArray, highest: float
     ) -> None:
         """Write a mesh with values at its vertices, one of which gives the colours."""
-        rgb = view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None])
+        rgb = np.nan_to_num(view.colour_scale("viridis", 0.0, highest or 1.0)(shown[:, None]), nan=GREY)
         attributes = [Attribute(measure, "point", "scalar", numbers) for measure, numbers in values.items()]
         colours = Attribute("color", "point", "colour", np.round(255 * rgb).astype(np.uint8))
         write_asset(self.path(name), Asset.of_mesh(mesh, [*attributes, colours]), binary=True)
 
-    def model(self, model: shape_statistics.ShapeModel, n_modes: int) -> None:
+    def model(
+        self,
+        model: shape_statistics.ShapeModel,
+        shapes: shape_statistics.CorrespondedShapes,
+        n_modes: int,
+        groups: list[str] | None,
+    ) -> None:
         """Write the model: meshes, scores, variances and the picture of the modes."""
         model.save(self.path("model.npz"))
         write_mesh(self.path("mean.ply"), model.mesh(), binary=True)
@@ -81,10 +97,11 @@ class StatisticsFolder:
             for sign, word in ((-1, "minus"), (1, "plus")):
                 moved = model.mode_mesh(mode, sign * DEVIATIONS)
                 write_mesh(self.path(f"mode_{mode + 1}_{word}{DEVIATIONS}sd.ply"), moved, binary=True)
-        shape_statistics.draw_modes(self.path("modes.png"), model, n_modes, DEVIATIONS)
+        shape_statistics.draw_modes(self.picture("modes"), model, n_modes, DEVIATIONS)
         self.table("scores.csv", (_score_row(*row) for row in zip(model.names, model.scores)))
         ratios = shape_statistics.compactness(model)
         if model.n_modes:
+            shape_statistics.draw_scores(self.picture("scores"), model, groups)
             self.table(
                 "variance.csv",
                 (
@@ -94,11 +111,14 @@ class StatisticsFolder:
                     )
                 ),
             )
-        deviations = np.sqrt(model.vertex_variances)
-        values = {"variance": model.vertex_variances, "standard_deviation": deviations}
-        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.quantile(deviations, 0.995)))
+        variances = shape_statistics.measured_variances(model.aligned, shapes)
+        deviations = np.sqrt(variances)
+        values = {"variance": variances, "standard_deviation": deviations}
+        if shapes.measured is not None:
+            values["measured"] = shapes.measured.sum(axis=0).astype(np.float64)
+        self.mesh("variance.ply", model.mesh(), values, deviations, float(np.nanquantile(deviations, 0.995)))
         label = "standard deviation, in units of the shapes"
-        shape_statistics.draw_values(self.path("variance.png"), model.mesh(), deviations, label)
+        shape_statistics.draw_values(self.picture("variance"), model.mesh(), deviations, label)
 
     def quality(self, model: shape_statistics.ShapeModel, seed: int) -> None:
         """Write compactness, generalisation and specificity."""
@@ -119,10 +139,58 @@ class StatisticsFolder:
                 for j in range(len(compact))
             ),
         )
-        shape_statistics.draw_quality(self.path("quality.png"), compact, general, specific)
+        shape_statistics.draw_quality(self.picture("quality"), compact, general, specific)
+
+    def sizes(
+        self,
+        shapes: shape_statistics.CorrespondedShapes,
+        sizes: FloatArray,
+        allometry: shape_statistics.ShapeRegression | None,
+        groups: list[str] | None,
+    ) -> None:
+        """Write the sizes of the shapes, and how shape depends on them."""
+        logarithms = np.log(sizes)
+        scores = [{}] * len(shapes) if allometry is None else [
+            {"regression_score": score} for score in allometry.scores[:, 0].tolist()
+        ]  # fmt: skip
+        rows = zip(shapes.names, sizes.tolist(), logarithms.tolist(), scores)
+        self.table(
+            "sizes.csv",
+            (
+                {
+                    "name": name,
+                    "centroid_size": size,
+                    "log_centroid_size": log,
+                    "area": shapes.mesh(i).area,
+                    **score,
+                }
+                for i, (name, size, log, score) in enumerate(rows)
+            ),
+        )
+        if allometry is None:
+            return
+        label = "logarithm of the centroid size"
+        path = self.picture("allometry")
+        shape_statistics.draw_regression(path, allometry, logarithms, shapes.names, label, groups)
+        for word, end in (("smallest", logarithms.min()), ("largest", logarithms.max())):
+            moved = allometry.mean + (end - logarithms.mean()) * allometry.coefficients[0]
+            write_mesh(self.path(f"allometry_{word}.ply"), shapes.mesh(0).moved(moved), binary=True)
+
+    def asymmetry(self, model: shape_statistics.ShapeModel, found: shape_statistics.Asymmetry) -> None:
+        """Write how far the shapes are from their mirror images, which follow them in the model."""
+        rows = zip(model.names, found.amounts.tolist(), found.fluctuating.tolist())
+        self.table(
+            "asymmetry.csv",
+            ({"name": name, "asymmetry": all_, "fluctuating": own} for name, all_, own in rows),
+        )
+        length = np.linalg.norm(found.directional, axis=1)
+        highest = float(np.quantile(length, 0.995))
+        self.mesh("asymmetry.ply", model.mesh(), {"asymmetry": length}, length, highest)
+        label = "asymmetry common to all shapes, in their units"
+        shape_statistics.draw_values(self.picture("asymmetry"), model.mesh(), length, label)
 
     def distances(self, shapes: shape_statistics.CorrespondedShapes, geodesic: FloatArray, procrustes: FloatArray,
-                  groups: Mapping[str, str]) -> None:  # fmt: skip
+                  groups: list[str] | None) -> None:  # fmt: skip
         """Write the distances between shapes, their tree and their places."""
         for name, distances in (("distances.csv", geodesic), ("procrustes_distances.csv", procrustes)):
             rows = zip(shapes.names, distances.tolist())
@@ -131,10 +199,9 @@ class StatisticsFolder:
         self.table(
             "embedding.csv", ({"name": n, "x": x, "y": y} for n, (x, y) in zip(shapes.names, points.tolist()))
         )
-        labels = [groups.get(name, "") for name in shapes.names] if groups else None
-        shape_statistics.draw_embedding(self.path("embedding.png"), points, shapes.names, GEODESIC, labels)
+        shape_statistics.draw_embedding(self.picture("embedding"), points, shapes.names, GEODESIC, groups)
         if len(shapes) > 1:
-            shape_statistics.draw_tree(self.path("dendrogram.png"), geodesic, shapes.names, GEODESIC)
+            shape_statistics.draw_tree(self.picture("dendrogram"), geodesic, shapes.names, GEODESIC)
 
     def groups(self, mean: Mesh, test: shape_statistics.GroupTest) -> None:
         """Write the test of two groups."""
@@ -142,8 +209,8 @@ class StatisticsFolder:
         values = {"p_value": test.p_values, "q_value": test.q_values, "difference": length}
         shown = np.where(test.significant(), length, 0.0)
         self.mesh("groups.ply", mean, values, shown, float(shown.max()))
-        label = "distance of the group means where it is significant"
-        shape_statistics.draw_values(self.path("groups.png"), mean, shown, label)
+        label = "distance of the group means where it is significant" + ("" if shown.any() else ": nowhere")
+        shape_statistics.draw_values(self.picture("groups"), mean, shown, label)
         columns = np.column_stack([test.t_squared, test.p_values, test.q_values, test.difference]).tolist()
         names = ("t_squared", "p_value", "q_value", "dx", "dy", "dz")
         self.table("groups.csv", ({"vertex": i, **dict(zip(names, row))} for i, row in enumerate(columns)))
@@ -171,6 +238,12 @@ class StatisticsFolder:
             return [f"model.h5 for Scalismo is not written: {error}"]
         self.written.append("model.h5")
         return []
+
+    def page(self, record: Mapping[str, Any], told: Sequence[str]) -> None:
+        """Write the page with all pictures, and what the command tells."""
+        pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
+        text = page_of(self.folder.resolve().name, record, told, pictures, self.written)
+        write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:
         """Write ``statistics.json`` last: where it exists, the other files are complete."""

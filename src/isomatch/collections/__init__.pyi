@@ -1,8 +1,10 @@
 from isomatch.collections.agreement import Agreement, agree, agreement_of
+from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
-from isomatch.collections.landmarks import collected_landmarks
+from isomatch.collections.landmark_sheet import draw_landmarks
+from isomatch.collections.landmarks import LeftOut, collected_landmarks, landmarks_left_out
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows
 from isomatch.collections.map_file import PairMaps
@@ -12,6 +14,7 @@ from isomatch.collections.run import Event
 from isomatch.collections.shapes import Entry
 from isomatch.collections.states import state_of
 from isomatch.collections.tables import write_table
+from isomatch.collections.units import scales_of
 
 __all__ = [
     "Agreement",
@@ -19,14 +22,20 @@ __all__ = [
     "Entry",
     "Event",
     "Layout",
+    "LeftOut",
+    "Misfit",
     "PairMaps",
     "Rows",
     "agree",
     "agreement_of",
     "collected_landmarks",
+    "draw_landmarks",
     "export",
     "finish",
+    "landmarks_left_out",
     "mirror_images",
+    "misfits",
+    "scales_of",
     "state_of",
     "surfaces_written",
     "write_reports",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from isomatch.collections.plan import Plan
 from isomatch.collections.run import Event, Run
 from isomatch.collections.shapes import Entry, entries_of, unusable_names
 from isomatch.collections.states import state_of, was_contradicted
+from isomatch.collections.units import OTHERS, checked_units
 from isomatch.errors import FormatError, InputError, SettingError
 from isomatch.settings import Config
 from isomatch.storage.files import write_text
@@ -44,6 +45,8 @@ class Collection(Plan):
         Their seed.
     reflect : "auto" or tuple of str
         Which shapes are matched as their mirror images, see `create`.
+    units : mapping of str to str
+        Units of some shapes, see `create`.
 
     Examples
     --------
@@ -71,8 +74,11 @@ class Collection(Plan):
         config: Config | None = None,
         seed: int = 0,
         reflect: str | Iterable[str] | None = None,
+        units: Mapping[str, str] | None = None,
     ) -> Collection:
-        """Make a collection, or continue one with the same settings; shapes may be added, and ``reflect`` may change.
+        """Make a collection, or continue one with the same settings.
+
+        Shapes may be added and taken out, and ``reflect`` and ``units`` may change.
 
         Parameters
         ----------
@@ -94,11 +100,15 @@ class Collection(Plan):
             Names of shapes that are matched as their mirror images, such as left ones among right ones. "auto": those of
             which the pairs end as ``MIRROR_IMAGE``, if then they end without doubt; of a star, the mirror images of the
             template, and otherwise the smaller of two groups. By default as before, and none in a new collection.
+        units : mapping of str to str, optional
+            Units of shapes whose files are in others than most, by name: "um", "mm", "cm", "m" or "in". In the topology
+            of the template they are in the unit of all others; that is found by their sizes, or given for ``"*"``. By
+            default as before.
 
         Raises
         ------
         InputError
-            If the shapes, pairs, template or names are not usable.
+            If the shapes, pairs, template, names or units are not usable.
         SettingError
             If the folder holds a collection with other settings, or either orientation is allowed, which does not tell
             mirror images.
@@ -118,12 +128,24 @@ class Collection(Plan):
         if pairs not in PATTERNS:
             pairs = str(Path(pairs).resolve())
             pairs_of(names, pairs, template)
-        new = cls(layout.folder, entries, pairs, template, config or Config(), seed, _checked(reflect, names))
+        new = cls(
+            layout.folder,
+            entries,
+            pairs,
+            template,
+            config or Config(),
+            seed,
+            _checked(reflect, names),
+            checked_units(units or {}, names),
+        )
         if layout.plan.exists():
             old = cls.open(folder)
             new._require_same(old)
             if reflect is None:
                 new = replace(new, reflect=old.reflect)
+            if units is None:
+                kept = {name: unit for name, unit in old.units.items() if name in {OTHERS, *names}}
+                new = replace(new, units=kept)
             if pairs == "all":  # of two shapes, the same one stays the source
                 place = {name: i for i, name in enumerate(old.names)}
                 entries = tuple(sorted(entries, key=lambda entry: place.get(entry.name, len(place))))
@@ -141,6 +163,7 @@ class Collection(Plan):
             "config": new.config.to_dict(),
             "seed": seed,
             "reflect": new.reflect,
+            "units": new.units,
         }
         text = json.dumps(plan, indent=2) + "\n"
         if not layout.plan.exists() or layout.plan.read_text(encoding="utf-8") != text:
@@ -167,7 +190,8 @@ class Collection(Plan):
                 raise ValueError(f"{', '.join(bad)} cannot be names of shapes")
             turned = plan.get("reflect", ())
             turned = turned if turned == "auto" else tuple(map(str, turned))
-            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned)
+            units = checked_units(plan.get("units", {}), plan["shapes"])
+            return cls(folder, shapes, plan["pairs"], plan["template"], config, plan["seed"], turned, units)
         except FileNotFoundError:
             raise FormatError(f"{folder}: holds no collection; make one with isomatch collect") from None
         except (ValueError, KeyError, TypeError, AttributeError, SettingError) as error:
@@ -193,8 +217,7 @@ class Collection(Plan):
         """
         path = self.layout.maps((source, target))
         if not path.exists():
-            turned = PairMaps.load(self.layout.maps((target, source)))
-            return PairMaps(turned.back, turned.there, turned.record)
+            return PairMaps.load(self.layout.maps((target, source))).turned
         return PairMaps.load(path)
 
     def run(

@@ -164,17 +164,17 @@ class CycleJob:
                 result,
                 outcome=lowered(result.outcome, of_composition),
                 notes=(note, *result.notes),
-            ).to_dict()
+            )
             for result in rematched
         ]
         record = {
             **old.record,
-            "there": results[0],
-            "back": results[1],
+            "there": results[0].to_dict(),
+            "back": results[1].to_dict(),
             "memory": peak_memory(),
             "replaced_by": [pair[0], over, pair[1]],
         }
-        PairMaps(rematched.there.map, rematched.back.map, record).save(self.collection.layout.maps(pair))
+        PairMaps.of(results[0], results[1], record).save(self.collection.layout.maps(pair))
         return record
 
     def _paths(self, ends: Pair, middles: Sequence[str]) -> IntArray:

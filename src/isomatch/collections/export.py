@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from isomatch.assets import read_mesh, write_mesh
+from isomatch.assets import read_asset, write_asset
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
 from isomatch.collections.shapes import BETWEEN
@@ -28,7 +28,8 @@ def export(
     collection : Collection
         The collection; of its shapes, those that `surfaces_written` names.
     folder : path_like
-        Folder for ``meshes/NAME``, in the units of the shapes' files, for ``maps/SOURCE__TARGET``, a file for each
+        Folder for ``meshes/NAME``, in the units of the collection, with ``measured`` as far as the format has a place for
+        it, for ``maps/SOURCE__TARGET``, a file for each
         direction, and for ``pairs.csv``, which is written last.
     meshes : str, optional
         Suffix of the meshes, of `FORMATS`; None for none.
@@ -66,7 +67,7 @@ def export(
             (last.parent / kind).mkdir(exist_ok=True)
         for name in names:
             path = last.parent / "meshes" / f"{name}{meshes}"
-            write_mesh(path, read_mesh(collection.layout.corresponded(name)))
+            write_asset(path, read_asset(collection.layout.corresponded(name)))
             yield path
         for pair in pairs:
             pair_maps = collection.maps(*pair)

@@ -7,20 +7,28 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from typing import Any
 
+import numpy as np
+
+from isomatch.assets import read_mesh
+from isomatch.collections.cohort import NOT_UNLIKE
 from isomatch.collections.collection import Collection
 from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows
+from isomatch.collections.ledger import Rows, read_ledgers
 from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.page import write_page
 from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
+from isomatch.collections.units import scales_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
+from isomatch.statistics import doubtful_positions
 from isomatch.storage.files import claimed, read_csv, write_csv
 
 OWN = ("name", "key", "inverted_before", "inverted", "extended", "error")  # columns of the work itself
-COLUMNS = (*OWN, "reflected", "mirror_image")
+COLUMNS = (*OWN, "scale", "reflected", "mirror_image", "unlike")
 AT_ONCE = 4  # surfaces of a task
+N_COMPARED = 1000  # vertices of a shape by which outliers are found
+MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
 SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
 
 
@@ -33,7 +41,8 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. Vertices without an image continue the surface around them; see `isomatch.wrap`.
+    before. Vertices without an image continue the surface around them; see `isomatch.wrap`. Files of shapes that were
+    taken out, or are not matched any more, are removed.
 
     Parameters
     ----------
@@ -57,11 +66,13 @@ def finish(
     layout, rows = collection.layout, collection.rows()
     template = collection.chosen_template(rows)
     lines = _lines_of_table(collection)
+    plans = [] if template is None else _planned(collection, rows, template)
+    kept = collection.names if template is None else [plan.entry.name for plan in plans]
+    _remove(collection, set(kept), lines)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
             (layout.folder / folder).mkdir(exist_ok=True)
         job = WrapJob(layout, _entry(collection, rows, template))
-        plans = _planned(collection, rows, template)
         todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
         saved = time.monotonic()
@@ -74,6 +85,9 @@ def finish(
                     saved = time.monotonic()
                 yield lines[name]
             _tell_sides(collection, rows, lines)
+            _tell_unlike(
+                layout, [plan.entry.name for plan in plans if _is_written(layout, plan, lines)], lines
+            )
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
     write_page(collection, rows, template, lines)
@@ -91,13 +105,14 @@ def surfaces_written(collection: Collection) -> list[str]:
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
     own = rows.shapes.get(template, {}).get("key", "")
+    scales = scales_of(collection.units, rows)
     plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
     for pair, record in rows.pairs.items():
         if template in pair and rows.is_current(pair):
             name = pair[0] if pair[1] == template else pair[1]
             key = " > ".join((record["key"], *record.get("replaced_by", ())))
             plans.append(PlannedSurface(_entry(collection, rows, name), pair, key))
-    return plans
+    return [plan.scaled(scales.get(plan.entry.name, 1.0)) for plan in plans]
 
 
 def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
@@ -109,6 +124,37 @@ def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> 
     line = lines.get(plan.entry.name, {})
     up_to_date = line.get("key") == plan.key and not line.get("error")
     return up_to_date and layout.corresponded(plan.entry.name).exists()
+
+
+def _remove(collection: Collection, kept: set[str], lines: dict[str, Any]) -> None:
+    """Remove the files and lines of shapes that are not written any more, and reports of pairs that are no more."""
+    layout, everything = collection.layout, read_ledgers(collection.layout.ledgers())
+    gone = {*lines, *everything.shapes} - kept
+    for name in gone:
+        landmarks = layout.landmarks / f"{name}.mrk.json"
+        for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
+            file.unlink(missing_ok=True)
+        if lines.pop(name, None):  # the others are compared again, without it
+            for line in lines.values():
+                line.pop("unlike", None)
+    for pair in everything.pairs:
+        if not set(pair) <= set(collection.names):
+            layout.report(pair).unlink(missing_ok=True)
+
+
+def _tell_unlike(layout: Layout, names: list[str], lines: dict[str, Any]) -> None:
+    """Add to the lines of shapes why they are far from all others, if they are; unless all have been compared."""
+    if all(lines[name].get("unlike") for name in names):
+        return
+    compared = names[:: len(names) // MOST_COMPARED + 1]
+    sampled = []
+    for name in compared:
+        vertices = read_mesh(layout.corresponded(name)).vertices
+        sampled.append(vertices[np.linspace(0, len(vertices) - 1, N_COMPARED).astype(int)])
+    doubts = doubtful_positions(compared, np.array(sampled)) if sampled else []
+    unlike = {name: doubt.reason for doubt in doubts if doubt.kind == "unlike" for name in doubt.names}
+    for name in names:
+        lines[name]["unlike"] = unlike.get(name, NOT_UNLIKE)
 
 
 def _tell_sides(collection: Collection, rows: Rows, lines: dict[str, Any]) -> None:

@@ -13,7 +13,9 @@ from threading import Lock
 from typing import NamedTuple
 
 from isomatch.assets import surface_from
+from isomatch.collections.cohort import holes_of
 from isomatch.collections.layout import Layout, identity_of, key_of
+from isomatch.collections.likeness import likeness_of
 from isomatch.collections.map_file import SIDES, PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
@@ -23,7 +25,7 @@ from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
-from isomatch.surfaces import reflected
+from isomatch.surfaces import Graph, Mesh, reflected
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
 REFLECTED = "reflected before it was prepared, x → −x; vertices and faces keep their numbers"
@@ -134,6 +136,8 @@ class Job:
             "n_vertices": surface.n_vertices,
             "area": float(surface.vertex_areas.sum()),
             "features": features_of(shape),
+            **({} if isinstance(surface, Graph) else likeness_of(surface)),
+            "holes": holes_of(surface) if isinstance(surface, Mesh) else None,
             "notes": list(shape.notes),
         }
 
@@ -150,7 +154,7 @@ class Job:
             and _surfaces_of(earlier.record) == _surfaces_of(maps.record)
             and _unsureness(earlier.record) <= _unsureness(maps.record)
         ):
-            maps = PairMaps(earlier.there, earlier.back, {**earlier.record, "key": plan.key})
+            maps = replace(earlier, record={**earlier.record, "key": plan.key})
         maps.save(file)
         return maps.record
 
@@ -184,7 +188,7 @@ class Job:
             "seconds": time.perf_counter() - start,
             "memory": peak_memory(),
         }
-        return PairMaps(matches.there.map, matches.back.map, record)
+        return PairMaps.of(*matches, record)
 
 
 def _summary(result: MatchResult) -> Record:

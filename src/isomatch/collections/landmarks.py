@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from isomatch.assets import read_mesh
 from isomatch.collections.collection import Collection
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError
 from isomatch.landmarks import Landmarks, median_landmarks
-from isomatch.surfaces import Mesh
 from isomatch.transfer import carry_landmarks
+from isomatch.values.arrays import FloatArray
+
+
+class LeftOut(NamedTuple):
+    """The landmarks that the other templates give for a shape of which they are known.
+
+    Parameters
+    ----------
+    name : str
+        The shape.
+    carried : Landmarks
+        What the others give, with its expected errors and spread.
+    error : (m,) array of float
+        Distance of each from the given one, in the units of the shape; nan where either has no place.
+    """
+
+    name: str
+    carried: Landmarks
+    error: FloatArray
 
 
 def collected_landmarks(
@@ -34,8 +55,9 @@ def collected_landmarks(
     ------
     str, Landmarks
         Each shape of the collection, and its landmarks: of a template its own, with the points of curves equally spaced;
-        of another the medians over templates, with their ``spread``. Doubtful maps are not used, see `Rows.is_doubtful`;
-        a shape that no other map leads to is left out.
+        of another the medians over templates, with their ``spread`` and ``expected_error``. Of two maps, one after the
+        other, this is the root of the sum of squares. Doubtful maps are not used, see `Rows.is_doubtful`; a shape that no
+        other map leads to is left out.
 
     Raises
     ------
@@ -44,42 +66,111 @@ def collected_landmarks(
     FormatError, LandmarkError
         If a file cannot be read, or its landmarks are not on the shape.
     """
-    if unknown := [name for name in files if name not in collection.paths]:
-        raise InputError(
-            f"{', '.join(unknown)}: no shapes of {collection.folder}; files are named like shapes"
-        )
-    if not files:
-        raise InputError("no landmarks; give a file for one shape of the collection or more")
-    read = lru_cache(len(files) + 2)(lambda name: read_mesh(collection.paths[name]))
-    own = {name: Landmarks.read(path, read(name)) for name, path in files.items()}
-    between = _maps(collection, read)
+    templates = _Templates(collection, files, curve_points)
     for name in collection.names:
-        if name in own:
-            mesh = read(name)
-            itself = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
-            yield name, carry_landmarks(itself, mesh, mesh, own[name], curve_points=curve_points)
-            continue
-        carried = [
-            carry_landmarks(found, read(template), read(name), marks, curve_points=curve_points)
-            for template, marks in own.items()
-            if (found := between(template, name)) is not None
-        ]
-        if carried:
-            yield name, median_landmarks(carried, read(name))
+        found = templates.own(name) if name in files else templates.carried(name, files)
+        if found is not None:
+            yield name, found
 
 
-def _maps(collection: Collection, read: Callable[[str], Mesh]) -> Callable[[str, str], Correspondence | None]:
-    """Return a function that gives the map between two shapes, directly or over the template, or None."""
-    rows = collection.rows()
-    centre = collection.chosen_template(rows)
-    sure = {frozenset(pair) for pair in rows.pairs if rows.is_current(pair) and not rows.is_doubtful(pair)}
+def landmarks_left_out(
+    collection: Collection, files: Mapping[str, str | Path], curve_points: int | None = None
+) -> Iterator[LeftOut]:
+    """Carry to each template what all others give for it, and compare it with its own landmarks.
 
-    def between(source: str, target: str) -> Correspondence | None:
-        if {source, target} in sure:
-            return collection.maps(source, target).there
-        if centre is None or not {frozenset((source, centre)), frozenset((centre, target))} <= sure:
+    Parameters
+    ----------
+    collection, files, curve_points
+        As for `collected_landmarks`.
+
+    Yields
+    ------
+    LeftOut
+        Each template that the others lead to; none if there is only one. So the errors are those to be expected of a
+        shape of which nothing was marked, from one template less.
+
+    Raises
+    ------
+    InputError, FormatError, LandmarkError
+        As `collected_landmarks`.
+    """
+    templates = _Templates(collection, files, curve_points)
+    for name in files:
+        carried = templates.carried(name, [other for other in files if other != name])
+        if carried is not None:
+            own = templates.own(name)
+            apart = carried.positions - _positions(own, carried.names)
+            yield LeftOut(name, carried, np.asarray(np.linalg.norm(apart, axis=1)))
+
+
+def _positions(marks: Landmarks, names: tuple[str, ...]) -> FloatArray:
+    """Positions of landmarks with given names, nan of one that there is not; in their order if they have these names."""
+    if marks.names == names:
+        return marks.positions
+    place = dict(zip(marks.names, marks.positions))
+    nowhere = np.full(3, np.nan)
+    return np.array([place.get(name, nowhere) for name in names]).reshape(-1, 3)
+
+
+class _Templates:
+    """The shapes that have landmarks, and what they give for others."""
+
+    def __init__(
+        self, collection: Collection, files: Mapping[str, str | Path], curve_points: int | None
+    ) -> None:
+        if unknown := [name for name in files if name not in collection.paths]:
+            raise InputError(
+                f"{', '.join(unknown)}: no shapes of {collection.folder}; files are named like shapes"
+            )
+        if not files:
+            raise InputError("no landmarks; give a file for one shape of the collection or more")
+        self._collection, self._curve_points = collection, curve_points
+        self._rows = collection.rows()
+        self._centre = collection.chosen_template(self._rows)
+        self._read = lru_cache(len(files) + 2)(lambda name: read_mesh(collection.paths[name]))
+        self._marks = {name: Landmarks.read(path, self._read(name)) for name, path in files.items()}
+
+    def own(self, name: str) -> Landmarks:
+        """Return the landmarks of a template, with the points of its curves equally spaced."""
+        mesh = self._read(name)
+        itself = Correspondence(range(mesh.n_vertices), mesh.n_vertices)
+        return carry_landmarks(itself, mesh, mesh, self._marks[name], curve_points=self._curve_points)
+
+    def carried(self, name: str, templates: Iterable[str]) -> Landmarks | None:
+        """Return the median of what some templates give for a shape; None if no sure map leads to it."""
+        several = []
+        for template in templates:
+            found = self._map(template, name)
+            if found is not None:
+                there, errors = found
+                ends = self._read(template), self._read(name)
+                several.append(
+                    carry_landmarks(
+                        there,
+                        *ends,
+                        self._marks[template],
+                        curve_points=self._curve_points,
+                        expected_error=errors,
+                    )
+                )
+        return median_landmarks(several, self._read(name)) if several else None
+
+    def _map(self, source: str, target: str) -> tuple[Correspondence, FloatArray | None] | None:
+        """Return the map between two shapes with its expected error, directly or over the template, or None."""
+        if self._is_sure(source, target):
+            maps = self._collection.maps(source, target)
+            return maps.there, maps.there_error
+        centre = self._centre
+        if centre is None or not (self._is_sure(source, centre) and self._is_sure(centre, target)):
             return None
-        first, second = collection.maps(source, centre).there, collection.maps(centre, target).there
-        return first.then(second, read(centre), read(target))
+        first, second = self._collection.maps(source, centre), self._collection.maps(centre, target)
+        joined = first.there.then(second.there, self._read(centre), self._read(target))
+        if first.there_error is None or second.there_error is None:
+            return joined, None
+        return joined, np.hypot(first.there_error, first.there.pull_back(second.there_error))
 
-    return between
+    def _is_sure(self, one: str, other: str) -> bool:
+        return any(
+            self._rows.is_current(pair) and not self._rows.is_doubtful(pair)
+            for pair in ((one, other), (other, one))
+        )

@@ -69,6 +69,11 @@ class Layout:
         """Return the path of a small picture of a shape."""
         return self.folder / "thumbnails" / f"{name}.png"
 
+    @property
+    def landmarks(self) -> Path:
+        """The folder of the landmarks of all shapes."""
+        return self.folder / "landmarks"
+
     def ledger(self, shard: tuple[int, int] = (0, 1)) -> Path:
         """Return the path of the ledger of a shard (index from 0, count)."""
         index, count = shard

@@ -11,13 +11,16 @@ import numpy as np
 
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MapError
+from isomatch.matching import MatchResult
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh, reflected
+from isomatch.values.arrays import FloatArray
 
 Record = dict[str, Any]
 """What is known of a shape or a pair, as plain values."""
 
 SIDES = ("there", "back")
+UNKNOWN = -1.0  # in a file, an error that is not known
 FORMAT = ArrayFormat(
     what="the maps of a pair",
     writer="isomatch collect",
@@ -33,6 +36,10 @@ FORMAT = ArrayFormat(
                 ("barycentric", Stored("float", (n, 3))),
             )
         },
+        **{
+            f"{side}_expected_error": Stored("float", (n,), group="errors")
+            for side, n in zip(SIDES, ("n_source", "n_target"))
+        },
     },
 )
 
@@ -47,11 +54,26 @@ class PairMaps:
         Source → target, and target → source.
     record : dict
         The row of the pair in the ledger.
+    there_error, back_error : (n,) array of float, optional
+        ``expected_error`` of both, for each vertex where they start, in √area of where they end; nan where it is not
+        known, as in files of earlier versions.
     """
 
     there: Correspondence
     back: Correspondence
     record: Record
+    there_error: FloatArray | None = None
+    back_error: FloatArray | None = None
+
+    @classmethod
+    def of(cls, there: MatchResult, back: MatchResult, record: Record) -> PairMaps:
+        """Take the maps of two results, with their expected errors."""
+        return cls(there.map, back.map, record, there.expected_error, back.expected_error)
+
+    @property
+    def turned(self) -> PairMaps:
+        """The maps of the pair in the other order."""
+        return PairMaps(self.back, self.there, self.record, self.back_error, self.there_error)
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` file; indices take 4 bytes and barycentric coordinates too."""
@@ -61,6 +83,9 @@ class PairMaps:
             arrays[f"{side}_vertices"] = correspondence.vertices.astype(np.int32)
             arrays[f"{side}_faces"] = correspondence.faces.astype(np.int32)
             arrays[f"{side}_barycentric"] = correspondence.barycentric.astype(np.float32)
+            errors = getattr(self, f"{side}_error")
+            if errors is not None:
+                arrays[f"{side}_expected_error"] = np.nan_to_num(errors, nan=UNKNOWN).astype(np.float32)
         save_arrays(path, FORMAT.version, arrays, compressed=True)
 
     @classmethod
@@ -82,7 +107,13 @@ class PairMaps:
             raise FormatError(
                 f"{path}: not the maps of a pair ({error}); remove it, and match again"
             ) from None
-        return cls(there, back, record)
+        errors = [arrays.get(f"{side}_expected_error") for side in SIDES]
+        return cls(
+            there,
+            back,
+            record,
+            *(None if each is None else np.where(each < 0, np.nan, each) for each in errors),
+        )
 
 
 def as_matched(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
 from typing import Any
 from urllib.parse import quote
 
+from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.ledger import Rows
 from isomatch.collections.reports import has_report
@@ -44,12 +45,24 @@ def write_page(
         title=escape(f"{len(collection.shapes)} shapes in {layout.folder.resolve().name}"),
         summary=escape(f"{prepared} shapes prepared. {len(pairs)} pairs: {counts or 'none yet'}."),
         template=escape(template or "not yet chosen"),
+        first=_first(misfits(collection, rows)),
         shapes="".join(_figure(collection, name, rows, lines) for name in collection.names),
         count=f"{min(len(pairs), MOST_SHOWN)} of {len(pairs)}, worst first.",
         pairs="".join(_line(collection, pair, rows) for pair in pairs[:MOST_SHOWN]),
         columns="".join(f"<th scope=col>{escape(name.replace('_', ' '))}</th>" for name in SHOWN),
     )
     write_text(layout.page, page)
+
+
+def _first(found: Sequence[Misfit]) -> str:
+    """List what does not fit, if anything does not."""
+    if not found:
+        return ""
+    items = "".join(
+        f"<li><b>{escape(name)}</b> <small>{escape(kind)}</small> {escape(reason)}</li>\n"
+        for kind, name, reason in found
+    )
+    return f"<h2>To look at first</h2>\n<ul class=first>{items}</ul>"
 
 
 def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, Mapping[str, Any]]) -> str:

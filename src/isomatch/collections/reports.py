@@ -22,6 +22,7 @@ from isomatch.correspondence import Correspondence
 from isomatch.errors import SettingError
 from isomatch.matching import MatchResult, Outcome
 from isomatch.storage.files import writing
+from isomatch.values.arrays import FloatArray
 from isomatch.view import write_report
 
 ALSO = 3  # the worst of the pairs that are not in doubt
@@ -96,7 +97,8 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
     """Write the report of a pair, source → target."""
     files = [collection.paths[name] for name in pair]
     source_turned, target_turned = (name in record.get("reflected", ()) for name in pair)
-    there = collection.maps(*pair).there
+    maps = collection.maps(*pair)
+    there = maps.there
     source, target = map(mesh_from, files)
     there, source, target = as_matched(there, source, target, (source_turned, target_turned))
     command = join(["isomatch", "match", *map(str, files)])
@@ -107,14 +109,16 @@ def _written(collection: Collection, pair: Pair, record: Record) -> Record:
         path,
         source,
         target,
-        _result(collection, record, there),
+        _result(collection, record, there, maps.there_error),
         names=pair,
         command=f"{command} -o DIR --landmarks landmarks.txt",
     )
     return {"bytes": path.stat().st_size}
 
 
-def _result(collection: Collection, record: Record, there: Correspondence) -> MatchResult:
+def _result(
+    collection: Collection, record: Record, there: Correspondence, errors: FloatArray | None
+) -> MatchResult:
     """Restore the result of a match from its saved parts, and say what is not in them."""
     summary = record["there"]
     notes = list(summary["notes"])
@@ -122,4 +126,5 @@ def _result(collection: Collection, record: Record, there: Correspondence) -> Ma
         notes.append("a collection does not keep alternatives; isomatch match finds them again")
     if is_contradicted(record):
         notes.insert(0, f"other maps contradict it by {record['agreement']['inconsistency']:.2f} √area")
-    return replace(MatchResult.from_dict(summary, there, collection.config), notes=tuple(notes))
+    result = replace(MatchResult.from_dict(summary, there, collection.config), notes=tuple(notes))
+    return result if errors is None else replace(result, expected_error=errors)

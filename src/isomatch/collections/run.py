@@ -9,6 +9,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from isomatch.collections.cohort import OF_SHAPES, misfits
 from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
 from isomatch.collections.layout import identity_of, key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
@@ -27,10 +28,11 @@ TILES_PER_WORKER = 4  # so that the last ones end at about the same time
 class Event(NamedTuple):
     """A step of a run: its kind, the shape or pair, its row, and how many of how many steps are done.
 
-    The row of a reflection is that of the pair by which the shape was judged.
+    The row of a reflection is that of the pair by which the shape was judged, that of a misfit has its ``kind`` and
+    ``reason``, see `misfits`.
     """
 
-    what: Literal["shape", "pair", "reflection", "agreement"]
+    what: Literal["shape", "misfit", "pair", "reflection", "agreement"]
     name: str | Pair
     record: Record
     done: int
@@ -60,6 +62,7 @@ class Run:
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
             yield from self._prepared_shapes(job, workers, ledger)
+            yield from self._misfits(ledger.rows)
             tried: set[str] = set()
             while not job.is_late():
                 yield from self._matched_pairs(job, workers, ledger)
@@ -77,6 +80,12 @@ class Run:
             row = _row_of(record)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
+
+    def _misfits(self, rows: Rows) -> Iterator[Event]:
+        """Tell what the shapes alone tell; of those that are broken it was told."""
+        found = [each for each in misfits(self.collection, Rows(rows.shapes)) if each.kind in OF_SHAPES]
+        for count, (kind, name, reason) in enumerate(found, 1):
+            yield Event("misfit", name, {"state": "done", "kind": kind, "reason": reason}, count, len(found))
 
     def _matched_pairs(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Match the pairs that are not matched yet, in tiles, as far as their shapes could be prepared."""

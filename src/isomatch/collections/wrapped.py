@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.image import imsave
 
-from isomatch.assets import mesh_from, write_mesh
+from isomatch.assets import Asset, Attribute, mesh_from, write_asset
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import PairMaps, Record, as_matched
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.correspondence import Correspondence, wrap
 from isomatch.errors import IsomatchError
+from isomatch.statistics import MEASURED
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
@@ -36,11 +37,18 @@ class PlannedSurface(NamedTuple):
         The pair with the template; None for the template itself.
     key : str
         Identifies the map, and with it the surface.
+    scale : float
+        What its positions are multiplied by, so that they are in the units of the others.
     """
 
     entry: Entry
     pair: Pair | None
     key: str
+    scale: float = 1.0
+
+    def scaled(self, factor: float) -> PlannedSurface:
+        """Return the same surface with positions multiplied by a factor."""
+        return self if factor == 1 else self._replace(scale=factor, key=f"{self.key} × {factor:.6g}")
 
 
 @dataclass(frozen=True)
@@ -65,10 +73,12 @@ class WrapJob:
     def _line(self, plan: PlannedSurface) -> Record:
         name = plan.entry.name
         line = {"name": name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        line |= {"scale": plan.scale if plan.scale != 1 else ""}
         try:
             template, mesh = (
                 _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
             )
+            marks: list[Attribute] = []
             if plan.pair is None:
                 template = mesh = reflected(mesh) if plan.entry.reflected else mesh
             else:
@@ -76,13 +86,16 @@ class WrapJob:
                 there = maps.there if plan.pair[0] == self.template.name else maps.back
                 turned = self.template.reflected, plan.entry.reflected
                 there, template, mesh = as_matched(there, template, mesh, turned)
+                if not there.matched.all():
+                    marks = [Attribute(MEASURED, "point", "label", there.matched.astype(np.uint8))]
                 wrapped = wrap(there, template, mesh)
                 mesh = wrapped.mesh
                 line |= {
                     measure: getattr(wrapped, measure)
                     for measure in ("inverted_before", "inverted", "extended")
                 }
-            write_mesh(self.layout.corresponded(name), mesh)
+            mesh = mesh.moved(plan.scale * mesh.vertices)
+            write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
             line["error"] = f"{type(error).__name__}: {error}"

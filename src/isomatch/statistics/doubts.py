@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from itertools import compress
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -12,12 +11,9 @@ from scipy.sparse.csgraph import connected_components
 
 from isomatch.statistics.procrustes import procrustes_distances
 from isomatch.statistics.shapes import CorrespondedShapes
+from isomatch.statistics.units import DEVIATIONS, TO_STANDARD, size_factors, told_factor
 from isomatch.values.arrays import BoolArray, FloatArray
 
-SIZE_FACTOR = 2.0  # from the median size: less is not a matter of units, of which 2.54 is the smallest factor
-SIZE_GAP = 5.0  # between two sizes that follow each other: no sample of one kind has it
-DEVIATIONS = 6.0  # median absolute deviations, scaled to standard ones, from the median: beyond is an outlier
-TO_STANDARD = 1.4826  # times the median absolute deviation is the standard deviation of a normal distribution
 # Of seven sets of animals and people in many poses, of which up to a half was mirrored at random, these find 202 of 208,
 # none of TOSCA victoria, whose poses differ most, and nothing wrong in any.
 SAMPLE_AGREES = 0.35  # median agreement of all shapes: with less, poses differ too much to tell
@@ -31,7 +27,7 @@ FEWEST = 4  # shapes that tell what is usual
 
 
 Kind: TypeAlias = Literal["units", "mirrored", "twice", "far", "unlike"]
-Found: TypeAlias = tuple[Kind, np.intp, str]
+Found: TypeAlias = tuple[Kind, int, str]
 
 
 class Doubt(NamedTuple):
@@ -85,46 +81,47 @@ def doubtful_shapes(shapes: CorrespondedShapes) -> list[Doubt]:
     mirrored e
     twice a b
     """
-    vertices = shapes.vertices
+    return doubtful_positions(shapes.names, shapes.vertices)
+
+
+def doubtful_positions(names: Sequence[str], vertices: FloatArray) -> list[Doubt]:
+    """Find the same by corresponding positions alone, such as those of some of the vertices.
+
+    Parameters
+    ----------
+    names : sequence of str
+        A name for each of the m shapes.
+    vertices : (m, n, 3) array of float
+        Corresponding positions, all finite.
+
+    Returns
+    -------
+    list of Doubt
+        As `doubtful_shapes`.
+    """
     sizes = np.sqrt(((vertices - vertices.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean(axis=1))
     has_size = (sizes > 0) & np.ptp(vertices, axis=1).any(axis=1)
     if not has_size.all():
-        points, kept = (tuple(compress(shapes.names, which)) for which in (~has_size, has_size))
+        points, kept = (tuple(compress(names, which)) for which in (~has_size, has_size))
         reason = "has no size: all its vertices are at one position"
         told = [Doubt("unlike", (name,), reason) for name in points]
         if kept:
-            told += doubtful_shapes(replace(shapes, names=kept, vertices=vertices[has_size]))
+            told += doubtful_positions(kept, vertices[has_size])
         return told
-    if len(shapes) < 2:
+    if len(names) < 2:
         return []
     distances = procrustes_distances(vertices / sizes[:, None, None], scale="remove")
     reflected = procrustes_distances(vertices / sizes[:, None, None], scale="remove", mirrored=True)
-    factors = _other_units(sizes)
+    factors = size_factors(sizes)
     mirrored = _mirrored(distances, reflected)
     opposite = mirrored[:, None] != mirrored
     found: list[Found] = [
-        *(("units", i, f"is {factors[i]:.4g} times as large as the others; it may be in other units")
-          for i in np.flatnonzero(factors != 1)),
-        *(("mirrored", i, "fits the others better as its mirror image") for i in np.flatnonzero(mirrored)),
+        *(("units", i, told_factor(factors[i])) for i in _rows(factors != 1)),
+        *(("mirrored", i, "fits the others better as its mirror image") for i in _rows(mirrored)),
         *_far(vertices.mean(axis=1), sizes, factors),
         *_unlike(np.where(opposite, reflected, distances)),
     ]  # fmt: skip
-    return [Doubt(kind, (shapes.names[i],), reason) for kind, i, reason in found] + _twice(
-        shapes.names, distances
-    )
-
-
-def _other_units(sizes: FloatArray) -> FloatArray:
-    """(m,) how many times as large as the others each shape is, if that is a matter of units, or else 1."""
-    logarithms = np.log(sizes)
-    off = np.abs(logarithms - np.median(logarithms))
-    odd = np.asarray(off > max(np.log(SIZE_FACTOR), DEVIATIONS * TO_STANDARD * float(np.median(off))))
-    ordered = np.sort(sizes)
-    gaps = ordered[1:] / ordered[:-1]
-    at = int(gaps.argmax())
-    if not odd.any() and gaps[at] > SIZE_GAP:
-        odd = sizes > ordered[at] if 2 * (at + 1) >= len(sizes) else sizes <= ordered[at]
-    return np.where(odd, sizes / np.median(sizes[~odd]), 1.0)
+    return [Doubt(kind, (names[i],), reason) for kind, i, reason in found] + _twice(names, distances)
 
 
 def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
@@ -147,11 +144,16 @@ def _mirrored(distances: FloatArray, reflected: FloatArray) -> BoolArray:
     return np.asarray((side < 0) & is_clear & (np.median(others) > SAMPLE_AGREES))
 
 
+def _rows(which: BoolArray) -> list[int]:
+    rows: list[int] = np.flatnonzero(which).tolist()
+    return rows
+
+
 def _far(centroids: FloatArray, sizes: FloatArray, factors: FloatArray) -> Iterable[Found]:
     away = np.linalg.norm(centroids - np.median(centroids, axis=0), axis=1)
     limit = max(FAR * float(np.median(sizes)), DEVIATIONS * TO_STANDARD * float(np.median(away)))
     is_far = (away > limit) & (factors == 1) & (len(sizes) >= FEWEST)
-    for i in np.flatnonzero(is_far):
+    for i in _rows(is_far):
         yield "far", i, f"lies {away[i]:.4g} away from the others, which alignment removes"
 
 
@@ -162,7 +164,7 @@ def _unlike(distances: FloatArray) -> Iterable[Found]:
     typical = np.median(distances[~np.eye(m, dtype=bool)].reshape(m, m - 1), axis=1)
     usual = float(np.median(typical))
     spread = TO_STANDARD * float(np.median(np.abs(typical - usual)))
-    for i in np.flatnonzero(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)):
+    for i in _rows(typical > max(UNLIKE * usual, usual + DEVIATIONS * spread, SAME)):
         yield (
             "unlike",
             i,
@@ -170,9 +172,9 @@ def _unlike(distances: FloatArray) -> Iterable[Found]:
         )
 
 
-def _twice(names: tuple[str, ...], distances: FloatArray) -> list[Doubt]:
+def _twice(names: Sequence[str], distances: FloatArray) -> list[Doubt]:
     n, group = connected_components(distances <= SAME, directed=False)
-    alike = [tuple(names[i] for i in np.flatnonzero(group == each)) for each in range(n)]
+    alike = [tuple(names[i] for i in _rows(group == each)) for each in range(n)]
     return [
         Doubt("twice", each, "are the same shape, but for a motion and their size")
         for each in alike

@@ -59,6 +59,7 @@ def group_test(
     method: TestMethod = "permutation",
     n_permutations: int = N_PERMUTATIONS,
     seed: int = 0,
+    measured: BoolArray | None = None,
 ) -> GroupTest:
     """Test at every vertex whether two groups have the same mean.
 
@@ -75,6 +76,10 @@ def group_test(
         Number of random exchanges; no p-value is below 1 / (n_permutations + 1).
     seed : int
         Draws them.
+    measured : (m, n) array of bool, optional
+        Which vertices were measured; by default all. A vertex that fewer than two shapes of a group measured is left out:
+        its p- and q-values are 1. Of others, shapes that lack it stand on the mean of all, see `filled`, which makes no
+        difference larger.
 
     Returns
     -------
@@ -117,7 +122,12 @@ def group_test(
     with np.errstate(divide="ignore"):
         t_squared = (m - 2) * q / np.where(q > 1 - 1e-12, 0.0, 1 - q)
     difference: FloatArray = np.tensordot(contrast, aligned, 1)
-    return GroupTest(names, counts, difference, t_squared, p, np.asarray(false_discovery_control(p)))
+    known = np.ones(white.shape[:2], dtype=bool) if measured is None else measured
+    tested = np.minimum(known[second].sum(axis=0), known[~second].sum(axis=0)) > 1
+    p_values, q_values = np.ones((2, len(p)))
+    p_values[tested] = p[tested]
+    q_values[tested] = false_discovery_control(p[tested])
+    return GroupTest(names, counts, difference, t_squared, p_values, q_values)
 
 
 def _labels(groups: Sequence[str], m: int) -> tuple[BoolArray, tuple[str, str], tuple[int, int]]:

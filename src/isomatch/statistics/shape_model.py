@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from isomatch.errors import FormatError, MeshError, SettingError
 from isomatch.runtime.threads import serial_blas
+from isomatch.statistics.missing import filled
 from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procrustes
 from isomatch.statistics.shapes import CorrespondedShapes
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
@@ -127,7 +128,7 @@ class ShapeModel:
         Parameters
         ----------
         shapes : CorrespondedShapes
-            The m shapes.
+            The m shapes. Vertices that were not measured are where the mean of the others is, see `filled`.
         scale : {"keep", "remove"}
             Whether size is part of the shape, see `generalised_procrustes`.
         weights : {"area", "uniform"}
@@ -152,6 +153,7 @@ class ShapeModel:
             raise SettingError(f"weights = {weights!r} is not one of 'area', 'uniform'")
         n = shapes.n_vertices
         share = shapes.area_weights if weights == "area" else np.full(n, 1 / n)
+        shapes = filled(shapes, share, scale)
         superimposed = generalised_procrustes(shapes.vertices, share, scale)
         mean = superimposed.mean
         about_mean, about_centre = superimposed.aligned - mean, mean - share @ mean

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from isomatch.assets import FORMATS, read_mesh
+from isomatch.assets import FORMATS, read_asset, read_mesh
 from isomatch.errors import FormatError, MeshError, MissingFileError, some
 from isomatch.statistics.procrustes import aligned_to
+from isomatch.storage.files import opened
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
 T = TypeVar("T")
+MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
+HEADER = 4096  # bytes at the beginning of a PLY file, in which its attributes are named
+LEAST_MEASURED = 0.5  # share of its vertices: a shape with less is left out
 CORRESPONDED = "corresponded"  # subfolder of a collection that holds its shapes in one topology
 
 
@@ -36,6 +40,9 @@ class CorrespondedShapes:
         0-based vertex indices of the triangles that they share.
     left_out : tuple of str
         Which shapes were left out, each with the reason.
+    measured : (m, n) array_like of bool, optional
+        Which vertices have a counterpart on the shape, rather than a place that continues those around them; by default
+        all.
 
     Raises
     ------
@@ -53,6 +60,7 @@ class CorrespondedShapes:
     vertices: FloatArray
     faces: IntArray
     left_out: tuple[str, ...] = ()
+    measured: BoolArray | None = None
 
     def __post_init__(self) -> None:
         vertices = numbers_of(self.vertices, "vertices", MeshError)
@@ -76,11 +84,17 @@ class CorrespondedShapes:
         if not mesh.n_faces:
             raise MeshError("the shapes have no faces; give meshes")
         vertices.flags.writeable = False
+        measured = None if self.measured is None else np.asarray(self.measured, dtype=bool)
+        if measured is not None and measured.shape != vertices.shape[:2]:
+            raise MeshError(
+                f"measured has shape {measured.shape}, expected {vertices.shape[:2]}: a row for each shape"
+            )
         for name, value in (
             ("names", tuple(self.names)),
             ("vertices", vertices),
             ("faces", mesh.sound_faces),
             ("left_out", tuple(self.left_out)),
+            ("measured", None if measured is None or measured.all() else measured),
         ):
             object.__setattr__(self, name, value)
 
@@ -91,12 +105,15 @@ class CorrespondedShapes:
         return len(self.names)
 
     @classmethod
-    def of_meshes(cls, meshes: Mapping[str, Mesh]) -> CorrespondedShapes:
+    def of_meshes(
+        cls, meshes: Mapping[str, Mesh], measured: Mapping[str, BoolArray] | None = None
+    ) -> CorrespondedShapes:
         """Collect meshes, by name in alphabetical order; those that are not in correspondence are left out.
 
         A mesh is left out if its faces are not those of most meshes, or if it has a vertex without a finite position,
         which is how unmatched vertices are written. ``left_out`` says which and why. The corners of a face may come in
-        another order, as in a mirror image whose faces were turned over.
+        another order, as in a mirror image whose faces were turned over. So is one of which less than half of the
+        vertices were ``measured``, an array (n,) for each mesh with vertices that were not.
 
         Raises
         ------
@@ -110,6 +127,7 @@ class CorrespondedShapes:
             name: (mesh.n_vertices, _digest(np.sort(mesh.faces, axis=1))) for name, mesh in ordered.items()
         }
         common = _most_common(topologies.values())
+        masks = dict(measured or {})
         kept, left_out = {}, []
         for name, mesh in ordered.items():
             unplaced = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
@@ -117,6 +135,8 @@ class CorrespondedShapes:
                 left_out.append(f"{name}: other faces than most shapes ({mesh!r})")
             elif len(unplaced):
                 left_out.append(f"{name}: vertices without a position, {some(unplaced)}")
+            elif name in masks and masks[name].mean() < LEAST_MEASURED:
+                left_out.append(f"{name}: only {masks[name].mean():.0%} of its vertices were measured")
             else:
                 kept[name] = mesh
         if not kept:
@@ -124,7 +144,9 @@ class CorrespondedShapes:
         positions = np.array([mesh.vertices for mesh in kept.values()])
         faces = {_digest(mesh.faces): mesh.faces for mesh in kept.values()}
         usual = _most_common(_digest(mesh.faces) for mesh in kept.values())
-        return cls(tuple(kept), positions, faces[usual], tuple(left_out))
+        everything = np.ones(positions.shape[1], dtype=bool)
+        known = np.array([masks.get(name, everything) for name in kept])
+        return cls(tuple(kept), positions, faces[usual], tuple(left_out), known)
 
     @property
     def n_vertices(self) -> int:
@@ -152,7 +174,7 @@ class CorrespondedShapes:
 
     def moved(self, vertices: FloatArray) -> CorrespondedShapes:
         """Return the same shapes at other positions, (m, n, 3)."""
-        return CorrespondedShapes(self.names, vertices, self.faces, self.left_out)
+        return replace(self, vertices=vertices)
 
     def mirrored(self, left_right: IntArray) -> CorrespondedShapes:
         """Return the shapes followed by their mirror images, moved onto them; a left–right map says what corresponds.
@@ -179,7 +201,10 @@ class CorrespondedShapes:
         uniform = np.full(self.n_vertices, 1 / self.n_vertices)
         images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
         names = (*self.names, *(f"{name}_mirrored" for name in self.names))
-        return CorrespondedShapes(names, np.concatenate([self.vertices, images]), self.faces, self.left_out)
+        known = None if self.measured is None else np.concatenate([self.measured, self.measured[:, other]])
+        return CorrespondedShapes(
+            names, np.concatenate([self.vertices, images]), self.faces, self.left_out, known
+        )
 
 
 def _digest(faces: IntArray) -> bytes:
@@ -203,7 +228,8 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     Returns
     -------
     CorrespondedShapes
-        ``left_out`` names files that are not in correspondence with the others.
+        ``left_out`` names files that are not in correspondence with the others. The attribute ``measured`` of PLY files
+        tells which vertices were measured.
 
     Raises
     ------
@@ -216,7 +242,19 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files})
+    measured = {file.stem: known for file in files if (known := _measured_in(file)) is not None}
+    return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files}, measured)
+
+
+def _measured_in(file: Path) -> BoolArray | None:
+    """Read which vertices were measured, if a PLY file says so."""
+    if file.suffix.lower() != ".ply":
+        return None
+    with opened(file) as stream:
+        if MEASURED.encode() not in stream.read(HEADER):
+            return None
+    found = [each for each in read_asset(file).attributes if (each.name, each.domain) == (MEASURED, "point")]
+    return np.asarray(found[0].values != 0) if found and found[0].values.ndim == 1 else None
 
 
 def _files_of(folder: Path) -> list[Path]:

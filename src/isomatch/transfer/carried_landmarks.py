@@ -29,6 +29,7 @@ def carry_landmarks(
     *,
     to: Side = "target",
     curve_points: int | None = None,
+    expected_error: FloatArray | None = None,
 ) -> Landmarks:
     """Carry landmarks of one shape to the other.
 
@@ -44,6 +45,9 @@ def carry_landmarks(
         Where they go: to the target by the map, or to the source by its inverse.
     curve_points : int, optional
         Number of points on each curve; by default as many as it was drawn with.
+    expected_error : (n_source,) array of float, optional
+        The error to be expected at each vertex of the source, in √area of the target; by default that of the result, if
+        it is one.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def carry_landmarks(
     """
     if curve_points is not None and curve_points < 2:
         raise LandmarkError(f"curve_points = {curve_points} make no curve; give 2 or more")
-    way = _Way.of(given, source, target, to)
+    way = _Way.of(given, source, target, to, expected_error)
     placed = landmarks.placed
     every = np.full((len(landmarks), 4), np.nan)
     every[placed] = way.carried(landmarks.positions[placed])
@@ -119,10 +123,17 @@ class _Way:
 
     @classmethod
     def of(
-        cls, given: MatchResult | Correspondence, source: SurfaceLike, target: SurfaceLike, to: Side
+        cls,
+        given: MatchResult | Correspondence,
+        source: SurfaceLike,
+        target: SurfaceLike,
+        to: Side,
+        errors: FloatArray | None,
     ) -> _Way:
         found = given.map if isinstance(given, MatchResult) else given
-        errors = given.expected_error if isinstance(given, MatchResult) else np.full(found.shape[0], np.nan)
+        if errors is None:
+            unknown = np.full(found.shape[0], np.nan)
+            errors = given.expected_error if isinstance(given, MatchResult) else unknown
         first, second = (_surface(each) for each in (source, target))
         if isinstance(first, Asset) and isinstance(second, Asset):
             bridge = Bridge.between(found, first, second, to_source=True)

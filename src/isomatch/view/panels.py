@@ -15,14 +15,14 @@ Paint = Callable[[FloatArray], FloatArray]
 
 
 def colour_scale(name: str, low: float, high: float, bands: int = 0) -> Paint:
-    """Make a function from values to screen colours of a colour map; with bands, their borders are level lines."""
+    """Make a function from values to screen colours of a colour map, nan of nan; bands have level lines as borders."""
     colour_map = colormaps[name]
 
     def paint(values: FloatArray) -> FloatArray:
         share = np.clip((values[:, 0] - low) / (high - low), 0.0, 1.0)
         if bands:
             share = (np.minimum(np.floor(share * bands), bands - 1) + 0.5) / bands
-        return np.asarray(colour_map(share)[:, :3], dtype=np.float64)
+        return np.where(np.isnan(share)[:, None], np.nan, colour_map(share)[:, :3])
 
     return paint
 

@@ -1,0 +1,264 @@
+"""Charts: the quality of a model, scores, regressions, distances between shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from isomatch.errors import SettingError
+from isomatch.statistics.model_quality import ModelCurve
+from isomatch.statistics.regression import ShapeRegression
+from isomatch.statistics.shape_distances import shape_tree
+from isomatch.statistics.shape_model import ShapeModel
+from isomatch.storage.files import replaced
+from isomatch.values.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PictureFormat = Literal["png", "pdf", "svg"]
+
+BLUE, GREY = "#3f90da", "#717581"  # of Petroff 2021
+COLOURS = (BLUE, "#ffa90e", "#bd1f01", "#94a4a2", "#832db6", "#a96b59", "#e76300", "#b9ac70")
+DPI = 300  # of pictures in print
+SIZE = (7.0, 5.6)  # inches of a scatter plot
+
+
+def draw_scores(
+    path: str | Path, model: ShapeModel, groups: Sequence[str] | None = None, modes: tuple[int, int] = (0, 1)
+) -> None:
+    """Draw the shapes of a model as points, by their scores along two modes, with the convex hulls of groups.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    model : ShapeModel
+        The model; of one with a single mode, that is drawn alone.
+    groups : sequence of str, optional
+        A group of each shape, which gives it its colour; without a group where it is empty.
+    modes : (int, int)
+        Which modes, counted from 0.
+
+    Raises
+    ------
+    SettingError
+        If the model has no mode, or not these.
+    """
+    from matplotlib.figure import Figure
+
+    across, up = modes if model.n_modes > 1 else (modes[0], None)
+    if not all(0 <= mode < model.n_modes for mode in (across, up) if mode is not None):
+        raise SettingError(f"modes {modes} are not among the {model.n_modes} modes, counted from 0")
+    along_up = np.zeros(len(model.names)) if up is None else model.scores[:, up]
+    points = np.column_stack([model.scores[:, across], along_up])
+    figure = Figure(SIZE, layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
+    axes.axvline(0, color=GREY, linewidth=0.5, zorder=0)
+    _draw_hulls(axes, points, groups)
+    _scatter(axes, points, model.names, groups)
+    axes.set_xlabel(_of_mode(model, across))
+    if up is None:
+        axes.set_yticks([])
+    else:
+        axes.set_ylabel(_of_mode(model, up))
+        axes.set_aspect("equal", adjustable="datalim")
+    save_figure(figure, path)
+
+
+def _of_mode(model: ShapeModel, mode: int) -> str:
+    return f"score of mode {mode + 1} ({model.variance_ratios[mode]:.1%} of the variance)"
+
+
+def draw_regression(
+    path: str | Path,
+    regression: ShapeRegression,
+    variable: FloatArray,
+    names: Sequence[str],
+    label: str,
+    groups: Sequence[str] | None = None,
+) -> None:
+    """Draw the scores of a regression on one variable against the variable, with its line.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    regression : ShapeRegression
+        What `shape_regression` returns.
+    variable : (m,) array of float
+        Its variable.
+    names : sequence of str
+        Names of the m shapes.
+    label : str
+        What the variable is.
+    groups : sequence of str, optional
+        A group of each shape, which gives it its colour.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(SIZE, layout="constrained")
+    axes = figure.subplots()
+    scores = regression.scores[:, 0]
+    ends = np.array([variable.min(), variable.max()])
+    slope, level = np.polyfit(variable, scores, 1)
+    axes.plot(ends, slope * ends + level, color=GREY, linewidth=1, zorder=0)
+    _scatter(axes, np.column_stack([variable, scores]), names, groups)
+    axes.set_xlabel(label)
+    axes.set_ylabel("regression score, in units of the shapes")
+    axes.set_title(
+        f"{regression.r_squared:.1%} of the variance of shape, p = {regression.p_value:.4g} "
+        f"({regression.n_permutations} permutations, seed {regression.seed})",
+        fontsize="medium",
+    )
+    save_figure(figure, path)
+
+
+def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve) -> None:
+    """Draw compactness, generalisation and specificity against the number of modes.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    compact, general, specific
+        What `compactness`, `generalisation` and `specificity` return.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure((10, 3.2), layout="constrained")
+    panels = figure.subplots(1, 3)
+    panels[0].plot(np.arange(len(compact)), compact, color=BLUE, marker=".")
+    panels[0].set(title="compactness: share of the variance", ylim=(0, 1.03))
+    for axes, curve, title in (
+        (panels[1], general, "generalisation: error of shapes left out"),
+        (panels[2], specific, "specificity: distance of random shapes"),
+    ):
+        modes = np.arange(len(curve.mean))
+        axes.plot(modes, curve.mean, color=BLUE, marker=".")
+        low, high = curve.mean - curve.standard_error, curve.mean + curve.standard_error
+        axes.fill_between(modes, low, high, color=BLUE, alpha=0.25, linewidth=0)
+        axes.set(title=title)
+        axes.set_ylim(bottom=0)
+    for axes in panels:
+        axes.set_xlabel("modes")
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.title.set_fontsize("medium")
+    save_figure(figure, path)
+
+
+def draw_tree(path: str | Path, distances: FloatArray, names: Sequence[str], label: str) -> None:
+    """Draw the tree of shapes, see `shape_tree`.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    distances : (m, m) array of float
+        Distances between at least two shapes.
+    names : sequence of str
+        Their names.
+    label : str
+        What the distances are, with their unit.
+    """
+    from matplotlib.figure import Figure
+    from scipy.cluster.hierarchy import dendrogram
+
+    tree = dendrogram(shape_tree(distances), no_plot=True)
+    figure = Figure((7, 1.0 + 0.18 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for across, along in zip(tree["icoord"], tree["dcoord"]):
+        axes.plot(along, across, color=GREY, linewidth=1)
+    axes.set_yticks(5 + 10 * np.arange(len(names)))
+    axes.set_yticklabels([names[i] for i in tree["leaves"]], fontsize=7, parse_math=False)
+    axes.set_xlabel(label)
+    axes.set_xlim(left=0)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    save_figure(figure, path)
+
+
+def draw_embedding(
+    path: str | Path,
+    points: FloatArray,
+    names: Sequence[str],
+    label: str,
+    groups: Sequence[str] | None = None,
+) -> None:
+    """Draw shapes as points of the plane, with their names.
+
+    Parameters
+    ----------
+    path : path_like
+        PNG file of 300 dots per inch, or ``.pdf`` or ``.svg``; an existing one is replaced.
+    points : (m, 2) array of float
+        Their places, such as those of `classical_scaling`.
+    names : sequence of str
+        Their names.
+    label : str
+        What the distances are, with their unit.
+    groups : sequence of str, optional
+        A group of each shape, which gives it its colour.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure((7, 6), layout="constrained")
+    axes = figure.subplots()
+    _scatter(axes, points, names, groups)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title(label, fontsize="medium")
+    save_figure(figure, path)
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as PNG, PDF or SVG, by the suffix, with nothing cut off and no date."""
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in get_args(PictureFormat):
+        raise SettingError(f"{path}: pictures are written as {', '.join(get_args(PictureFormat))}")
+    from matplotlib import rc_context
+
+    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    with replaced(Path(path)) as file, rc_context({"svg.hashsalt": "isomatch"}):
+        figure.savefig(file, format=kind, dpi=DPI, bbox_inches="tight", pad_inches=0.08, metadata=undated)
+
+
+def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
+    """Draw named points (m, 2) in the colours of their groups."""
+    for group, colour, chosen in _chosen(groups, len(names)):
+        axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
+    for point, name in zip(points, names):
+        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
+    if groups:
+        legend = axes.legend(fontsize="small")
+        for text in legend.get_texts():
+            text.set_parse_math(False)
+    axes.margins(0.1)
+
+
+def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:
+    """Draw the convex hull of each group of three points or more that are not on a line."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    for group, colour, chosen in _chosen(groups, len(points)):
+        if not group or chosen.sum() < 3:
+            continue
+        try:
+            hull = ConvexHull(points[chosen])
+        except QhullError:  # they are on a line
+            continue
+        corners = points[chosen][hull.vertices].T
+        axes.fill(*corners, facecolor=colour, edgecolor=colour, alpha=0.15, linewidth=0, zorder=0)
+        axes.fill(*corners, fill=False, edgecolor=colour, linewidth=0.8, zorder=0)
+
+
+def _chosen(groups: Sequence[str] | None, m: int) -> list[tuple[str, str, BoolArray]]:
+    """Name, colour and members (m,) of each group; of none, all are one without a name."""
+    of = np.array(groups if groups else [""] * m, dtype=str)
+    named = [group for group in sorted(set(of.tolist())) if group]
+    colours = {group: COLOURS[i % len(COLOURS)] for i, group in enumerate(named)}
+    rest = [] if groups and (of != "").all() else [("", GREY if groups else BLUE, of == "")]
+    return [*((group, colour, of == group) for group, colour in colours.items()), *rest]
