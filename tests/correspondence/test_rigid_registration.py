@@ -215,7 +215,7 @@ def test_rotations_are_turned_until_the_trace_is_largest():
     start = (
         Rotation.from_rotvec(np.random.default_rng(2).normal(scale=0.1, size=(200, 3))).as_matrix() @ wanted
     )
-    found = rigid_energy._turned(start, covariances)
+    found = rigid_energy.turned(start, covariances)
     traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
     np.testing.assert_allclose(traces, largest, rtol=1e-3)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)

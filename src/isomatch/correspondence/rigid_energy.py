@@ -18,9 +18,8 @@ TURNS, STILL, SMALLEST = (
     1e-4,
     1e-30,
 )  # most turns of a rotation, the angle (rad) of the last, and a number above 0
-EDGE_SHARE = (
-    2 / 3
-)  # on a mesh of equilateral triangles, the weights of the edges are then those of the cotangents
+EDGE_SHARE = 2 / 3  # so that edges of equilateral triangles have the weights of the cotangents
+PRECISION, MOST_ITERATIONS = 1e-2, 100  # of conjugate gradients
 STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest edges count no more
 
 
@@ -115,7 +114,7 @@ class RigidEnergy:
         covariances, pulled = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
         _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
         fitted = (
-            nearest_rotation(covariances).transpose(0, 2, 1) if turn is None else _turned(turn, covariances)
+            nearest_rotation(covariances).transpose(0, 2, 1) if turn is None else turned(turn, covariances)
         )
         grown = fitted
         if most_scaled > 1.0:
@@ -123,6 +122,26 @@ class RigidEnergy:
             grown = fitted * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
         _pulled(before, grown, self.start, self.neighbours, self.weights, pulled)
         return pulled, fitted
+
+    def solved(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
+        """Solve (L + diag(d)) y = b approximately, from a guess, by conjugate gradients.
+
+        Parameters
+        ----------
+        diagonal : (n,) array of float
+            d, above 0.
+        right, start : (n, 3) array of float
+            b, and the guess.
+
+        Returns
+        -------
+        (n, 3) array of float
+            y, whose residual is a hundredth of that of the guess: enough where the next step starts from it. Each
+            iteration is linear in the edges; their number grows with the length that the diagonal stands for.
+        """
+        y = start.copy()
+        _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
+        return y
 
     def scale(self, before: FloatArray, moved: FloatArray, pulled: FloatArray) -> float:
         """By how much the surface at rest is best enlarged, given what `pulled` returns: y·p / x·L x."""
@@ -134,6 +153,59 @@ class RigidEnergy:
         squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
         squares = np.bincount(owner, squares, len(before))
         return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _conjugate_gradients(
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    diagonal: FloatArray,
+    right: FloatArray,
+    y: FloatArray,
+) -> None:
+    """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
+    n = len(y)
+    inverse, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    for i in range(n):
+        total = diagonal[i]
+        for at in range(start[i], start[i + 1]):
+            total += weights[at]
+        inverse[i] = 1.0 / total
+        for c in range(3):
+            residual[i, c] = right[i, c] - total * y[i, c]
+            for at in range(start[i], start[i + 1]):
+                residual[i, c] += weights[at] * y[neighbours[at], c]
+    for iteration in range(MOST_ITERATIONS):
+        now[:] = 0.0
+        for i in range(n):
+            for c in range(3):
+                now[c] += inverse[i] * residual[i, c] ** 2
+        if iteration == 0:
+            first[:] = now
+        if (now <= PRECISION**2 * first).all():
+            break
+        for c in range(3):
+            share[c] = now[c] / before[c] if iteration > 0 and before[c] > 0.0 else 0.0
+        before[:] = now
+        for i in range(n):
+            for c in range(3):
+                step[i, c] = inverse[i] * residual[i, c] + share[c] * step[i, c]
+        along[:] = 0.0
+        for i in range(n):
+            for c in range(3):
+                total = step[i, c] / inverse[i]
+                for at in range(start[i], start[i + 1]):
+                    total -= weights[at] * step[neighbours[at], c]
+                product[i, c] = total
+                along[c] += total * step[i, c]
+        for c in range(3):
+            share[c] = now[c] / along[c] if along[c] > 0.0 else 0.0
+        for i in range(n):
+            for c in range(3):
+                y[i, c] += share[c] * step[i, c]
+                residual[i, c] -= share[c] * product[i, c]
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -177,7 +249,7 @@ def _pulled(
 
 
 @compiled()
-def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
+def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
     """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do.
 
     Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.

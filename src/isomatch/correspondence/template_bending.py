@@ -1,12 +1,11 @@
-"""A template bent onto a target from the images of its vertices: its triangles keep their shape, and sheets stay apart."""
+"""A template bent onto a target from where a map puts it: triangles keep their shape, and sheets stay apart."""
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.linalg import cg
 from scipy.spatial import cKDTree
 
 from isomatch.correspondence.nearest_points import nearest_points
@@ -27,7 +26,6 @@ KEPT = 0.02  # the pull of a vertex to where it is, beside that to its point
 RELEASED_RINGS = 2  # around faces that are turned over, which are drawn nowhere
 ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 LEAST_EDGES = 1.5  # of the median, that a length has at least, so that edges resist noise
-PRECISION, MOST_STEPS = 1e-3, 100  # of conjugate gradients
 
 
 class BentTemplate(NamedTuple):
@@ -68,8 +66,8 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
         Σ_i a_i |y_i − p_i|² + ½ ℓ² Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|²
 
     alternately in R and y (Sorkine & Alexa, *As-Rigid-As-Possible Surface Modeling*, SGP 2007). First the template is
-    decimated, and its vertices are drawn to the mean images of those merged into them, as the length ℓ decreases; the scale
-    of x is fitted too. Then the vertices of the template follow these rigidly, and are drawn to nearest points, by
+    decimated, and its vertices are drawn to the mean images of those merged into them, as the length ℓ decreases; the
+    scale of x is fitted too. Then the vertices of the template follow these rigidly, and are drawn to nearest points, by
     position and normal. These are sought along the surface from those before, so that no step leads to another sheet.
     Vertices of the boundary are drawn to that of the target, if it is within ℓ. A vertex is drawn nowhere if it has no
     image, if its point faces elsewhere or lies on a boundary, and where faces are turned over: there the template is
@@ -92,10 +90,11 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
     rest = template.moved((template.vertices - template.vertices.mean(axis=0)) / np.sqrt(template.area))
-    if is_mirrored(rest, images):
-        rest = rest.moved(rest.vertices * [-1.0, 1.0, 1.0])
     coarse = _Coarse(rest, images, known)
+    if is_mirrored(coarse.mesh, coarse.moved):
+        coarse = coarse.mirrored()
     bending, moved = coarse.followed()
+    rest = bending.rest
     near = coarse.nearest(onto, rest.moved(moved))
     beyond = np.zeros(len(moved), dtype=bool)
     for length in LENGTHS:
@@ -104,7 +103,7 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
         moved = bending.step(
             moved, points.positions, known & points.trusted & ~bending.released(moved), length
         )
-    moved = turned_back(rest, moved, bending.scale)
+    moved = turned_back(rest, moved, bending.scale, bending.turn)
     return BentTemplate(moved * unit + centre, ~known | beyond)
 
 
@@ -126,7 +125,7 @@ class _Bending:
         energy = self._energy
         pull = energy.areas * (1 / max(length / self.scale, self._shortest)) ** 2
         pulled_to = pull[:, None] * (drawn[:, None] * wanted + KEPT * moved)
-        matrix = csr_array(energy.stiffness + diags_array(pull * (drawn + KEPT)))
+        diagonal = pull * (drawn + KEPT)
         for _ in range(ROTATED):
             before = self.scale * self.rest.vertices
             pulled, self.turn = energy.pulled(before, moved, self.turn)
@@ -134,7 +133,7 @@ class _Bending:
                 grown = energy.scale(before, moved, pulled)
                 self.scale *= grown
                 pulled *= grown
-            moved = moved + _solved(matrix, pulled_to + pulled - matrix @ moved)
+            moved = energy.solved(diagonal, pulled_to + pulled, moved)
         return moved
 
     def released(self, moved: FloatArray) -> BoolArray:
@@ -153,8 +152,9 @@ class _Coarse:
 
     def __init__(self, rest: Mesh, images: FloatArray, known: BoolArray) -> None:
         self.rest = rest
-        self._prolongation = Prolongation(rest, decimate(rest, N_COARSE))
-        owner, mesh = self._prolongation.coarse.owner, self._prolongation.coarse.mesh
+        decimated = decimate(rest, N_COARSE)
+        self._places = Prolongation(rest, decimated).on_coarse
+        owner, mesh = decimated.owner, decimated.mesh
         self.known = np.bincount(owner, known, mesh.n_vertices) > 0
         counted = (known | ~self.known[owner]).astype(np.float64)
 
@@ -164,13 +164,21 @@ class _Coarse:
 
         self.mesh, self.moved = mesh.moved(means(rest.vertices)), means(images)
 
+    def mirrored(self) -> _Coarse:
+        """Return the same with the mirror image of the template."""
+        other = copy(self)
+        other.rest, other.mesh = (
+            mesh.moved(mesh.vertices * [-1.0, 1.0, 1.0]) for mesh in (self.rest, self.mesh)
+        )
+        return other
+
     def followed(self) -> tuple[_Bending, FloatArray]:
         """Bend it to its images; what then bends the template itself, and where that is."""
         bending, images = _Bending(self.mesh), self.moved
         for length in MAP_LENGTHS:
             drawn = self.known & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, drawn, length, scales=True)
-        turn, places = bending.turn, self._prolongation.on_coarse
+        turn, places = bending.turn, self._places
         moved = np.zeros_like(self.rest.vertices)
         for corner, weight in zip(places.corners.T, places.barycentric.T):
             offsets = bending.scale * (self.rest.vertices - self.mesh.vertices[corner])
@@ -180,7 +188,7 @@ class _Coarse:
 
     def nearest(self, onto: _Target, bent: Mesh) -> IntArray:
         """(n,) vertices of the target near those of the bent template: the best of those nearest to coarse ones."""
-        near = onto.nearest(self.mesh.moved(self.moved))[self._prolongation.on_coarse.corners]  # (n, 3)
+        near = onto.nearest(self.mesh.moved(self.moved))[self._places.corners]  # (n, 3)
         apart = onto.coordinates[near] - onto.queries(bent)[:, None]
         best = np.einsum("nkd,nkd->nk", apart, apart).argmin(axis=1)
         nearest: IntArray = near[np.arange(len(near)), best]
@@ -285,15 +293,6 @@ class Boundary:
             points[apart < least] = there[apart < least]
             least = np.minimum(least, apart)
         return points
-
-
-def _solved(matrix: csr_array, right: FloatArray) -> FloatArray:
-    """Solve with a definite matrix for the columns of (n, 3), to a thousandth of what they are."""
-    preconditioner = diags_array(1 / matrix.diagonal())
-    columns = [
-        cg(matrix, column, rtol=PRECISION, maxiter=MOST_STEPS, M=preconditioner)[0] for column in right.T
-    ]
-    return np.stack(columns, axis=1)
 
 
 @compiled()

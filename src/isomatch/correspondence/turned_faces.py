@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
+from isomatch.correspondence.rigid_energy import turned
 from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray
@@ -36,7 +37,8 @@ def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = N
     --------
     The middle of a square, moved over one of its sides, turns the face at that side over.
 
-    >>> square = Mesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]], [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> corners = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]]
+    >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     >>> moved = square.vertices.copy()
     >>> moved[4] = [1.0, -0.5, 0.0]
     >>> turned_faces(square, moved)
@@ -46,8 +48,8 @@ def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = N
         rotations = neighbourhood_rotations(mesh, moved)
     after = mesh.moved(moved).face_cross
     expected = np.einsum("fij,fj->fi", rotations[mesh.faces[:, 0]], mesh.face_cross)
-    turned: BoolArray = np.einsum("fi,fi->f", expected, after) < 0
-    return turned
+    over: BoolArray = np.einsum("fi,fi->f", expected, after) < 0
+    return over
 
 
 def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
@@ -73,7 +75,7 @@ def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    return nearest_rotation(_covariances(mesh, moved)).transpose(0, 2, 1)
+    return nearest_rotation(_covariances(mesh, moved, _two_rings(mesh))).transpose(0, 2, 1)
 
 
 def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
@@ -97,12 +99,12 @@ def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
     >>> is_mirrored(wedge, wedge.vertices[:, [1, 2, 0]]), is_mirrored(wedge, wedge.vertices[:, [1, 0, 2]])
     (False, True)
     """
-    covariances = _covariances(mesh, moved)
+    covariances = _covariances(mesh, moved, _two_rings(mesh))
     least = np.linalg.svd(covariances, compute_uv=False)[:, 2]
     return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
 
 
-def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> FloatArray:
+def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -> FloatArray:
     """Move the corners of faces that are turned over until few are.
 
     Parameters
@@ -113,6 +115,8 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> FloatArray:
         Where its vertices are.
     scale : float
         How many times as large the surface is there as at rest.
+    turn : (n, 3, 3) array of float
+        Rotations near those of the neighbourhoods.
 
     Returns
     -------
@@ -128,22 +132,23 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> FloatArray:
 
     Examples
     --------
-    >>> square = Mesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]], [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    >>> corners = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 0]]
+    >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     >>> moved = square.vertices.copy()
     >>> moved[4] = [1.0, -0.5, 0.0]
-    >>> turned_faces(square, turned_back(square, moved, 1.0)).any()
+    >>> turned_faces(square, turned_back(square, moved, 1.0, np.tile(np.eye(3), (5, 1, 1)))).any()
     np.False_
     """
-    moved = moved.copy()
+    moved, around = moved.copy(), _two_rings(mesh)
     moving = np.zeros(mesh.n_vertices, dtype=bool)
-    rotations = neighbourhood_rotations(mesh, moved)
+    rotations = turned(turn, _covariances(mesh, moved, around))
     for i in range(1, ROUNDS + 1):
-        turned = turned_faces(mesh, moved, rotations)
-        if not turned.any():
+        over = turned_faces(mesh, moved, rotations)
+        if not over.any():
             break
-        moving[mesh.faces[turned]] = True
+        moving[mesh.faces[over]] = True
         near = np.flatnonzero(moving[mesh.faces].any(axis=1))
-        corners, weight = mesh.faces[near], np.where(turned[near], TURNED_WEIGHT, 1.0)
+        corners, weight = mesh.faces[near], np.where(over[near], TURNED_WEIGHT, 1.0)
         before, after = mesh.vertices[corners], moved[corners]  # (f, 3 corners, 3)
         offsets = scale * (before - before.mean(axis=1, keepdims=True))
         wanted = np.einsum("fij,fkj->fki", rotations[corners[:, 0]], offsets) + after.mean(
@@ -151,21 +156,26 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> FloatArray:
         )
         sums = [
             np.bincount(corners.ravel(), np.repeat(weight, 3) * values, mesh.n_vertices)
-            for values in (1.0, *wanted.reshape(-1, 3).T)
+            for values in (np.ones(corners.size), *wanted.reshape(-1, 3).T)
         ]
-        moved[moving] = (np.stack(sums[1:], axis=1) / np.maximum(sums[0], 1.0)[:, None])[moving]
+        moved[moving] = np.stack(sums[1:], axis=1)[moving] / sums[0][moving, None]
         if i % REFITTED == 0:
-            rotations = neighbourhood_rotations(mesh, moved)
+            rotations = turned(rotations, _covariances(mesh, moved, around))
     return moved
 
 
-def _covariances(mesh: Mesh, moved: FloatArray) -> FloatArray:
-    """(n, 3, 3) covariances Σ_j (x_j − x̄) (y_j − ȳ)ᵀ of each vertex and the two rings around it."""
+def _two_rings(mesh: Mesh) -> csr_array:
+    """(n, n) ones where vertices are at most two edges apart."""
     ends = mesh.edges
     both = np.ones(2 * len(ends)), (ends.ravel(), ends[:, ::-1].ravel())
     ring = csr_array(both, shape=(mesh.n_vertices,) * 2) + eye_array(mesh.n_vertices)
     around = csr_array(ring @ ring)
     around.data[:] = 1.0
+    return around
+
+
+def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
+    """(n, 3, 3) covariances Σ_j (x_j − x̄) (y_j − ȳ)ᵀ of each vertex and those around it."""
     count = around.sum(axis=1)[:, None]
     before, after = mesh.vertices - mesh.vertices.mean(axis=0), moved - moved.mean(axis=0)
     products = around @ (before[:, :, None] * after[:, None]).reshape(-1, 9)
