@@ -18,7 +18,7 @@ from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import PlannedSurface, WrapJob
 from isomatch.storage.files import claimed, read_csv, write_csv
 
-OWN = ("name", "key", "inverted_before", "inverted", "extended", "error")  # columns of the work itself
+OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "reflected", "mirror_image")
 AT_ONCE = 4  # surfaces of a task
 SAVED = 60.0  # seconds between two writings of the table: a run that is killed repeats no more than these
@@ -33,7 +33,7 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. Vertices without an image continue the surface around them; see `isomatch.wrap`.
+    before. Vertices for which it has nothing are placed by those around them; see `isomatch.wrap`.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def finish(
     Yields
     ------
     dict
-        For each surface that is written: its name, the key of the map, the numbers of inverted faces before and after
-        they were mended, and of vertices without image; or the error that prevented it.
+        For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
+        that prevented it.
     """
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import PairMaps, Record, as_matched
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
-from isomatch.correspondence import Correspondence, wrap
+from isomatch.correspondence import Correspondence, WrapQuality, wrap
 from isomatch.errors import IsomatchError
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
@@ -64,7 +64,7 @@ class WrapJob:
 
     def _line(self, plan: PlannedSurface) -> Record:
         name = plan.entry.name
-        line = {"name": name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
         try:
             template, mesh = (
                 _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
@@ -78,10 +78,7 @@ class WrapJob:
                 there, template, mesh = as_matched(there, template, mesh, turned)
                 wrapped = wrap(there, template, mesh)
                 mesh = wrapped.mesh
-                line |= {
-                    measure: getattr(wrapped, measure)
-                    for measure in ("inverted_before", "inverted", "extended")
-                }
+                line |= asdict(wrapped.quality)
             write_mesh(self.layout.corresponded(name), mesh)
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:

@@ -37,10 +37,13 @@ class BentTemplate(NamedTuple):
         In the units of the target.
     beyond : (n,) array of bool
         Vertices for which the target has nothing: without an image, or over an opening.
+    turned : (m,) array of bool
+        Faces of the template that remain turned over, as in `turned_faces`.
     """
 
     positions: FloatArray
     beyond: BoolArray
+    turned: BoolArray
 
 
 def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolArray) -> BentTemplate:
@@ -104,15 +107,18 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
             moved, points.positions, known & points.trusted & ~bending.released(moved), length
         )
     moved = turned_back(rest, moved, bending.scale, bending.turn)
-    return BentTemplate(moved * unit + centre, ~known | beyond)
+    return BentTemplate(moved * unit + centre, ~known | beyond, turned_faces(rest, moved))
 
 
 class _Bending:
     """Steps of a surface at rest, ``scale`` times as large, whose rotations are remembered."""
 
-    def __init__(self, rest: Mesh, scale: float = 1.0, turn: FloatArray | None = None) -> None:
-        self.rest, self.scale, self.turn = rest, scale, turn
+    def __init__(
+        self, rest: Mesh, moved: FloatArray, scale: float = 1.0, turn: FloatArray | None = None
+    ) -> None:
+        self.rest, self.scale = rest, scale
         self._energy = RigidEnergy.of_edges(rest)
+        self.turn = self._energy.pulled(rest.vertices, moved, None)[1] if turn is None else turn
         self._shortest = LEAST_EDGES * float(np.median(rest.edge_lengths))
 
     def step(
@@ -140,8 +146,7 @@ class _Bending:
         """(n,) vertices around faces that are turned over."""
         faces = self.rest.faces
         near = np.zeros(len(moved), dtype=bool)
-        if self.turn is not None:
-            near[faces[turned_faces(self.rest, moved, self.turn)]] = True
+        near[faces[turned_faces(self.rest, moved, self.turn)]] = True
         for _ in range(RELEASED_RINGS):
             near[faces[near[faces].any(axis=1)]] = True
         return near
@@ -174,7 +179,7 @@ class _Coarse:
 
     def followed(self) -> tuple[_Bending, FloatArray]:
         """Bend it to its images; what then bends the template itself, and where that is."""
-        bending, images = _Bending(self.mesh), self.moved
+        bending, images = _Bending(self.mesh, self.moved), self.moved
         for length in MAP_LENGTHS:
             drawn = self.known & ~bending.released(self.moved)
             self.moved = bending.step(self.moved, images, drawn, length, scales=True)
@@ -184,7 +189,7 @@ class _Coarse:
             offsets = bending.scale * (self.rest.vertices - self.mesh.vertices[corner])
             carried = self.moved[corner] + np.einsum("nij,nj->ni", turn[corner], offsets)
             moved += weight[:, None] * carried
-        return _Bending(self.rest, bending.scale, turn[places.corners[:, 0]]), moved
+        return _Bending(self.rest, moved, bending.scale, turn[places.corners[:, 0]]), moved
 
     def nearest(self, onto: _Target, bent: Mesh) -> IntArray:
         """(n,) vertices of the target near those of the bent template: the best of those nearest to coarse ones."""
@@ -246,7 +251,7 @@ class _Target:
         own_rim = Boundary.vertices_of(bent)
         over = self._rim.holds(found) & ~own_rim
         trusted = (cosines > LEAST_COSINE) & ~over
-        beyond = over & (np.linalg.norm(positions - bent.vertices, axis=1) > length)
+        beyond = np.asarray(over & (np.linalg.norm(positions - bent.vertices, axis=1) > length))
         rows = np.flatnonzero(own_rim)
         if len(rows) and len(self.mesh.boundary_edges):
             on_rim = self._rim.nearest(bent.vertices[rows])
@@ -271,15 +276,16 @@ class Boundary:
 
     def holds(self, points: PrecisePoints) -> BoolArray:
         """(m,) whether points of the surface lie on its boundary."""
-        on_rim: BoolArray = (self._of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
-        return on_rim
+        on_edges: BoolArray = self._of_rim[points.corners] | (points.barycentric < ON_EDGE)
+        return np.asarray(on_edges.all(axis=1))
 
     def nearest(self, positions: FloatArray) -> FloatArray:
         """Nearest points (m, 3) of the boundary, on the edges at the nearest of its vertices."""
         x, ends = self._mesh.vertices, self._mesh.boundary_edges
         rim = np.flatnonzero(self._of_rim)
         nearest = rim[cKDTree(x[rim]).query(positions)[1]]
-        points, least = x[nearest], np.linalg.norm(x[nearest] - positions, axis=1)
+        points = np.array(x[nearest])
+        least = np.linalg.norm(points - positions, axis=1)
         order = np.argsort(ends.ravel(), kind="stable")
         first = np.searchsorted(ends.ravel()[order], nearest)
         for at in (first, first + 1):  # a vertex of the boundary has two edges there, and rarely more

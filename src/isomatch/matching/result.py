@@ -245,7 +245,7 @@ class MatchResult:
         return 1 / (1 + self.expected_error / HALF_TRUSTED)
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
-        """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
+        """Bend the source onto the target: its surface with the vertices and faces of the source, see `isomatch.wrap`.
 
         Parameters
         ----------
