@@ -8,24 +8,26 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.nearest_points import nearest_points
 from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.correspondence.rigid_registration import ROTATED, with_normals
 from isomatch.correspondence.turned_faces import is_mirrored, turned_back, turned_faces
 from isomatch.loading.compiled import compiled
 from isomatch.resolution import Prolongation, decimate
-from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 N_COARSE = 3000  # vertices of the template that is bent to where the map puts it
 MAP_LENGTHS = (0.1, 0.07, 0.05, 0.035)  # over which it resists being stretched there, in √area of the target
 LENGTHS = (0.025, 0.017, 0.012)  # the same of all vertices, which are drawn to the nearest points
-NORMAL_UNIT = 0.05  # in √area; from 0.1 on, the two sides of thin walls are confused
+LEAST_EDGES = 1.5  # of the median, that a length has at least, so that edges resist noise
+NORMAL_UNIT = 0.03  # in √area; from 0.1 on, the two sides of thin walls are confused
 LEAST_COSINE = 0.3  # between the normals of a vertex and of the point that it is drawn to
+REACH = 0.025  # a boundary so near is met, in √area, and what is farther from it is beyond the target
+BOUNDARY_PULL = 4.0  # to a point of the boundary, beside that to other points
 KEPT = 0.02  # the pull of a vertex to where it is, beside that to its point
 RELEASED_RINGS = 2  # around faces that are turned over, which are drawn nowhere
-ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
-LEAST_EDGES = 1.5  # of the median, that a length has at least, so that edges resist noise
 
 
 class BentTemplate(NamedTuple):
@@ -46,7 +48,9 @@ class BentTemplate(NamedTuple):
     turned: BoolArray
 
 
-def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolArray) -> BentTemplate:
+def bend_template(
+    template: Mesh, target: Mesh, images: FloatArray, trusted: BoolArray, known: BoolArray | None = None
+) -> BentTemplate:
     """Bend a template onto a target as rigidly as possible, from where a map puts its vertices.
 
     Parameters
@@ -54,9 +58,11 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
     template, target : Mesh
         The surfaces; every vertex of the template belongs to a face.
     images : (n, 3) array of float
-        Images of the template's vertices on the target; where they are unknown, a guess.
-    known : (n,) array of bool
-        Which vertices have an image; at least one of each component.
+        Images of the template's vertices on the target; where they are not trusted, a guess.
+    trusted : (n,) array of bool
+        Which images the template is bent to at first.
+    known : (n,) array of bool, optional
+        Which vertices are drawn to the nearest points afterwards; by default the same.
 
     Returns
     -------
@@ -72,7 +78,7 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
     decimated, and its vertices are drawn to the mean images of those merged into them, as the length ℓ decreases; the
     scale of x is fitted too. Then the vertices of the template follow these rigidly, and are drawn to nearest points, by
     position and normal. These are sought along the surface from those before, so that no step leads to another sheet.
-    Vertices of the boundary are drawn to that of the target, if it is within ℓ. A vertex is drawn nowhere if it has no
+    Vertices of the boundary are drawn to that of the target, if it is near. A vertex is drawn nowhere if it has no
     image, if its point faces elsewhere or lies on a boundary, and where faces are turned over: there the template is
     completed as rigidly as possible. What remains turned over in the end are slivers, see `turned_back`.
 
@@ -93,7 +99,8 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
     onto = _Target(target.moved((target.vertices - centre) / unit))
     images = (images - centre) / unit
     rest = template.moved((template.vertices - template.vertices.mean(axis=0)) / np.sqrt(template.area))
-    coarse = _Coarse(rest, images, known)
+    known = trusted if known is None else known
+    coarse = _Coarse(rest, images, trusted)
     if is_mirrored(coarse.mesh, coarse.moved):
         coarse = coarse.mirrored()
     bending, moved = coarse.followed()
@@ -101,10 +108,10 @@ def bend_template(template: Mesh, target: Mesh, images: FloatArray, known: BoolA
     near = coarse.nearest(onto, rest.moved(moved))
     beyond = np.zeros(len(moved), dtype=bool)
     for length in LENGTHS:
-        points, near = onto.points(rest.moved(moved), near, length)
+        points, near = onto.points(rest.moved(moved), near)
         beyond = points.beyond
         moved = bending.step(
-            moved, points.positions, known & points.trusted & ~bending.released(moved), length
+            moved, points.positions, points.pull * (known & ~bending.released(moved)), length
         )
     moved = turned_back(rest, moved, bending.scale, bending.turn)
     return BentTemplate(moved * unit + centre, ~known | beyond, turned_faces(rest, moved))
@@ -122,9 +129,14 @@ class _Bending:
         self._shortest = LEAST_EDGES * float(np.median(rest.edge_lengths))
 
     def step(
-        self, moved: FloatArray, wanted: FloatArray, drawn: BoolArray, length: float, scales: bool = False
+        self,
+        moved: FloatArray,
+        wanted: FloatArray,
+        drawn: BoolArray | FloatArray,
+        length: float,
+        scales: bool = False,
     ) -> FloatArray:
-        """Move the vertices to a lower energy; those that are not ``drawn`` (n,) to a place are pulled to where they are.
+        """Move the vertices to a lower energy; those that are not ``drawn`` (n,) anywhere are pulled to where they are.
 
         With ``scales``, the surface at rest is enlarged as fits best.
         """
@@ -201,10 +213,10 @@ class _Coarse:
 
 
 class _Points(NamedTuple):
-    """Points of a target (n, 3), which of them are trusted (n,), and which vertices are beyond it (n,)."""
+    """Points of a target (n, 3), how strongly vertices are drawn there (n,), and which are beyond the target (n,)."""
 
     positions: FloatArray
-    trusted: BoolArray
+    pull: FloatArray
     beyond: BoolArray
 
 
@@ -234,7 +246,7 @@ class _Target:
         _, self._side, nearest = min(found, key=lambda each: each[0])
         return np.asarray(nearest, dtype=np.int64)
 
-    def points(self, bent: Mesh, near: IntArray, length: float) -> tuple[_Points, IntArray]:
+    def points(self, bent: Mesh, near: IntArray) -> tuple[_Points, IntArray]:
         """Find the points to which the vertices of a bent template are drawn, and the vertices (n,) nearest to these.
 
         They are sought by steps along the edges, from the vertices ``near`` (n,).
@@ -250,55 +262,14 @@ class _Target:
         )
         own_rim = Boundary.vertices_of(bent)
         over = self._rim.holds(found) & ~own_rim
-        trusted = (cosines > LEAST_COSINE) & ~over
-        beyond = np.asarray(over & (np.linalg.norm(positions - bent.vertices, axis=1) > length))
+        pull = ((cosines > LEAST_COSINE) & ~over).astype(np.float64)
+        beyond = np.asarray(over & (np.linalg.norm(positions - bent.vertices, axis=1) > REACH))
         rows = np.flatnonzero(own_rim)
         if len(rows) and len(self.mesh.boundary_edges):
             on_rim = self._rim.nearest(bent.vertices[rows])
-            close = np.linalg.norm(on_rim - bent.vertices[rows], axis=1) < length
-            positions[rows[close]], trusted[rows[close]] = on_rim[close], True
-        return _Points(positions, trusted, beyond), near
-
-
-class Boundary:
-    """The boundary of a surface: which points lie on it, and which of its points are nearest to others."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        self._mesh = mesh
-        self._of_rim = self.vertices_of(mesh)
-
-    @staticmethod
-    def vertices_of(mesh: Mesh) -> BoolArray:
-        """(n,) whether each vertex of a mesh is on its boundary."""
-        of_rim = np.zeros(mesh.n_vertices, dtype=bool)
-        of_rim[mesh.boundary_edges] = True
-        return of_rim
-
-    def holds(self, points: PrecisePoints) -> BoolArray:
-        """(m,) whether points of the surface lie on its boundary."""
-        on_edges: BoolArray = self._of_rim[points.corners] | (points.barycentric < ON_EDGE)
-        return np.asarray(on_edges.all(axis=1))
-
-    def nearest(self, positions: FloatArray) -> FloatArray:
-        """Nearest points (m, 3) of the boundary, on the edges at the nearest of its vertices."""
-        x, ends = self._mesh.vertices, self._mesh.boundary_edges
-        rim = np.flatnonzero(self._of_rim)
-        nearest = rim[cKDTree(x[rim]).query(positions)[1]]
-        points = np.array(x[nearest])
-        least = np.linalg.norm(points - positions, axis=1)
-        order = np.argsort(ends.ravel(), kind="stable")
-        first = np.searchsorted(ends.ravel()[order], nearest)
-        for at in (first, first + 1):  # a vertex of the boundary has two edges there, and rarely more
-            edge = ends[order[np.minimum(at, len(order) - 1)] // 2]
-            start, along = x[edge[:, 0]], x[edge[:, 1]] - x[edge[:, 0]]
-            share = np.einsum("ni,ni->n", positions - start, along) / np.maximum(
-                np.einsum("ni,ni->n", along, along), 1e-30
-            )
-            there = start + np.clip(share, 0.0, 1.0)[:, None] * along
-            apart = np.linalg.norm(there - positions, axis=1)
-            points[apart < least] = there[apart < least]
-            least = np.minimum(least, apart)
-        return points
+            close = np.linalg.norm(on_rim - bent.vertices[rows], axis=1) < REACH
+            positions[rows[close]], pull[rows[close]] = on_rim[close], BOUNDARY_PULL
+        return _Points(positions, pull, beyond), near
 
 
 @compiled()

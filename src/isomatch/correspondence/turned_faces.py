@@ -8,10 +8,10 @@ from scipy.sparse import csr_array, eye_array
 from isomatch.correspondence.rigid_energy import turned
 from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import BoolArray, FloatArray
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
-ROUNDS, REFITTED = 30, 10  # of turning back; rounds after which rotations are fitted again
-TURNED_WEIGHT = 10.0  # of a face that is turned over, beside the others at its corners
+ROUNDS, REFITTED = 60, 10  # of turning back; rounds after which rotations are fitted again
+TURNED_WEIGHT = 30.0  # of a face that is turned over, beside the others at its corners
 
 
 def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = None) -> BoolArray:
@@ -46,10 +46,7 @@ def turned_faces(mesh: Mesh, moved: FloatArray, rotations: FloatArray | None = N
     """
     if rotations is None:
         rotations = neighbourhood_rotations(mesh, moved)
-    after = mesh.moved(moved).face_cross
-    expected = np.einsum("fij,fj->fi", rotations[mesh.faces[:, 0]], mesh.face_cross)
-    over: BoolArray = np.einsum("fi,fi->f", expected, after) < 0
-    return over
+    return _are_turned(mesh, mesh.faces, moved, rotations)
 
 
 def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
@@ -126,9 +123,9 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
     Notes
     -----
     Each face would lie around its centre as it lies at rest, but for the rotation of its neighbourhood. Corners move to
-    the mean of where their faces would have them, in which faces that are turned over count ten times: the global step of
-    Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, for few vertices. Most such faces are slivers, which turn over
-    for any noise.
+    the mean of where their faces would have them, in which faces that are turned over count thirty times: the global step
+    of Bouaziz et al., *Projective Dynamics*, SIGGRAPH 2014, for few vertices. Most such faces are slivers, which turn
+    over for any noise.
 
     Examples
     --------
@@ -140,20 +137,20 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
     np.False_
     """
     moved, around = moved.copy(), _two_rings(mesh)
-    moving = np.zeros(mesh.n_vertices, dtype=bool)
     rotations = turned(turn, _covariances(mesh, moved, around))
+    moving = np.zeros(mesh.n_vertices, dtype=bool)
+    moving[mesh.faces[turned_faces(mesh, moved, rotations)]] = True
     for i in range(1, ROUNDS + 1):
-        over = turned_faces(mesh, moved, rotations)
+        corners = mesh.faces[moving[mesh.faces].any(axis=1)]
+        over = _are_turned(mesh, corners, moved, rotations)
         if not over.any():
             break
-        moving[mesh.faces[over]] = True
-        near = np.flatnonzero(moving[mesh.faces].any(axis=1))
-        corners, weight = mesh.faces[near], np.where(over[near], TURNED_WEIGHT, 1.0)
+        moving[corners[over]] = True
+        weight = np.where(over, TURNED_WEIGHT, 1.0)
         before, after = mesh.vertices[corners], moved[corners]  # (f, 3 corners, 3)
         offsets = scale * (before - before.mean(axis=1, keepdims=True))
-        wanted = np.einsum("fij,fkj->fki", rotations[corners[:, 0]], offsets) + after.mean(
-            axis=1, keepdims=True
-        )
+        wanted = np.einsum("fij,fkj->fki", rotations[corners[:, 0]], offsets)
+        wanted += after.mean(axis=1, keepdims=True)
         sums = [
             np.bincount(corners.ravel(), np.repeat(weight, 3) * values, mesh.n_vertices)
             for values in (np.ones(corners.size), *wanted.reshape(-1, 3).T)
@@ -162,6 +159,12 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
         if i % REFITTED == 0:
             rotations = turned(rotations, _covariances(mesh, moved, around))
     return moved
+
+
+def _are_turned(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
+    expected = np.einsum("fij,fj->fi", rotations[faces[:, 0]], Mesh(mesh.vertices, faces).face_cross)
+    over: BoolArray = np.einsum("fi,fi->f", expected, Mesh(moved, faces).face_cross) < 0
+    return over
 
 
 def _two_rings(mesh: Mesh) -> csr_array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from isomatch.assets import SurfaceLike, mesh_from
+from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.correspondence import Correspondence
 from isomatch.correspondence.nearest_points import nearest_points
 from isomatch.correspondence.rotation import nearest_rotation
@@ -126,12 +128,15 @@ def wrap(correspondence: Correspondence, source: SurfaceLike, target: SurfaceLik
     whole, onto = whole.moved(normalised(whole.vertices)[0]), onto.moved(places)
     images = PrecisePoints(np.maximum(welded.faces, 0), np.array(welded.barycentric))
     known = welded.matched
-    positions = _extended(whole, images.interpolated(onto.vertices), known)
+    # over an opening, nearest points are on its rim: they tell nothing of what belongs there
+    inside = known & ~(Boundary(onto).holds(images) & ~Boundary.vertices_of(whole))
+    trusted = inside if inside.any() else known
+    positions = _extended(whole, images.interpolated(onto.vertices), trusted)
     extended, turned = ~known, 0
     bendable = np.isin(whole.components, whole.components[known]) & (whole.vertex_areas > 0)
     part, rows = whole.submesh(bendable)
     if part.area > 0 and onto.area > 0:
-        bent = bend_template(part, onto, positions[rows], known[rows])
+        bent = bend_template(part, onto, positions[rows], trusted[rows], known[rows])
         positions[rows], extended[rows], turned = bent.positions, bent.beyond, int(bent.turned.sum())
         positions = _extended(whole, positions, known | bendable)
     quality = WrapQuality(
@@ -175,7 +180,11 @@ def _welded(mesh: Mesh) -> tuple[Mesh, IntArray]:
 
 
 def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray:
-    """Place the other vertices: harmonic where linked to known ones, else similar to the nearest known ones."""
+    """Place the other vertices: where linked to known ones, by a similarity and harmonic offsets; else by the nearest."""
+    # a similarity of the whole brings what curves over an opening
+    similar = _similar(mesh.vertices[known][None], positions[known][None])(
+        mesh.vertices, np.zeros(len(known), int)
+    )
     placed = positions.copy()
     linked = np.isin(mesh.components, mesh.components[known])
     ends = mesh.edges
@@ -185,22 +194,33 @@ def _extended(mesh: Mesh, positions: FloatArray, known: BoolArray) -> FloatArray
     laplacian = (diags_array(links.sum(axis=1)) - links).tocsr()
     unknown = np.flatnonzero(~known & linked)
     if len(unknown):
-        side = -(laplacian[unknown][:, known] @ positions[known])
-        placed[unknown] = spsolve(laplacian[unknown][:, unknown].tocsc(), side).reshape(-1, 3)
+        side = -(laplacian[unknown][:, known] @ (positions - similar)[known])
+        offsets = spsolve(laplacian[unknown][:, unknown].tocsc(), side).reshape(-1, 3)
+        placed[unknown] = similar[unknown] + offsets
     rows = np.flatnonzero(~linked)
     _, component, counts = np.unique(mesh.components[rows], return_inverse=True, return_counts=True)
     centres = _sums(mesh.vertices[rows], component, len(counts)) / counts[:, None]
     guides = np.flatnonzero(known)
     nearest = cKDTree(mesh.vertices[guides]).query(centres, range(1, min(N_GUIDES, len(guides)) + 1))[1]
     here, there = (x[guides[nearest]] for x in (mesh.vertices, positions))  # (components, guides, 3)
+    placed[rows] = _similar(here, there)(mesh.vertices[rows], component)
+    return placed
+
+
+def _similar(here: FloatArray, there: FloatArray) -> Callable[[FloatArray, IntArray], FloatArray]:
+    """Fit similarities to groups of points (g, q, 3); they move points (m, 3), each as its group (m,)."""
     middles = here.mean(axis=1), there.mean(axis=1)
     here, there = here - middles[0][:, None], there - middles[1][:, None]
     rotations = nearest_rotation(here.transpose(0, 2, 1) @ there)
-    sizes = np.linalg.norm(here, axis=(1, 2)), np.linalg.norm(there, axis=(1, 2))
-    grown = np.where((sizes[0] > 0) & (sizes[1] > 0), sizes[1] / np.where(sizes[0] > 0, sizes[0], 1.0), 1.0)
-    offsets = grown[component, None] * (mesh.vertices[rows] - middles[0][component])
-    placed[rows] = (offsets[:, None] @ rotations[component])[:, 0] + middles[1][component]
-    return placed
+    before, after = np.linalg.norm(here, axis=(1, 2)), np.linalg.norm(there, axis=(1, 2))
+    grown = np.where((before > 0) & (after > 0), after / np.where(before > 0, before, 1.0), 1.0)
+
+    def moved(points: FloatArray, group: IntArray) -> FloatArray:
+        offsets = grown[group, None] * (points - middles[0][group])
+        turned: FloatArray = (offsets[:, None] @ rotations[group])[:, 0] + middles[1][group]
+        return turned
+
+    return moved
 
 
 def _sums(values: FloatArray, group: IntArray, n_groups: int) -> FloatArray:
