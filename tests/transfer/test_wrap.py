@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from data import real_file
 from isomatch import Correspondence, Mesh, match, wrap
+from isomatch.correspondence.turned_faces import turned_faces
 from isomatch.errors import MapError
 from shapes import disguised, flat_grid, icosphere
 from thin_walls import shell
@@ -91,6 +92,7 @@ def assert_walls_apart(source, target):
     points = wrapped.mesh.vertices
     assert np.isfinite(points).all()
     assert wrapped.quality.turned <= 1e-3
+    assert wrapped.quality.turned == pytest.approx(turned_faces(source.mesh, points).mean(), abs=1e-4)
     assert wrapped.quality.stretch < 1.4
     assert wrapped.quality.distance < 1e-3
     assert wrapped.quality.extended == 0

@@ -166,22 +166,21 @@ def _conjugate_gradients(
 ) -> None:
     """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
     n = len(y)
-    inverse, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(n):
-        total = diagonal[i]
+        total[i] = diagonal[i]
         for at in range(start[i], start[i + 1]):
-            total += weights[at]
-        inverse[i] = 1.0 / total
+            total[i] += weights[at]
+    _multiplied(start, neighbours, weights, total, y, product)
+    for i in range(n):
         for c in range(3):
-            residual[i, c] = right[i, c] - total * y[i, c]
-            for at in range(start[i], start[i + 1]):
-                residual[i, c] += weights[at] * y[neighbours[at], c]
+            residual[i, c] = right[i, c] - product[i, c]
     for iteration in range(MOST_ITERATIONS):
         now[:] = 0.0
         for i in range(n):
             for c in range(3):
-                now[c] += inverse[i] * residual[i, c] ** 2
+                now[c] += residual[i, c] ** 2 / total[i]
         if iteration == 0:
             first[:] = now
         if (now <= PRECISION**2 * first).all():
@@ -191,21 +190,38 @@ def _conjugate_gradients(
         before[:] = now
         for i in range(n):
             for c in range(3):
-                step[i, c] = inverse[i] * residual[i, c] + share[c] * step[i, c]
+                step[i, c] = residual[i, c] / total[i] + share[c] * step[i, c]
+        _multiplied(start, neighbours, weights, total, step, product)
         along[:] = 0.0
         for i in range(n):
             for c in range(3):
-                total = step[i, c] / inverse[i]
-                for at in range(start[i], start[i + 1]):
-                    total -= weights[at] * step[neighbours[at], c]
-                product[i, c] = total
-                along[c] += total * step[i, c]
+                along[c] += product[i, c] * step[i, c]
         for c in range(3):
             share[c] = now[c] / along[c] if along[c] > 0.0 else 0.0
         for i in range(n):
             for c in range(3):
                 y[i, c] += share[c] * step[i, c]
                 residual[i, c] -= share[c] * product[i, c]
+
+
+@compiled(fastmath={"reassoc", "contract"}, inline="always")
+def _multiplied(
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    total: FloatArray,
+    x: FloatArray,
+    product: FloatArray,
+) -> None:
+    """Set the products of the matrix, given its diagonal, and three columns."""
+    for i in range(len(x)):
+        a, b, c = total[i] * x[i, 0], total[i] * x[i, 1], total[i] * x[i, 2]
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], weights[at]
+            a -= weight * x[j, 0]
+            b -= weight * x[j, 1]
+            c -= weight * x[j, 2]
+        product[i, 0], product[i, 1], product[i, 2] = a, b, c
 
 
 @compiled(fastmath={"reassoc", "contract"})

@@ -113,8 +113,8 @@ def bend_template(
         moved = bending.step(
             moved, points.positions, points.pull * (known & ~bending.released(moved)), length
         )
-    moved = turned_back(rest, moved, bending.scale, bending.turn)
-    return BentTemplate(moved * unit + centre, ~known | beyond, turned_faces(rest, moved))
+    moved, turned = turned_back(rest, moved, bending.scale, bending.turn)
+    return BentTemplate(moved * unit + centre, ~known | beyond, turned)
 
 
 class _Bending:

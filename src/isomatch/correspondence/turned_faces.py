@@ -101,7 +101,9 @@ def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
     return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
 
 
-def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -> FloatArray:
+def turned_back(
+    mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     """Move the corners of faces that are turned over until few are.
 
     Parameters
@@ -117,8 +119,10 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
 
     Returns
     -------
-    (n, 3) array of float
+    moved : (n, 3) array of float
         The same but for the corners of faces that were turned over, which move by about an edge.
+    turned : (m,) array of bool
+        Faces that are turned over there.
 
     Notes
     -----
@@ -133,7 +137,7 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
     >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     >>> moved = square.vertices.copy()
     >>> moved[4] = [1.0, -0.5, 0.0]
-    >>> turned_faces(square, turned_back(square, moved, 1.0, np.tile(np.eye(3), (5, 1, 1)))).any()
+    >>> turned_back(square, moved, 1.0, np.tile(np.eye(3), (5, 1, 1)))[1].any()
     np.False_
     """
     moved, around = moved.copy(), _two_rings(mesh)
@@ -146,19 +150,22 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray) -
         if not over.any():
             break
         moving[corners[over]] = True
+        rows, local = np.unique(corners, return_inverse=True)
         weight = np.where(over, TURNED_WEIGHT, 1.0)
         before, after = mesh.vertices[corners], moved[corners]  # (f, 3 corners, 3)
         offsets = scale * (before - before.mean(axis=1, keepdims=True))
         wanted = np.einsum("fij,fkj->fki", rotations[corners[:, 0]], offsets)
         wanted += after.mean(axis=1, keepdims=True)
-        sums = [
-            np.bincount(corners.ravel(), np.repeat(weight, 3) * values, mesh.n_vertices)
+        total, *sums = (
+            np.bincount(local.ravel(), np.repeat(weight, 3) * values)
             for values in (np.ones(corners.size), *wanted.reshape(-1, 3).T)
-        ]
-        moved[moving] = np.stack(sums[1:], axis=1)[moving] / sums[0][moving, None]
+        )
+        held = moving[rows]
+        moved[rows[held]] = np.stack(sums, axis=1)[held] / total[held, None]
         if i % REFITTED == 0:
-            rotations = turned(rotations, _covariances(mesh, moved, around))
-    return moved
+            rotations[rows] = turned(rotations[rows], _covariances(mesh, moved, around[rows]))
+    rotations = turned(rotations, _covariances(mesh, moved, around))
+    return moved, turned_faces(mesh, moved, rotations)
 
 
 def _are_turned(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
@@ -178,7 +185,7 @@ def _two_rings(mesh: Mesh) -> csr_array:
 
 
 def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
-    """(n, 3, 3) covariances Σ_j (x_j − x̄) (y_j − ȳ)ᵀ of each vertex and those around it."""
+    """Covariances (r, 3, 3), Σ_j (x_j − x̄) (y_j − ȳ)ᵀ, of the vertices that each row (r, n) of ones marks."""
     count = around.sum(axis=1)[:, None]
     before, after = mesh.vertices - mesh.vertices.mean(axis=0), moved - moved.mean(axis=0)
     products = around @ (before[:, :, None] * after[:, None]).reshape(-1, 9)
