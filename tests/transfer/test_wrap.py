@@ -92,7 +92,7 @@ def assert_walls_apart(source, target):
     points = wrapped.mesh.vertices
     assert np.isfinite(points).all()
     assert wrapped.quality.turned <= 1e-3
-    assert wrapped.quality.turned == pytest.approx(turned_faces(source.mesh, points).mean(), abs=1e-4)
+    assert wrapped.quality.turned == pytest.approx(turned_faces(source.mesh, points).mean(), abs=1e-9)
     assert wrapped.quality.stretch < 1.4
     assert wrapped.quality.distance < 1e-3
     assert wrapped.quality.extended == 0

@@ -86,7 +86,7 @@ def bend_template(
 
     Examples
     --------
-    Two opposite corners of an octahedron have images at the wrong end; the bent one is turned over nowhere.
+    An octahedron is bent onto itself from images that are its corners: it stays as it is.
 
     >>> corners = np.concatenate([np.eye(3), -np.eye(3)])
     >>> faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
@@ -113,7 +113,7 @@ def bend_template(
         moved = bending.step(
             moved, points.positions, points.pull * (known & ~bending.released(moved)), length
         )
-    moved, turned = turned_back(rest, moved, bending.scale, bending.turn)
+    moved, turned = turned_back(rest, moved, bending.scale)
     return BentTemplate(moved * unit + centre, ~known | beyond, turned)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from isomatch.correspondence.rigid_energy import turned
 from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
@@ -72,7 +71,7 @@ def neighbourhood_rotations(mesh: Mesh, moved: FloatArray) -> FloatArray:
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    return nearest_rotation(_covariances(mesh, moved, _two_rings(mesh))).transpose(0, 2, 1)
+    return _rotations(mesh, moved, _two_rings(mesh))
 
 
 def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
@@ -101,9 +100,7 @@ def is_mirrored(mesh: Mesh, moved: FloatArray) -> bool:
     return bool((np.sign(np.linalg.det(covariances)) * least).sum() < 0)
 
 
-def turned_back(
-    mesh: Mesh, moved: FloatArray, scale: float, turn: FloatArray
-) -> tuple[FloatArray, BoolArray]:
+def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray, BoolArray]:
     """Move the corners of faces that are turned over until few are.
 
     Parameters
@@ -114,8 +111,6 @@ def turned_back(
         Where its vertices are.
     scale : float
         How many times as large the surface is there as at rest.
-    turn : (n, 3, 3) array of float
-        Rotations near those of the neighbourhoods.
 
     Returns
     -------
@@ -137,11 +132,11 @@ def turned_back(
     >>> square = Mesh(corners, [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     >>> moved = square.vertices.copy()
     >>> moved[4] = [1.0, -0.5, 0.0]
-    >>> turned_back(square, moved, 1.0, np.tile(np.eye(3), (5, 1, 1)))[1].any()
+    >>> turned_back(square, moved, 1.0)[1].any()
     np.False_
     """
     moved, around = moved.copy(), _two_rings(mesh)
-    rotations = turned(turn, _covariances(mesh, moved, around))
+    rotations = _rotations(mesh, moved, around)
     moving = np.zeros(mesh.n_vertices, dtype=bool)
     moving[mesh.faces[turned_faces(mesh, moved, rotations)]] = True
     for i in range(1, ROUNDS + 1):
@@ -163,9 +158,8 @@ def turned_back(
         held = moving[rows]
         moved[rows[held]] = np.stack(sums, axis=1)[held] / total[held, None]
         if i % REFITTED == 0:
-            rotations[rows] = turned(rotations[rows], _covariances(mesh, moved, around[rows]))
-    rotations = turned(rotations, _covariances(mesh, moved, around))
-    return moved, turned_faces(mesh, moved, rotations)
+            rotations[rows] = _rotations(mesh, moved, around[rows])
+    return moved, turned_faces(mesh, moved, _rotations(mesh, moved, around))
 
 
 def _are_turned(mesh: Mesh, faces: IntArray, moved: FloatArray, rotations: FloatArray) -> BoolArray:
@@ -182,6 +176,11 @@ def _two_rings(mesh: Mesh) -> csr_array:
     around = csr_array(ring @ ring)
     around.data[:] = 1.0
     return around
+
+
+def _rotations(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
+    """Best rotations (r, 3, 3) of the vertices that each row (r, n) of ones marks."""
+    return nearest_rotation(_covariances(mesh, moved, around)).transpose(0, 2, 1)
 
 
 def _covariances(mesh: Mesh, moved: FloatArray, around: csr_array) -> FloatArray:
