@@ -219,3 +219,15 @@ def test_rotations_are_turned_until_the_trace_is_largest():
     traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
     np.testing.assert_allclose(traces, largest, rtol=1e-3)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)
+
+
+def test_conjugate_gradients_solve_the_system_of_the_edges():
+    mesh = icosphere(2)
+    energy = rigid_energy.RigidEnergy.of_edges(mesh)
+    rng = np.random.default_rng(0)
+    diagonal, right = rng.uniform(0.5, 2.0, mesh.n_vertices), rng.normal(size=(mesh.n_vertices, 3))
+    found = np.zeros_like(right)
+    for _ in range(4):  # each time the residual is a hundredth
+        found = energy.solved(diagonal, right, found)
+    wanted = np.linalg.solve(energy.stiffness.toarray() + np.diag(diagonal), right)
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
