@@ -1,10 +1,11 @@
-"""Collections of shapes in one topology whose statistics are known."""
+"""Shapes in one topology: collections whose statistics are known, and what `wrap` would return."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from isomatch import Mesh, Wrapped, WrapQuality
 from isomatch.statistics import CorrespondedShapes
 from shapes import icosphere
 
@@ -44,3 +45,8 @@ def moved(shapes: CorrespondedShapes, seed: int = 0, scale: bool = False) -> Cor
 def only(shapes: CorrespondedShapes, rows: list[int]) -> CorrespondedShapes:
     """Some of the shapes, in another order."""
     return CorrespondedShapes(tuple(shapes.names[i] for i in rows), shapes.vertices[rows], shapes.faces)
+
+
+def wrapped_as(mesh: Mesh) -> Wrapped:
+    """A mesh as if it were what `wrap` returns."""
+    return Wrapped(mesh, np.zeros(mesh.n_vertices, dtype=bool), WrapQuality(0.0, 1.0, 0.0, 0))

@@ -16,10 +16,10 @@ shared = result.as_mesh(source, target)
 print(shared, "has the faces of the source:", (shared.faces == source.faces).all())
 
 # %%
-# :func:`isomatch.wrap` also says how many faces were turned over by the map, and mended.
+# :func:`isomatch.wrap` bends the source onto the target, and also says how good the surface is.
 
 wrapped = wrap(result.map, source, target)
-print(f"turned over: {wrapped.inverted_before} faces, {wrapped.inverted} after mending")
+print(wrapped.quality)
 
 # %%
 # Now vertices can be interpolated. The source is moved onto the target first, so that the shapes between do not

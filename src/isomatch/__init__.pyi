@@ -8,7 +8,7 @@ from isomatch.bases import (
     laplace_basis,
 )
 from isomatch.collections import Collection
-from isomatch.correspondence import Correspondence, Wrapped, wrap
+from isomatch.correspondence import Correspondence, Wrapped, WrapQuality, wrap
 from isomatch.descriptors import (
     GeodesicDistanceDescriptor,
     geodesic_distance_descriptor,
@@ -83,6 +83,7 @@ __all__ = [
     "Quality",
     "SettingError",
     "UnwritableFileError",
+    "WrapQuality",
     "Wrapped",
     "bake_texture",
     "canonical_form",

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from isomatch import Asset, Wrapped, read_asset, read_mesh, write_asset
+from corresponded import wrapped_as
+from isomatch import Asset, read_asset, read_mesh, write_asset
 from isomatch.assets import Frame
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
@@ -93,7 +94,7 @@ def in_scanner(path):
 def test_the_target_is_where_it_was_in_the_topology_of_the_source(pair, tmp_path, name):
     source, target = pair
     meshes = [read_mesh(path) for path in pair]
-    wrapped = Wrapped(meshes[0].moved(meshes[1].vertices), 0, 0, 0)
+    wrapped = wrapped_as(meshes[0].moved(meshes[1].vertices))
     out = tmp_path / name
     record = write_wrapped(
         out, read_asset(source), read_asset(target).frame, wrapped, np.zeros(meshes[0].n_vertices)
@@ -178,7 +179,7 @@ def test_a_target_that_does_not_say_takes_the_frame_away(tmp_path):
         tmp_path / "c.pial",
         read_asset(tmp_path / "a.pial"),
         read_asset(tmp_path / "b.ply").frame,
-        Wrapped(plain, 0, 0, 0),
+        wrapped_as(plain),
         np.zeros(plain.n_vertices),
     )
     assert read_asset(tmp_path / "c.pial").frame is None
@@ -195,7 +196,7 @@ def test_what_the_source_says_of_its_surface_stays(tmp_path):
         tmp_path / "c.surf.gii",
         read_asset(tmp_path / "a.surf.gii"),
         read_asset(tmp_path / "b.pial").frame,
-        Wrapped(SHAPES[1], 0, 0, 0),
+        wrapped_as(SHAPES[1]),
         np.zeros(SHAPES[1].n_vertices),
     )
     points, faces = nibabel.load(tmp_path / "c.surf.gii").darrays[:2]
@@ -219,7 +220,7 @@ def test_a_unit_in_comments_is_that_of_the_coordinates(tmp_path):
         (tmp_path / f"{name}.ply").write_text(
             text.replace("element", f"comment by {name}\n{words}element", 1)
         )
-    wrapped = Wrapped(SHAPES[0], 0, 0, 0)
+    wrapped = wrapped_as(SHAPES[0])
     errors = np.zeros(SHAPES[0].n_vertices)
     asset, frame = read_asset(tmp_path / "a.ply"), read_asset(tmp_path / "b.ply").frame
     write_wrapped(tmp_path / "c.ply", asset, frame, wrapped, errors)
@@ -241,7 +242,7 @@ def test_nodes_that_move_and_scale(tmp_path):
             text.replace('"mesh": 0', f'"mesh": 0, "scale": {scale}, "translation": [1, 2, 3]')
         )
     target = read_mesh(tmp_path / "b.gltf")
-    wrapped = Wrapped(read_asset(tmp_path / "b.gltf").mesh, 0, 0, 0)
+    wrapped = wrapped_as(read_asset(tmp_path / "b.gltf").mesh)
     asset, frame = (read_asset(tmp_path / "a.gltf"), read_asset(tmp_path / "b.gltf").frame)
     assert (
         write_wrapped(tmp_path / "c.gltf", asset, frame, wrapped, np.zeros(target.n_vertices))["left_out"]

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isomatch import Asset, Correspondence, Mesh, Wrapped, match, read_asset, read_mesh, write_asset
+from corresponded import wrapped_as
+from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Frame, Polygons
 from isomatch.cli import main
 from isomatch.cli.outputs import write_wrapped
@@ -94,7 +95,9 @@ def test_the_match_writes_the_target_with_the_faces_of_the_source(tmp_path, caps
     ]
     assert main([*words, *options, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)["as_mesh"]
-    assert record["inverted"] <= record["inverted_before"]
+    assert record["turned"] < 0.01
+    assert 1.0 <= record["stretch"] < 3.0
+    assert record["distance"] < 0.01
     assert record["notes"] == [f"{source}: the word OFF is missing in the first line"]
     np.testing.assert_array_equal(read_mesh(tmp_path / "shared.ply").faces, read_mesh(source).faces)
     assert read_asset(tmp_path / "shared.ply").frame.words == ("comment unit: mm",)
@@ -156,8 +159,12 @@ def test_directions_of_the_former_shape_are_left_out(tmp_path):
     )
     write_asset(tmp_path / "a.glb", Asset.of_mesh(made, directions))
     asset = read_asset(tmp_path / "a.glb")
-    write_wrapped(tmp_path / "b.glb", asset, None, Wrapped(made, 0, 0, 0), np.zeros(3))
-    assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == ["flow", "expected_error"]
+    write_wrapped(tmp_path / "b.glb", asset, None, wrapped_as(made), np.zeros(3))
+    assert [a.name for a in read_asset(tmp_path / "b.glb").attributes] == [
+        "flow",
+        "expected_error",
+        "extended",
+    ]
 
 
 def test_landmarks_are_carried_there_and_back(folder, capsys):

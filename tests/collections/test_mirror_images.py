@@ -179,7 +179,7 @@ def test_surfaces_in_one_topology_are_those_of_the_reflected_shapes(blobs, auto)
         apart = np.linalg.norm(written.vertices[blobs.new_vertex["r0"]] - truth, axis=1)
         assert apart.mean() < 0.03 * np.sqrt(own.area)
         assert written.volume == pytest.approx(own.volume, rel=0.05)
-    assert {line["inverted"] for line in lines_of(auto / "shapes.csv")} == {"0"}
+    assert {float(line["turned"]) for line in lines_of(auto / "shapes.csv")} == {0.0}
 
 
 def test_statistics_know_what_was_reflected(auto, tmp_path, capsys):

@@ -14,6 +14,7 @@ from isomatch.correspondence import (
     nearest_rotation,
     nearest_with_normals,
     register_as_rigid_as_possible,
+    rigid_energy,
     rigid_registration,
 )
 from isomatch.datasets import creature
@@ -104,10 +105,11 @@ def test_the_loops_sum_over_the_edges_around_each_vertex(piece):
     np.fill_diagonal(weights, 0)
     before, rng = mesh.vertices, np.random.default_rng(0)
     after, turns = rng.normal(size=before.shape), Rotation.random(len(before), rng=1).as_matrix()
-    _, _, start, neighbours, values = RigidRegistration(mesh)._matrices
+    energy = rigid_energy.RigidEnergy.of_surface(mesh)
+    start, neighbours, values = energy.start, energy.neighbours, energy.weights
     covariances, pulled = np.ones((len(before), 3, 3)), np.ones(before.shape)
-    rigid_registration._covariances(before, after, start, neighbours, values, covariances)
-    rigid_registration._pulled(before, turns, start, neighbours, values, pulled)
+    rigid_energy._covariances(before, after, start, neighbours, values, covariances)
+    rigid_energy._pulled(before, turns, start, neighbours, values, pulled)
     for i in rng.integers(len(before), size=20):
         edges, moved = before[i] - before, after[i] - after
         np.testing.assert_allclose(covariances[i], (weights[i, :, None] * edges).T @ moved, atol=1e-12)
@@ -213,7 +215,19 @@ def test_rotations_are_turned_until_the_trace_is_largest():
     start = (
         Rotation.from_rotvec(np.random.default_rng(2).normal(scale=0.1, size=(200, 3))).as_matrix() @ wanted
     )
-    found = rigid_registration._turned(start, covariances)
+    found = rigid_energy.turned(start, covariances)
     traces, largest = (np.einsum("nij,nji->n", turn, covariances) for turn in (found, wanted))
     np.testing.assert_allclose(traces, largest, rtol=1e-3)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.tile(np.eye(3), (200, 1, 1)), atol=1e-12)
+
+
+def test_conjugate_gradients_solve_the_system_of_the_edges():
+    mesh = icosphere(2)
+    energy = rigid_energy.RigidEnergy.of_edges(mesh)
+    rng = np.random.default_rng(0)
+    diagonal, right = rng.uniform(0.5, 2.0, mesh.n_vertices), rng.normal(size=(mesh.n_vertices, 3))
+    found = np.zeros_like(right)
+    for _ in range(4):  # each time the residual is a hundredth
+        found = energy.solved(diagonal, right, found)
+    wanted = np.linalg.solve(energy.stiffness.toarray() + np.diag(diagonal), right)
+    np.testing.assert_allclose(found, wanted, atol=1e-6)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from gltf_made import Square, onto
 
+from corresponded import wrapped_as
 from isomatch import (
     Asset,
     Attribute,
     Correspondence,
     Mesh,
-    Wrapped,
     carry_attributes,
     read_asset,
     write_asset,
@@ -243,7 +243,7 @@ def test_the_shape_of_another_turns_the_keys(tmp_path):
     path = keyed().write(tmp_path / "keys.glb")
     flat = read_asset(path)
     turned = Mesh(flat.mesh.vertices @ TURN.T, flat.mesh.faces)
-    write_wrapped(tmp_path / "out.glb", flat, None, Wrapped(turned, 0, 0, 0), np.zeros(25))
+    write_wrapped(tmp_path / "out.glb", flat, None, wrapped_as(turned), np.zeros(25))
     found = read_asset(tmp_path / "out.glb")
     assert np.allclose(found.attribute("lift").values, lift(flat.points) @ TURN.T, atol=1e-5)
     assert mesh_of(found)["weights"] == [0.25, 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -185,11 +185,11 @@ def write_wrapped(
     wrapped: isomatch.Wrapped,
     expected_error: FloatArray,
 ) -> dict[str, Any]:
-    """Write the asset of the source in the shape of the target, and count what was mended.
+    """Write the asset of the source in the shape of the target, and say how good it is.
 
     All that it carries is written too, shape keys turned with the surface, but no normals and tangents; the frame of the
     coordinates is that of the target. Where the format takes scalars, the expected error (n_source,) of each vertex is
-    added.
+    added, and whether it is extended.
     """
     moved = replace(asset.moved(wrapped.mesh.vertices[asset.point_of_vertex]), frame=frame)
     if asset.of_kind("key"):
@@ -199,10 +199,11 @@ def write_wrapped(
         attribute.name for attribute in moved.attributes if attribute.kind == "normal" or attribute.is_tangent
     ]
     errors = Attribute("expected_error", "point", "scalar", expected_error)
-    left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(errors))
-    counts = {"inverted_before": wrapped.inverted_before, "inverted": wrapped.inverted}
-    names = [attribute.name for attribute in left if attribute is not errors]
-    return {"file": str(path), **counts, "extended": wrapped.extended, "left_out": names}
+    extended = Attribute("extended", "point", "scalar", wrapped.extended.astype(float))
+    own = (errors, extended)
+    left = isomatch.write_asset(path, moved.without_attributes(*turned).with_attributes(*own))
+    names = [attribute.name for attribute in left if all(attribute is not each for each in own)]
+    return {"file": str(path), **asdict(wrapped.quality), "left_out": names}
 
 
 def require_writable(path: Path) -> None:
@@ -213,15 +214,16 @@ def require_writable(path: Path) -> None:
 
 
 def say_wrapped(record: dict[str, Any]) -> None:
-    """Print where the target is in the source's topology, and how many faces were mended."""
+    """Print where the target is in the source's topology, and how good it is."""
     say(
-        f"wrote {record['file']}: the target with the faces of the source; {record['inverted_before']} faces were "
-        f"inverted, {record['inverted']} are"
+        f"wrote {record['file']}: the target with the faces of the source; {record['turned']:.2%} of them are turned "
+        f"over, almost no edge is stretched by more than {record['stretch']:.2f}, and vertices are "
+        f"{record['distance']:.4f} √area off on average"
     )
     if record["files_beside"]:
         say(f"with its materials in {', '.join(record['files_beside'])}")
     if record["extended"]:
-        say(f"{record['extended']} vertices have no image and continue those around them")
+        say(f"{record['extended']} vertices have no counterpart and are placed by those around them")
     say_left_out(record["left_out"], record["file"])
     say_notes(record["notes"])
 

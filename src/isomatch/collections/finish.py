@@ -24,7 +24,7 @@ from isomatch.collections.wrapped import PlannedSurface, WrapJob
 from isomatch.statistics import doubtful_positions
 from isomatch.storage.files import claimed, read_csv, write_csv
 
-OWN = ("name", "key", "inverted_before", "inverted", "extended", "error")  # columns of the work itself
+OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "scale", "reflected", "mirror_image", "unlike")
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
@@ -41,8 +41,8 @@ def finish(
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
     A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. Vertices without an image continue the surface around them; see `isomatch.wrap`. Files of shapes that were
-    taken out, or are not matched any more, are removed.
+    before. Vertices for which it has nothing are placed by those around them; see `isomatch.wrap`. Files of shapes that
+    were taken out, or are not matched any more, are removed.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def finish(
     Yields
     ------
     dict
-        For each surface that is written: its name, the key of the map, the numbers of inverted faces before and after
-        they were mended, and of vertices without image; or the error that prevented it.
+        For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
+        that prevented it.
     """
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()

@@ -18,6 +18,7 @@ from isomatch.collections.tables import MOST_SHOWN, table_of
 from isomatch.storage.files import write_text
 
 SHOWN = ("misfit", "rival", "residual", "stretch", "distortion_mean", "coverage", "matched", "seconds")
+MOST_TURNED = 0.01  # share of faces that are turned over, which is not worth a word
 
 
 def write_page(
@@ -71,10 +72,10 @@ def _figure(collection: Collection, name: str, rows: Rows, lines: Mapping[str, M
     problems = [str(each["error"]) for each in (record, line) if each.get("error")]
     if line.get("mirror_image"):
         problems.append("seems to be a mirror image")
-    if int(line.get("inverted") or 0):
-        problems.append(f"{line['inverted']} inverted faces")
+    if float(line.get("turned") or 0) > MOST_TURNED:
+        problems.append(f"{float(line['turned']):.1%} of the faces are turned over")
     if int(line.get("extended") or 0):
-        problems.append(f"{line['extended']} vertices without image")
+        problems.append(f"{line['extended']} vertices without counterpart")
     picture = collection.layout.thumbnail(name)
     image = f'<img src="{_link(collection, picture)}" alt="" loading=lazy>' if picture.exists() else "<i></i>"
     problem = f"<small>{escape('; '.join(problems))}</small>" if problems else ""

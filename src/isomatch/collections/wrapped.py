@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import PairMaps, Record, as_matched
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
-from isomatch.correspondence import Correspondence, wrap
+from isomatch.correspondence import Correspondence, WrapQuality, wrap
 from isomatch.errors import IsomatchError
 from isomatch.statistics import MEASURED
 from isomatch.storage.files import replaced
@@ -72,7 +72,7 @@ class WrapJob:
 
     def _line(self, plan: PlannedSurface) -> Record:
         name = plan.entry.name
-        line = {"name": name, "key": plan.key, "inverted_before": 0, "inverted": 0, "extended": 0}
+        line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
         line |= {"scale": plan.scale if plan.scale != 1 else ""}
         try:
             template, mesh = (
@@ -86,14 +86,11 @@ class WrapJob:
                 there = maps.there if plan.pair[0] == self.template.name else maps.back
                 turned = self.template.reflected, plan.entry.reflected
                 there, template, mesh = as_matched(there, template, mesh, turned)
-                if not there.matched.all():
-                    marks = [Attribute(MEASURED, "point", "label", there.matched.astype(np.uint8))]
                 wrapped = wrap(there, template, mesh)
                 mesh = wrapped.mesh
-                line |= {
-                    measure: getattr(wrapped, measure)
-                    for measure in ("inverted_before", "inverted", "extended")
-                }
+                line |= asdict(wrapped.quality)
+                if wrapped.extended.any():
+                    marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
             mesh = mesh.moved(plan.scale * mesh.vertices)
             write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
             _draw(template, mesh, self.layout.thumbnail(name))

@@ -48,7 +48,7 @@ from isomatch.correspondence.rotation import nearest_rotation
 from isomatch.correspondence.signed_points import SignedPoints
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.correspondence.welding import welded_map
-from isomatch.correspondence.wrapping import Wrapped, wrap
+from isomatch.correspondence.wrapping import Wrapped, WrapQuality, wrap
 from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 
 __all__ = [
@@ -66,6 +66,7 @@ __all__ = [
     "SpectralPair",
     "SurfaceIndex",
     "VertexCells",
+    "WrapQuality",
     "Wrapped",
     "alignment_from_functions",
     "alignment_residual",

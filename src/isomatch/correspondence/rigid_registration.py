@@ -5,23 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
 
-from isomatch.bases import factorised, stiffness_and_masses
-from isomatch.correspondence.rotation import nearest_rotation
+from isomatch.bases import factorised
+from isomatch.correspondence.rigid_energy import RigidEnergy
 from isomatch.correspondence.surface_index import SurfaceIndex
 from isomatch.errors import SettingError
-from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import FloatArray, IntArray
 from isomatch.values.cached import cached_property
 
 NORMAL_UNIT = 0.1  # for surfaces of area 1
-TURNS, STILL, SMALLEST = (
-    20,
-    1e-4,
-    1e-30,
-)  # most turns of a rotation, the angle (rad) of the last, and a number above 0
 ROTATED = 2  # times that the rotations are fitted between two searches for nearest points
 
 
@@ -118,15 +111,8 @@ class RigidRegistration:
         self.source = source
 
     @cached_property
-    def _matrices(self) -> tuple[csc_array, FloatArray, IntArray, IntArray, FloatArray]:
-        """Stiffness and areas; neighbours of each vertex and their weights, by rows."""
-        stiffness, areas = stiffness_and_masses(self.source)
-        links = coo_array(stiffness)
-        apart = links.row != links.col  # L_ij = −w_ij off the diagonal
-        order = np.lexsort((links.col[apart], links.row[apart]))
-        start = np.zeros(len(areas) + 1, dtype=np.int64)
-        np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
-        return stiffness, areas, start, links.col[apart][order].astype(np.int64), -links.data[apart][order]
+    def _energy(self) -> RigidEnergy:
+        return RigidEnergy.of_surface(self.source)
 
     def __call__(
         self,
@@ -161,44 +147,24 @@ class RigidRegistration:
             raise SettingError(f"most_scaled = {most_scaled}; expected a number of at least 1")
         if not all(length > 0 for length in lengths):
             raise SettingError(f"lengths are {lengths}; expected numbers above 0")
-        stiffness, areas, start, neighbours, weights = self._matrices
-        before, turn = scale * self.source.vertices, None
+        energy, before, turn = self._energy, scale * self.source.vertices, None
         wanted, moved = positions, positions
         vertices, points = held or (np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-        covariances, pulled = np.zeros((len(areas), 3, 3)), np.zeros(before.shape)
         for step, length in enumerate(lengths):
             if step > 0:
                 nearest = nearest_with_normals(self.source.moved(moved), target, index, normal_unit)
                 wanted = nearest.interpolated(target.vertices)
             # ∇E = 0 over ℓ²: (L + a / ℓ²) y = a p / ℓ² + Σ_j w_ij ½ (R_i + R_j) (x_i − x_j), where a = scale² areas, and
             # π ℓ², a disc of that radius, for vertices that are held
-            pull = areas * (scale / length) ** 2
+            pull = energy.areas * (scale / length) ** 2
             pull[vertices] = np.pi
             drawn = pull[:, None] * wanted
             drawn[vertices] = np.pi * points
-            solve = factorised(stiffness, pull)
+            solve = factorised(energy.stiffness, pull)
             for _ in range(ROTATED):
-                _covariances(before, moved, start, neighbours, weights, covariances)
-                turn = (
-                    nearest_rotation(covariances).transpose(0, 2, 1)
-                    if turn is None
-                    else _turned(turn, covariances)
-                )
-                grown = turn
-                if most_scaled > 1.0:
-                    own_scale = self._scales(before, turn, covariances)
-                    grown = turn * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
-                _pulled(before, grown, start, neighbours, weights, pulled)
+                pulled, turn = energy.pulled(before, moved, turn, most_scaled)
                 moved = np.ascontiguousarray(solve(drawn + pulled))
         return moved
-
-    def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
-        """Return the best scale (n,) of the edges around each vertex, given their rotations."""
-        _, _, start, neighbours, weights = self._matrices
-        owner = np.repeat(np.arange(len(before)), np.diff(start))
-        squares = weights * ((before[owner] - before[neighbours]) ** 2).sum(axis=1)
-        squares = np.bincount(owner, squares, len(before))
-        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
 
 
 def nearest_with_normals(
@@ -267,84 +233,3 @@ def with_normals(mesh: Mesh, unit: float = NORMAL_UNIT) -> FloatArray:
     array([1. , 0. , 0. , 0. , 0. , 0.5])
     """
     return np.hstack([mesh.vertices, unit * mesh.vertex_normals])
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _covariances(
-    before: FloatArray,
-    after: FloatArray,
-    start: IntArray,
-    neighbours: IntArray,
-    weights: FloatArray,
-    covariances: FloatArray,
-) -> None:
-    """Set the covariances (n, 3, 3) of the edges around each vertex before and after."""
-    covariances[:] = 0.0
-    for i in range(len(before)):
-        for at in range(start[i], start[i + 1]):
-            j, weight = neighbours[at], weights[at]
-            for row in range(3):
-                edge = weight * (before[i, row] - before[j, row])
-                for column in range(3):
-                    covariances[i, row, column] += edge * (after[i, column] - after[j, column])
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _pulled(
-    before: FloatArray,
-    turn: FloatArray,
-    start: IntArray,
-    neighbours: IntArray,
-    weights: FloatArray,
-    pulled: FloatArray,
-) -> None:
-    """Set the sums (n, 3) over the edges around each vertex, turned by the mean rotation of their ends."""
-    pulled[:] = 0.0
-    for i in range(len(before)):
-        for at in range(start[i], start[i + 1]):
-            j, weight = neighbours[at], 0.5 * weights[at]
-            for row in range(3):
-                for column in range(3):
-                    edge = before[i, column] - before[j, column]
-                    pulled[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
-
-
-@compiled()
-def _turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do.
-
-    Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.
-    """
-    rotations, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for i in range(len(turn)):
-        _multiply(rotations[i], covariances[i], m)
-        for _ in range(TURNS):
-            # m = R Σ is symmetric where its trace is largest. Its skew part is along the axis of the missing turn; the
-            # size of that part over the trace is roughly the angle
-            x, y, z = m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]
-            size = np.sqrt(x * x + y * y + z * z)
-            angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + SMALLEST)
-            if angle < STILL:
-                break
-            # Rodrigues: cos I + sin [axis]× + (1 − cos) axis axisᵀ
-            x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)
-            step[0, 0], step[1, 1], step[2, 2] = rest * x * x, rest * y * y, rest * z * z
-            for k in range(3):
-                step[k, k] += 1 - rest
-            step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
-            step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
-            step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
-            r[:] = rotations[i]
-            _multiply(step, r, rotations[i])
-            _multiply(rotations[i], covariances[i], m)
-    return rotations
-
-
-@compiled()
-def _multiply(a: FloatArray, b: FloatArray, product: FloatArray) -> None:
-    for row in range(3):
-        for column in range(3):
-            total = 0.0
-            for k in range(3):
-                total += a[row, k] * b[k, column]
-            product[row, column] = total

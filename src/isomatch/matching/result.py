@@ -250,7 +250,7 @@ class MatchResult:
         return self.quality.matched, self.quality.coverage
 
     def as_mesh(self, source: SurfaceLike, target: SurfaceLike) -> Mesh:
-        """Return the target's surface with the vertices and faces of the source, see `isomatch.wrap`.
+        """Bend the source onto the target: its surface with the vertices and faces of the source, see `isomatch.wrap`.
 
         Parameters
         ----------

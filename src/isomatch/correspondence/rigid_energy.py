@@ -1,0 +1,305 @@
+"""The energy of an as-rigid-as-possible deformation: how much edges change, but for a rotation around each vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, diags_array
+
+from isomatch.bases import stiffness_and_masses
+from isomatch.correspondence.rotation import nearest_rotation
+from isomatch.loading.compiled import compiled
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray, IntArray
+
+TURNS, STILL, SMALLEST = (
+    20,
+    1e-4,
+    1e-30,
+)  # most turns of a rotation, the angle (rad) of the last, and a number above 0
+EDGE_SHARE = 2 / 3  # so that edges of equilateral triangles have the weights of the cotangents
+PRECISION, MOST_ITERATIONS = 1e-2, 100  # of conjugate gradients
+STIFFEST = 20.0  # weight of an edge: where triangles are slivers, the shortest edges count no more
+
+
+@dataclass(frozen=True, eq=False)
+class RigidEnergy:
+    """½ Σ_i Σ_j w_ij |(y_i − y_j) − R_i (x_i − x_j)|² of vertices x_i that move to y_i.
+
+    Parameters
+    ----------
+    stiffness : (n, n) sparse array
+        L: −w_ij off the diagonal, rows sum to 0.
+    areas : (n,) array of float
+        Of the vertices, in squared units of the surface.
+    start : (n + 1,) array of int
+    neighbours, weights : (e,) array of int, (e,) array of float
+        ``neighbours[start[i]:start[i + 1]]`` are those of vertex i, with the weights w_ij.
+
+    Examples
+    --------
+    A surface that turns as a whole has no energy: each vertex is pulled to where it is.
+
+    >>> wedge = Mesh([[0, 0, 0], [3, 0, 0], [0, 2, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    >>> energy = RigidEnergy.of_edges(wedge)
+    >>> turned = np.ascontiguousarray(wedge.vertices[:, [1, 2, 0]])
+    >>> pulled, _ = energy.pulled(wedge.vertices, turned, None)
+    >>> bool(np.allclose(energy.stiffness @ turned, pulled))
+    True
+    """
+
+    stiffness: csc_array
+    areas: FloatArray
+    start: IntArray
+    neighbours: IntArray
+    weights: FloatArray
+
+    @classmethod
+    def of_surface(cls, mesh: Mesh) -> RigidEnergy:
+        """Take the weights of the tufted intrinsic Delaunay triangulation: independent of the triangles.
+
+        `MeshError` if a vertex has no area. 30 µs a vertex.
+        """
+        return cls._of(*stiffness_and_masses(mesh))
+
+    @classmethod
+    def of_edges(cls, mesh: Mesh) -> RigidEnergy:
+        """Give each edge of the mesh its area over its squared length: triangles keep their shape, slivers too.
+
+        Notes
+        -----
+        w_ij = ⅔ √(a_i a_j) / |x_i − x_j|², at most 20. On equilateral triangles these are the weights of the cotangents.
+        1 µs a vertex.
+        """
+        areas = np.maximum(mesh.vertex_areas, SMALLEST)
+        i, j = mesh.edges.T
+        shortest = np.maximum(mesh.edge_lengths, SMALLEST)
+        weights = np.minimum(EDGE_SHARE * np.sqrt(areas[i] * areas[j]) / shortest**2, STIFFEST)
+        links = coo_array((weights, (i, j)), shape=(len(areas),) * 2)
+        links = (links + links.T).tocsr()
+        return cls._of(csc_array(diags_array(links.sum(axis=1)) - links), areas)
+
+    @classmethod
+    def _of(cls, stiffness: csc_array, areas: FloatArray) -> RigidEnergy:
+        links = coo_array(stiffness)
+        apart = links.row != links.col  # L_ij = −w_ij off the diagonal
+        order = np.lexsort((links.col[apart], links.row[apart]))
+        start = np.zeros(len(areas) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(links.row[apart], minlength=len(areas)), out=start[1:])
+        neighbours = links.col[apart][order].astype(np.int64)
+        return cls(stiffness, areas, start, neighbours, -links.data[apart][order])
+
+    def pulled(
+        self, before: FloatArray, moved: FloatArray, turn: FloatArray | None, most_scaled: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Fit the rotations to where the vertices are, and find where they pull the vertices.
+
+        Parameters
+        ----------
+        before, moved : (n, 3) array of float
+            The vertices at rest, and where they are.
+        turn : (n, 3, 3) array of float, optional
+            Rotations near the best ones.
+        most_scaled : float
+            Edges around a vertex may become so many times as long or as short at no cost.
+
+        Returns
+        -------
+        pulled : (n, 3) array of float
+            Σ_j w_ij ½ (R_i + R_j) (x_i − x_j). With these rotations, the energy is least where L y = pulled.
+        turn : (n, 3, 3) array of float
+            The best rotations R_i.
+        """
+        covariances, pulled = np.zeros((len(self.areas), 3, 3)), np.zeros(before.shape)
+        _covariances(before, moved, self.start, self.neighbours, self.weights, covariances)
+        fitted = (
+            nearest_rotation(covariances).transpose(0, 2, 1) if turn is None else turned(turn, covariances)
+        )
+        grown = fitted
+        if most_scaled > 1.0:
+            own_scale = self._scales(before, fitted, covariances)
+            grown = fitted * np.clip(own_scale, 1.0 / most_scaled, most_scaled)[:, None, None]
+        _pulled(before, grown, self.start, self.neighbours, self.weights, pulled)
+        return pulled, fitted
+
+    def solved(self, diagonal: FloatArray, right: FloatArray, start: FloatArray) -> FloatArray:
+        """Solve (L + diag(d)) y = b approximately, from a guess, by conjugate gradients.
+
+        Parameters
+        ----------
+        diagonal : (n,) array of float
+            d, above 0.
+        right, start : (n, 3) array of float
+            b, and the guess.
+
+        Returns
+        -------
+        (n, 3) array of float
+            y, whose residual is a hundredth of that of the guess: enough where the next step starts from it. Each
+            iteration is linear in the edges; their number grows with the length that the diagonal stands for.
+        """
+        y = start.copy()
+        _conjugate_gradients(self.start, self.neighbours, self.weights, diagonal, right, y)
+        return y
+
+    def scale(self, before: FloatArray, moved: FloatArray, pulled: FloatArray) -> float:
+        """By how much the surface at rest is best enlarged, given what `pulled` returns: y·p / x·L x."""
+        return float((moved * pulled).sum() / max((before * (self.stiffness @ before)).sum(), SMALLEST))
+
+    def _scales(self, before: FloatArray, turn: FloatArray, covariances: FloatArray) -> FloatArray:
+        """Return the best scale (n,) of the edges around each vertex, given their rotations."""
+        owner = np.repeat(np.arange(len(before)), np.diff(self.start))
+        squares = self.weights * ((before[owner] - before[self.neighbours]) ** 2).sum(axis=1)
+        squares = np.bincount(owner, squares, len(before))
+        return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _conjugate_gradients(
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    diagonal: FloatArray,
+    right: FloatArray,
+    y: FloatArray,
+) -> None:
+    """Improve y for three right-hand sides at once, preconditioned by the diagonal of the matrix."""
+    n = len(y)
+    total, residual, step, product = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+    first, before, now, along, share = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    for i in range(n):
+        total[i] = diagonal[i]
+        for at in range(start[i], start[i + 1]):
+            total[i] += weights[at]
+    _multiplied(start, neighbours, weights, total, y, product)
+    for i in range(n):
+        for c in range(3):
+            residual[i, c] = right[i, c] - product[i, c]
+    for iteration in range(MOST_ITERATIONS):
+        now[:] = 0.0
+        for i in range(n):
+            for c in range(3):
+                now[c] += residual[i, c] ** 2 / total[i]
+        if iteration == 0:
+            first[:] = now
+        if (now <= PRECISION**2 * first).all():
+            break
+        for c in range(3):
+            share[c] = now[c] / before[c] if iteration > 0 and before[c] > 0.0 else 0.0
+        before[:] = now
+        for i in range(n):
+            for c in range(3):
+                step[i, c] = residual[i, c] / total[i] + share[c] * step[i, c]
+        _multiplied(start, neighbours, weights, total, step, product)
+        along[:] = 0.0
+        for i in range(n):
+            for c in range(3):
+                along[c] += product[i, c] * step[i, c]
+        for c in range(3):
+            share[c] = now[c] / along[c] if along[c] > 0.0 else 0.0
+        for i in range(n):
+            for c in range(3):
+                y[i, c] += share[c] * step[i, c]
+                residual[i, c] -= share[c] * product[i, c]
+
+
+@compiled(fastmath={"reassoc", "contract"}, inline="always")
+def _multiplied(
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    total: FloatArray,
+    x: FloatArray,
+    product: FloatArray,
+) -> None:
+    """Set the products of the matrix, given its diagonal, and three columns."""
+    for i in range(len(x)):
+        a, b, c = total[i] * x[i, 0], total[i] * x[i, 1], total[i] * x[i, 2]
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], weights[at]
+            a -= weight * x[j, 0]
+            b -= weight * x[j, 1]
+            c -= weight * x[j, 2]
+        product[i, 0], product[i, 1], product[i, 2] = a, b, c
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _covariances(
+    before: FloatArray,
+    after: FloatArray,
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Set the covariances (n, 3, 3) of the edges around each vertex before and after."""
+    covariances[:] = 0.0
+    for i in range(len(before)):
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], weights[at]
+            for row in range(3):
+                edge = weight * (before[i, row] - before[j, row])
+                for column in range(3):
+                    covariances[i, row, column] += edge * (after[i, column] - after[j, column])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _pulled(
+    before: FloatArray,
+    turn: FloatArray,
+    start: IntArray,
+    neighbours: IntArray,
+    weights: FloatArray,
+    pulled: FloatArray,
+) -> None:
+    """Set the sums (n, 3) over the edges around each vertex, turned by the mean rotation of their ends."""
+    pulled[:] = 0.0
+    for i in range(len(before)):
+        for at in range(start[i], start[i + 1]):
+            j, weight = neighbours[at], 0.5 * weights[at]
+            for row in range(3):
+                for column in range(3):
+                    edge = before[i, column] - before[j, column]
+                    pulled[i, row] += weight * (turn[i, row, column] + turn[j, row, column]) * edge
+
+
+@compiled()
+def turned(turn: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Turn rotations (n, 3, 3) that nearly maximise the trace of R Σ until they do.
+
+    Müller, Bender, Chentanez & Macklin, *A Robust Method to Extract the Rotational Part of Deformations*, MIG 2016.
+    """
+    rotations, step, r, m = turn.copy(), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for i in range(len(turn)):
+        _multiply(rotations[i], covariances[i], m)
+        for _ in range(TURNS):
+            # m = R Σ is symmetric where its trace is largest. Its skew part is along the axis of the missing turn; the
+            # size of that part over the trace is roughly the angle
+            x, y, z = m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]
+            size = np.sqrt(x * x + y * y + z * z)
+            angle = size / (abs(m[0, 0] + m[1, 1] + m[2, 2]) + SMALLEST)
+            if angle < STILL:
+                break
+            # Rodrigues: cos I + sin [axis]× + (1 − cos) axis axisᵀ
+            x, y, z, sine, rest = x / size, y / size, z / size, np.sin(angle), 1 - np.cos(angle)
+            step[0, 0], step[1, 1], step[2, 2] = rest * x * x, rest * y * y, rest * z * z
+            for k in range(3):
+                step[k, k] += 1 - rest
+            step[0, 1], step[1, 0] = rest * x * y - sine * z, rest * x * y + sine * z
+            step[2, 0], step[0, 2] = rest * z * x - sine * y, rest * z * x + sine * y
+            step[1, 2], step[2, 1] = rest * y * z - sine * x, rest * y * z + sine * x
+            r[:] = rotations[i]
+            _multiply(step, r, rotations[i])
+            _multiply(rotations[i], covariances[i], m)
+    return rotations
+
+
+@compiled()
+def _multiply(a: FloatArray, b: FloatArray, product: FloatArray) -> None:
+    for row in range(3):
+        for column in range(3):
+            total = 0.0
+            for k in range(3):
+                total += a[row, k] * b[k, column]
+            product[row, column] = total
