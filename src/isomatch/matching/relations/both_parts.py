@@ -19,7 +19,6 @@ from isomatch.matching.relations.both_regions import (
     AROUND,
     N_BENT_IN_FULL,
     RefinedRegion,
-    alike,
     overlaps,
     refined_region,
 )
@@ -132,7 +131,6 @@ class BothParts(Relation):
         points, matched = PrecisePoints.at_vertices(np.zeros(n, dtype=np.int64)), np.zeros(n, dtype=bool)
         points.corners[best.vertices], points.barycentric[best.vertices] = bent.points
         matched[best.vertices] = overlaps(bent)
-        matched = alike(self._regions, points.corners[:, 0], matched)
         errors = np.full(n, np.nan)
         errors[best.vertices] = expected_errors_of_part(fit.pair, bent.points)
         timer.start("quality")

@@ -30,7 +30,7 @@ from isomatch.values.cached import cached_property
 
 AROUND = 0.05  # by which a region reaches beyond its samples when it is refined
 HELD = 0.1  # distance from where it is known to go, in √area of the target, up to which a landmark is held
-TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings are not in common
+TOO_UNLIKE = 0.6  # mismatch from which a sample and its surroundings do not lead others
 OFF = 0.04  # distance from the target up to which bent vertices count as in common
 RIM = 0.02  # the same from its boundary
 ROUGH_FUNCTIONS = 100  # of a rough refinement, which ranks regions as one in full
@@ -114,16 +114,6 @@ class RefinedRegion:
         placed, accepted = self.regions.placed(rows, columns, len(source.vertices), most)
         images = np.where(at_samples != UNMATCHED, at_samples, target.vertices[placed])
         return replace(self.regions.region(images, accepted), origin=self.fit.origin)
-
-
-def alike(regions: CommonRegions, image: IntArray, matched: BoolArray) -> BoolArray:
-    """Which vertices of the source that are matched look like their images (n_source,), with what lies around them."""
-    source = regions.source
-    rows = np.flatnonzero(matched[source.vertices])
-    looks = np.zeros(len(source.vertices), dtype=bool)
-    looks[rows] = regions.mismatches(rows, image[source.vertices[rows]]) < TOO_UNLIKE
-    found: BoolArray = matched & looks[source.nearest_sample]
-    return found
 
 
 def overlaps(bent: BentPart) -> BoolArray:
