@@ -289,11 +289,14 @@ def test_units_that_are_fixed_stay(bodies, prepared):
         assert pair.with_unit(unit).restricted(0.5) == unit
 
 
+NOT_OVERLAPPING = PartSettings(sure_common=np.inf)  # two parts are never sure as overlapping ones
+
+
 def test_two_parts_are_matched_with_their_holes_closed(bodies):
     source, target, truth = bodies
     here, there = holes(source, 0.15, seed=1), holes(target, 0.15, seed=2)
     image = there.damaged_vertex[truth[here.original]]
-    found = match(here.mesh, there.mesh)
+    found = match(here.mesh, there.mesh, config=Config(parts=NOT_OVERLAPPING))
     assert found.outcome is Outcome.PARTIAL
     assert any("holes closed" in note for note in found.notes)
     assert found.quality.doubt < PartSettings().poor_doubt
@@ -305,7 +308,7 @@ def test_two_parts_are_matched_with_their_holes_closed(bodies):
     assert mean_error(right, found.map.vertices[both], image[both]) < 0.05
 
 
-STRICT = Config(outcome=replace(Config().outcome, poor_residual=0.0))
+STRICT = Config(outcome=replace(Config().outcome, poor_residual=0.0), parts=NOT_OVERLAPPING)
 
 
 @pytest.fixture(scope="module")
@@ -325,7 +328,7 @@ def test_two_parts_that_caps_put_in_doubt_are_judged_without(doubted):
 
 @pytest.mark.long
 def test_two_parts_that_caps_put_in_doubt_may_stay_so(two_parts):
-    config = replace(STRICT, parts=PartSettings(poor_doubt=0.0, sure_common=np.inf))
+    config = replace(STRICT, parts=replace(NOT_OVERLAPPING, poor_doubt=0.0))
     assert match(*two_parts, config=config).outcome is Outcome.LOW_CONFIDENCE
 
 
