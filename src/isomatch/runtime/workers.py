@@ -27,10 +27,10 @@ def worker_processes(
             yield pool
         except BaseException:  # such as an interruption, or a caller that wants no more
             pool.shutdown(wait=False, cancel_futures=True)
-            for process in context.started:
-                if process.is_alive():
-                    process.kill()
+            context.kill()
             raise
+        if any(process.exitcode for process in context.started):
+            context.kill()  # a pool that breaks while a worker begins would wait for that one for ever
 
 
 class _Spawning(SpawnContext):
@@ -38,6 +38,12 @@ class _Spawning(SpawnContext):
 
     def __init__(self) -> None:
         self.started: list[SpawnProcess] = []
+
+    def kill(self) -> None:
+        """Kill all that still run."""
+        for process in self.started:
+            if process.is_alive():
+                process.kill()
 
     def Process(self, *given: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
         self.started.append(SpawnProcess(*given, **options))
