@@ -4,6 +4,7 @@ from isomatch.correspondence.alignment import (
     iterative_closest_points,
     signed_procrustes,
 )
+from isomatch.correspondence.boundary import Boundary
 from isomatch.correspondence.checked_map import UNMATCHED
 from isomatch.correspondence.common_regions import Intervals, grow_common_regions, trilaterate_common
 from isomatch.correspondence.correspondence import Correspondence
@@ -54,6 +55,7 @@ from isomatch.surfaces import PrecisePoints, nearest_in_triangle
 __all__ = [
     "UNMATCHED",
     "Alignment",
+    "Boundary",
     "Correspondence",
     "Embedding",
     "FunctionalMap",

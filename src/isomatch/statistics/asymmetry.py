@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.errors import InputError, SettingError
-from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.group_test import N_PERMUTATIONS
+from isomatch.statistics.procrustes import scalar_products, shares_of
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import generator
 
@@ -98,21 +98,19 @@ def asymmetry(
     """
     if aligned.shape != mirrored.shape or aligned.ndim != 3:
         raise InputError(f"{aligned.shape} and {mirrored.shape} are not shapes and as many mirror images")
-    m, n, _ = aligned.shape
+    m = len(aligned)
     if m < FEWEST:
         raise InputError(f"{m} shapes are too few to tell what is asymmetric in all; give {FEWEST} or more")
     if n_permutations < 1:
         raise SettingError(f"n_permutations = {n_permutations} is not at least 1")
-    share = np.full(n, 1 / n) if weights is None else weights / weights.sum()
+    share = shares_of(aligned, weights)
     components = (aligned - mirrored) / 2
     directional: FloatArray = components.mean(axis=0)
 
     def size(part: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(np.einsum("i,...ij,...ij->...", share, part, part)))
 
-    with serial_blas():
-        rows = (components * np.sqrt(share)[:, None]).reshape(m, -1)
-        products = rows @ rows.T
+    products = scalar_products(components, share)
     total = float(np.trace(products))
     signs = generator(seed).choice([-1.0, 1.0], (n_permutations, m))
     drawn = np.einsum("pi,ij,pj->p", signs, products, signs, optimize=True)

@@ -98,7 +98,7 @@ def generalised_procrustes(
     >>> bool(np.allclose(aligned[0], aligned[1]))
     True
     """
-    share = _shares(vertices, weights)
+    share = shares_of(vertices, weights)
     centroids = np.einsum("i,sij->sj", share, vertices)
     centred = vertices - centroids[:, None]
     size, scales = _common_size(centred, share, scale)
@@ -146,7 +146,7 @@ def procrustes_distances(
            [0.      , 0.      , 1.732051],
            [1.732051, 1.732051, 0.      ]])
     """
-    share = _shares(vertices, weights)
+    share = shares_of(vertices, weights)
     centred = vertices - np.einsum("i,sij->sj", share, vertices)[:, None]
     centred = centred * _common_size(centred, share, scale)[1][:, None, None]
     return _pair_distances(_products(centred, share), mirrored)
@@ -156,7 +156,7 @@ def aligned_to(
     target: FloatArray, vertices: FloatArray, weights: FloatArray, size: float | None = None
 ) -> FloatArray:
     """Move one shape (n, 3) onto another, after bringing it to a size, if one is given."""
-    share = _shares(target[None], weights)
+    share = shares_of(target[None], weights)
     centre = share @ target
     centred = (vertices - share @ vertices)[None]
     if size is not None:
@@ -166,7 +166,8 @@ def aligned_to(
     return moved
 
 
-def _shares(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
+def shares_of(vertices: FloatArray, weights: FloatArray | None) -> FloatArray:
+    """(n,) share of each vertex of shapes (m, n, 3) in all weights (n,), by default 1 / n; `SettingError` of others."""
     n = vertices.shape[1]
     if weights is None:
         return np.full(n, 1 / n)
@@ -197,6 +198,13 @@ def _positive_sizes(centred: FloatArray, share: FloatArray) -> FloatArray:
             f"shape {int(sizes.argmin())} is a single point, whose size cannot be removed; leave it out"
         )
     return np.asarray(sizes)
+
+
+def scalar_products(parts: FloatArray, share: FloatArray) -> FloatArray:
+    """Weighted scalar products (m, m) of displacements (m, n, 3)."""
+    rows = (parts * np.sqrt(share)[:, None]).reshape(len(parts), -1)
+    with serial_blas():
+        return np.asarray(rows @ rows.T)
 
 
 def _products(centred: FloatArray, share: FloatArray) -> FloatArray:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isomatch.errors import InputError, SettingError
-from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.group_test import N_PERMUTATIONS
+from isomatch.statistics.procrustes import scalar_products, shares_of
 from isomatch.values.arrays import FloatArray, numbers_of
 from isomatch.values.settings import generator
 
@@ -111,13 +111,11 @@ def shape_regression(
     scale = np.abs(values).max(initial=0.0) * np.sqrt(m)
     if not len(singular) or singular[-1] <= LEAST_SHARE * max(singular[0], scale):
         raise InputError("the variables do not vary, or one depends on the others; leave it out")
-    share = np.full(aligned.shape[1], 1 / aligned.shape[1]) if weights is None else weights / weights.sum()
+    share = shares_of(aligned, weights)
     mean = aligned.mean(axis=0)
     about_mean = aligned - mean
     coefficients = np.tensordot(np.linalg.pinv(centred), about_mean, 1)
-    with serial_blas():
-        rows = (about_mean * np.sqrt(share)[:, None]).reshape(m, -1)
-        products = rows @ rows.T
+    products = scalar_products(about_mean, share)
     explained = float(np.einsum("iq,ij,jq->", basis, products, basis))
     total = float(np.trace(products))
     drawn = generator(seed).permuted(np.tile(np.arange(m), (n_permutations, 1)), axis=1)

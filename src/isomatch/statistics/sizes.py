@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch.statistics.procrustes import shares_of
 from isomatch.values.arrays import FloatArray
 
 
@@ -29,7 +30,6 @@ def centroid_sizes(vertices: FloatArray, weights: FloatArray | None = None) -> F
     >>> centroid_sizes(np.array([square, 3 * square])).round(3)
     array([2.828, 8.485])
     """
-    n = vertices.shape[1]
-    share = np.full(n, 1 / n) if weights is None else weights / weights.sum()
+    n, share = vertices.shape[1], shares_of(vertices, weights)
     centred = vertices - np.einsum("i,sij->sj", share, vertices)[:, None]
     return np.asarray(np.sqrt(n * np.einsum("i,sij,sij->s", share, centred, centred)))

@@ -64,10 +64,15 @@ class BothLooks:
         return mean
 
     @cached_property
+    def _looks_apart(self) -> FloatArray:
+        """(r, c) how differently each sample of the source and each of the target look by themselves."""
+        here, there = self.source.looks.at(self.source.vertices), self.target.looks.at(self.target.vertices)
+        return _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+
+    @cached_property
     def _surprise(self) -> FloatArray:
         """(r, c) how unlikely it is that a sample of the target looks as alike as this one: −log of its rank, 0…1."""
-        here, there = self.source.looks.at(self.source.vertices), self.target.looks.at(self.target.vertices)
-        apart = _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+        apart = self._looks_apart
         rank = apart.argsort(axis=1, kind="stable").argsort(axis=1, kind="stable")
         surprise: FloatArray = -np.log((rank + N_ALIKE) / apart.shape[1])
         return surprise
@@ -104,11 +109,7 @@ class BothLooks:
 
     def alike(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """Cost (m, c) of each candidate for each anchor by itself, by looks and areas of balls."""
-        here, there = (
-            self.source.looks.at(self.source.vertices[rows]),
-            self.target.looks.at(self.target.vertices[columns]),
-        )
-        looks = _drawn_to(*_summed(here, there, self._deviation), USUAL, PRIOR_RADII)
+        looks = self._looks_apart[np.ix_(rows, columns)]
         (of_source, known_there), (of_target, known_here) = self.source.ball_areas, self.target.ball_areas
         both = known_there[rows][:, None] & known_here[columns][None]
         apart = np.minimum(np.abs(of_source[rows][:, None] - of_target[columns][None]), MOST_AREA)

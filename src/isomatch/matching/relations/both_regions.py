@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from isomatch.correspondence import UNMATCHED, Embedding
+from isomatch.correspondence import UNMATCHED, Boundary, Embedding
 from isomatch.geodesics import distance_along_edges_to_nearest
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
@@ -17,7 +17,7 @@ from isomatch.matching.relations.both_seeds import (
     CommonRegions,
 )
 from isomatch.matching.relations.part import Part
-from isomatch.matching.relations.part_bending import ON_EDGE, BentPart
+from isomatch.matching.relations.part_bending import BentPart
 from isomatch.matching.relations.part_fits import PartFit
 from isomatch.matching.relations.part_pair import NO_LANDMARKS
 from isomatch.matching.relations.part_refinement import N_ROUGH_VERTICES
@@ -120,10 +120,7 @@ def overlaps(bent: BentPart) -> BoolArray:
     """Which vertices of a bent part lie on the target, where that is not just its boundary."""
     onto, points = bent.onto.mesh, bent.points
     gap = np.linalg.norm(points.interpolated(onto.vertices) - bent.mesh.vertices, axis=1)
-    of_rim = np.zeros(onto.n_vertices, dtype=bool)
-    of_rim[onto.boundary_edges] = True
-    on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
-    found: BoolArray = gap <= np.where(on_rim, RIM, OFF)
+    found: BoolArray = gap <= np.where(Boundary(onto).holds(points), RIM, OFF)
     return found
 
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isomatch.correspondence import PrecisePoints, nearest_with_normals
+from isomatch.correspondence import Boundary, PrecisePoints, nearest_with_normals
 from isomatch.matching.relations.bending import Bending, Bent, Held, Surroundings
 from isomatch.matching.relations.part_pair import PartPair
 from isomatch.matching.relations.part_refinement import PartRefinement
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
-ON_EDGE = 1e-6  # barycentric coordinate below which a point of a triangle lies on an edge
 ALL_FUNCTIONS = 10**6
 
 
@@ -38,11 +37,8 @@ class BentPart(Bent):
         bent, whole, settings = self.mesh, self.onto.mesh, self.pair.config.parts
         points = nearest_with_normals(whole, bent, self.pair.part.index)
         gap = np.linalg.norm(points.interpolated(bent.vertices) - whole.vertices, axis=1)
-        of_rim = np.zeros(bent.n_vertices, dtype=bool)
-        of_rim[bent.boundary_edges] = True
-        on_rim = (of_rim[points.corners] | (points.barycentric < ON_EDGE)).all(axis=1)
         rim = settings.off if self.pair.is_hardly_known else settings.rim
-        return points, gap <= np.where(on_rim, rim, settings.off)
+        return points, gap <= np.where(Boundary(bent).holds(points), rim, settings.off)
 
 
 class PartBending:
