@@ -199,3 +199,9 @@ def test_a_body_that_is_cut_knows_where_its_vertices_came_from():
     assert cut.handles == 0
     assert not len(cut.mesh_body.boundary_edges)
     assert cut_shape(shape, 2) is cut
+
+
+def test_shapes_with_more_handles_than_limbs_are_not_cut():
+    few = Config(preparation=PreparationSettings(most_contacts=0))
+    assert was_cut(matched("right", "left")[0])
+    assert not was_cut(matched("right", "left", few)[0])

@@ -38,6 +38,7 @@ from isomatch.correspondence.nearest_points import (
     faces_around_vertices,
     nearest_points,
 )
+from isomatch.correspondence.poses import Pose, poses_between
 from isomatch.correspondence.registration import register_nonrigid
 from isomatch.correspondence.rigid_registration import (
     RigidRegistration,
@@ -61,6 +62,7 @@ __all__ = [
     "FunctionalMap",
     "IntervalCost",
     "Intervals",
+    "Pose",
     "PrecisePoints",
     "RigidRegistration",
     "SampledBasis",

@@ -20,7 +20,7 @@ class Hypothesis:
     alignment : Alignment
         Target row of each source row, rotation and residual.
     origin : str
-        Where it came from: "extremities", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip",
+        Where it came from: "extremities", "poses", "anchors", "landmarks", "initial map", "descriptors", "pose", "flip",
         "symmetry", "other side", "combination", or the name of a start.
     """
 

@@ -15,7 +15,12 @@ from isomatch.matching.fit import Hypothesis
 from isomatch.matching.hints import Hints
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.stages import PoolStart, Relation, Start, first_maps_of, name_of
-from isomatch.matching.starts import start_from_pairs, starts_from_extremities, starts_from_hints
+from isomatch.matching.starts import (
+    start_from_pairs,
+    starts_from_extremities,
+    starts_from_hints,
+    starts_from_poses,
+)
 from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -95,8 +100,8 @@ def search(
     from_hints : list of Hypothesis
         Maps from what the user knows.
     starts : sequence of Start, optional
-        By default `default_starts`: maps from extremal points, of shapes without limbs also maps from anchors, and flips
-        of the best of them, which exchange left and right or front and back.
+        By default `default_starts`: maps from extremal points, of shapes alike in space also from their poses, of shapes
+        without limbs also from anchors, and flips of the best of them, which exchange left and right or front and back.
     """
     most = MOST_WITHOUT_LIMBS if pair.limbless else pair.config.search.n_hypotheses
     pool = Pool(pair, most)
@@ -219,6 +224,16 @@ class FromExtremities(PoolStart):
         pool.add(starts_from_extremities(pool.pair), pool.pair.config.search.start_steps, self.name)
 
 
+class FromPoses(PoolStart):
+    """First maps to the nearest points in space, of meshes that a similarity brings near each other."""
+
+    name: ClassVar[str] = "poses"
+
+    def extend(self, pool: Pool) -> None:
+        """Add them, if there are any."""
+        pool.add(starts_from_poses(pool.pair), pool.pair.config.search.start_steps, self.name)
+
+
 class FromAnchors(PoolStart):
     """First maps from points far from each other: of shapes without limbs, of parts, and between species."""
 
@@ -242,7 +257,7 @@ class FromFlips(PoolStart):
         pool.flip(pool.hypotheses[: pool.pair.config.search.flipped], self.name)
 
 
-default_starts: tuple[Start, ...] = (FromExtremities(), FromAnchors(), FromFlips())
+default_starts: tuple[Start, ...] = (FromExtremities(), FromPoses(), FromAnchors(), FromFlips())
 """The starts of a match to which none are handed; hints of the user come before them."""
 
 

@@ -137,11 +137,14 @@ def _one_is_creased(pair: ShapePair) -> bool:
 def _seeks_contacts(pair: ShapePair, hints: Hints, stages: Stages) -> bool:
     """Whether limbs may be fused: of meshes whose distances were not given, by a refinement that looks further.
 
-    Descriptors, and orders to cut nothing, rule it out.
+    Descriptors, orders to cut nothing, and more handles than limbs make rule it out.
     """
-    given = {pair.source.distances.engine, pair.target.distances.engine} & GIVEN
-    wanted = pair.config.preparation.contact_concavity and not hints.functions[0].shape[1]
-    return bool(wanted and pair.oriented and not given and stages.refinement.looks_further)
+    settings, shapes = pair.config.preparation, (pair.source, pair.target)
+    given = {shape.distances.engine for shape in shapes} & GIVEN
+    wanted = settings.contact_concavity and not hints.functions[0].shape[1]
+    if not wanted or not pair.oriented or given or not stages.refinement.looks_further:
+        return False
+    return max(shape.handles for shape in shapes) <= settings.most_contacts
 
 
 def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageTimer) -> Solution | None:

@@ -7,7 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from isomatch.correspondence import alignment_from_functions, alignments_from_points, nearest_under_rotation
+from isomatch.correspondence import (
+    alignment_from_functions,
+    alignments_from_points,
+    nearest_under_rotation,
+    poses_between,
+    with_normals,
+)
 from isomatch.errors import SettingError
 from isomatch.matching.hints import FEWEST_POINTS, Hints
 from isomatch.matching.pair import ShapePair
@@ -62,6 +68,23 @@ def starts_from_pose(pair: ShapePair) -> list[IntArray]:
     return [
         np.asarray(cKDTree(target).query(source)[1], dtype=np.int64) for source, target in (bodies, shapes)
     ]
+
+
+def starts_from_poses(pair: ShapePair) -> list[IntArray]:
+    """First maps to the nearest points of meshes that are alike in space, however they lie: target rows (m_s,).
+
+    One for each pose that brings them as near as `SearchSettings.near_rigid`; see `poses_between`.
+    """
+    limit, orientation = pair.config.search.near_rigid, pair.config.orientation
+    if not (limit and pair.oriented):
+        return []
+    sides = {"preserve": (False,), "reverse": (True,), "any": (False, True)}[orientation]
+    source, target = (
+        with_normals(shape.mesh_body)[vertices]
+        for shape, vertices in ((pair.source, pair.source_vertices), (pair.target, pair.target_vertices))
+    )
+    found = parallel_map(lambda mirrored: poses_between(source, target, mirrored), sides)
+    return [pose.nearest for poses in found for pose in poses if pose.distance <= limit]
 
 
 def nearest_in_pose(source: PreparedShape, target: PreparedShape, source_vertex: IntArray) -> IntArray:

@@ -36,6 +36,8 @@ class PreparationSettings(Settings):
     contact_concavity : float
         Limbs that are fused are cut from what they touch along loops whose mean cost, see `cut_contacts`, is at most
         this; 0 cuts none.
+    most_contacts : int
+        Shapes of which one has more handles than this are not cut: they are no limbs that touch.
     most_components : int
         Most components of a mesh, beside the largest, that are matched by themselves.
     """
@@ -60,5 +62,8 @@ class PreparationSettings(Settings):
     sheet_distance: float = setting(0.1, "docs/robustness.md, touching limbs", least=0)
     contact_concavity: float = setting(
         0.5, "docs/robustness.md, touching limbs: seams have 0.16 to 0.36", least=0
+    )
+    most_contacts: int = setting(
+        24, "docs/notes/contacts.md: limbs that touch make up to 9 handles, skulls have 157 and more", least=0
     )
     most_components: int = setting(12, "chosen: each takes as long as a small match", least=0)

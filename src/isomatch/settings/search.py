@@ -17,6 +17,9 @@ class SearchSettings(Settings):
         Descriptor columns while hypotheses are compared; the others only sharpen a map already found.
     start_columns : int
         Leading columns that a few points determine.
+    near_rigid : float
+        Mean distance in space, in √area, up to which shapes that are aligned there are matched from their poses too; see
+        `poses_between`. 0 does without.
     off_diagonal : tuple of float
         Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
     ridge : float
@@ -58,6 +61,11 @@ class SearchSettings(Settings):
 
     rank: int = setting(30, "measured on 50 pairs: p = 60 and k = 30 as good as p = 100 and k = 50", least=4)
     start_columns: int = setting(20, "docs/benchmarks.md, sensitivity", least=4)
+    near_rigid: float = setting(
+        0.05,
+        "bones, teeth, skulls of one kind: 0.034 to 0.043; bodies in other poses: from 0.047 on",
+        least=0,
+    )
     off_diagonal: tuple[float, ...] = setting(
         (0.01, 0.001, 0.0001),
         "docs/paper.md: the two further ones take centaur5–centaur2 from 4.3 to 2.6",

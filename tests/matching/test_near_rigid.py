@@ -1,0 +1,57 @@
+"""Meshes that are alike in space are also matched from their poses, however they lie."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from broken_ring import error_of, ring
+from isomatch import Config, match
+from isomatch.datasets import example_pair
+from isomatch.matching import prepare_pair
+from isomatch.matching.starts import starts_from_poses
+from isomatch.settings import SearchSettings
+
+WITHOUT = Config(search=SearchSettings(near_rigid=0.0))
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_a_broken_ring_is_matched_by_its_pose(seed):
+    """Distances across the break differ by half the ring."""
+    source, target = ring(seed, broken=True), ring(seed, n=45, bent=0.03)
+    found = match(source[0], target[0])
+    assert error_of(source, target, found.map.vertices) < 0.08
+    assert found.origin == "poses"
+
+
+def test_where_a_shape_lies_does_not_matter():
+    (source, rest), (target, there) = ring(1), ring(1, n=45, bent=0.03)
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    for mesh in (target, replace(target, vertices=5 + 3 * target.vertices @ turn)):
+        pair = prepare_pair(source, mesh)
+        start, *_ = starts_from_poses(pair)
+        image = pair.target_vertices[start]
+        assert error_of((source, rest[pair.source_vertices]), (target, there), image) < 0.1
+
+
+def test_mirror_images_are_found_if_asked_for():
+    (source, rest), (target, there) = ring(1), ring(1, n=45)
+    mirrored = replace(target, vertices=target.vertices * [1, 1, -1], faces=target.faces[:, ::-1])
+    pair = prepare_pair(source, mirrored)
+
+    def errors(orientation):
+        images = starts_from_poses(replace(pair, config=Config(orientation=orientation)))
+        ours, theirs = (source, rest[pair.source_vertices]), (mirrored, there)
+        return [error_of(ours, theirs, pair.target_vertices[image]) for image in images]
+
+    assert min(errors("reverse")) < 0.1
+    assert min(errors("any")) < 0.1
+    assert min(errors("preserve")) > 0.1
+
+
+def test_other_poses_and_shapes_without_triangles_have_none():
+    source, target = example_pair()
+    pair = prepare_pair(source.mesh, target.mesh)
+    assert starts_from_poses(pair) == []
+    assert starts_from_poses(prepare_pair(source.mesh, source.mesh))
+    assert starts_from_poses(prepare_pair(source.mesh, source.mesh, WITHOUT)) == []
