@@ -90,6 +90,7 @@ __all__ = [
     "nearest_under_rotation",
     "nearest_with_normals",
     "pin_first",
+    "poses_between",
     "register_as_rigid_as_possible",
     "register_nonrigid",
     "signed_procrustes",
