@@ -155,7 +155,7 @@ class RigidEnergy:
         return np.asarray(np.einsum("nij,nji->n", turn, covariances) / np.maximum(squares, SMALLEST))
 
 
-@compiled(fastmath={"reassoc", "contract"})
+@compiled()
 def _conjugate_gradients(
     start: IntArray,
     neighbours: IntArray,
@@ -204,7 +204,7 @@ def _conjugate_gradients(
                 residual[i, c] -= share[c] * product[i, c]
 
 
-@compiled(fastmath={"reassoc", "contract"}, inline="always")
+@compiled(inline="always")
 def _multiplied(
     start: IntArray,
     neighbours: IntArray,
@@ -224,7 +224,7 @@ def _multiplied(
         product[i, 0], product[i, 1], product[i, 2] = a, b, c
 
 
-@compiled(fastmath={"reassoc", "contract"})
+@compiled()
 def _covariances(
     before: FloatArray,
     after: FloatArray,
@@ -244,7 +244,7 @@ def _covariances(
                     covariances[i, row, column] += edge * (after[i, column] - after[j, column])
 
 
-@compiled(fastmath={"reassoc", "contract"})
+@compiled()
 def _pulled(
     before: FloatArray,
     turn: FloatArray,
