@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -15,6 +16,7 @@ from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
+T = TypeVar("T", FloatArray, IntArray, BoolArray)
 OPENING = (
     0.1  # √area: the cranial cavity of six mouse skulls is open by 0.08 to 0.1; docs/notes/double_walls.md
 )
@@ -73,7 +75,7 @@ def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
         return np.zeros(mesh.n_faces, dtype=bool)
     surface = mesh.moved(mesh.vertices / np.sqrt(area))
     space = _Space.around(surface, opening)
-    seen = space.label_of_faces(surface, opening)
+    seen = space.label_of_faces(surface)
     links, apart = _neighbours(surface)
     known = np.flatnonzero(seen)
     if not (seen == _INNER).any() and len(np.unique(surface.components[surface.faces[:, 0]])) == 1:
@@ -138,16 +140,21 @@ class _Space:
         kinds[outside] = _OUTER
         return cls(lowest, step, distance, kinds[pieces])
 
-    def at(self, grid: FloatArray | IntArray, places: FloatArray) -> FloatArray:
-        """Values (m,) of the cells at places (m, 3), those beyond the grid as at its border."""
+    def at(self, grid: T, places: FloatArray) -> T:
+        """Take the values (m,) of the cells at places (m, 3), those beyond the grid as at its border."""
         cell = np.floor((places - self.lowest) / self.step).astype(int)
-        return np.asarray(grid[tuple(np.clip(cell, 0, np.array(grid.shape) - 1).T)])
+        found: T = grid[tuple(np.clip(cell, 0, np.array(grid.shape) - 1).T)]
+        return found
 
-    def label_of_faces(self, surface: Mesh, opening: float) -> IntArray:
+    def label_of_faces(self, surface: Mesh) -> IntArray:
         """Say where the ball is that touches each face (m,) from the front: 1 outside, 2 in a chamber, 0 unknown."""
-        middles = surface.vertices[surface.faces].mean(axis=1)
-        found = self.at(self.ball, middles + (opening / 2 + MARGIN * self.step) * _normals(surface))
-        return np.where(found == 3, 0, found).astype(np.int64)
+        middles, normals = surface.vertices[surface.faces].mean(axis=1), _normals(surface)
+        reach = CELLS + MARGIN
+        found = self.at(self.ball, middles + reach * self.step * normals).astype(np.int64)
+        found[found == 3] = 0
+        for along in np.arange(2.0, reach, 0.5):  # another sheet may be in between
+            found[self.at(self.distance, middles + along * self.step * normals) == 0] = 0
+        return found
 
     def is_beside_outside(self, surface: Mesh) -> BoolArray:
         """Say which faces (m,) have a cell next to them, on either side, that is joined with the outside."""
@@ -155,7 +162,8 @@ class _Space:
         is_outside = pieces == pieces[0, 0, 0]
         middles = surface.vertices[surface.faces].mean(axis=1)
         offsets = MARGIN * self.step * _normals(surface)
-        return np.asarray(self.at(is_outside, middles + offsets) | self.at(is_outside, middles - offsets))
+        beside: BoolArray = self.at(is_outside, middles + offsets) | self.at(is_outside, middles - offsets)
+        return beside
 
 
 def _samples(surface: Mesh, step: float) -> tuple[FloatArray, FloatArray]:

@@ -173,6 +173,7 @@ def repair(
         faces[rewound] = faces[rewound][:, [0, 2, 1]]
         mended = Mesh(mended.vertices, faces)
 
+    chambers: tuple[str, ...] = ()
     if outer and (inner := inner_faces(mended, opening)).any():
         share = float(mended.face_areas[inner].sum() / mended.area)
         chambers = (f"removed {_count(int(inner.sum()), 'face')} of chambers, {share:.1%} of the area",)
@@ -183,8 +184,6 @@ def repair(
         mended = Mesh(mended.vertices[stays], place[mended.faces[~inner]])
         vertex_index, new_index = vertex_index[stays], place[new_index]
         face_index, rewound = face_index[~inner], rewound[~inner]
-    else:
-        chambers = ()
 
     counted = (
         ("welded {} onto an earlier vertex at the same position", "vertex", welded),
