@@ -22,6 +22,7 @@ OPENING = (
 )
 CELLS = 4.0  # of the grid to the radius of the ball: a wall is then closed, and a hole known to an eighth
 MARGIN = 1.5  # cells: a ball touches the surface up to this far
+NARROWER = 0.25  # cells by which the places become narrower to which what is known spreads
 SAMPLES = 0.5  # cells between the points that stand for a face
 
 
@@ -94,21 +95,21 @@ def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
     return _without_specks(surface, links, seen == _INNER, opening**2)
 
 
-_OUTER, _INNER = 1, 2
+_SOLID, _INNER, _OUTER = 1, 2, 3  # of those that meet, the last one goes on
 
 
 @dataclass(frozen=True, eq=False)
 class _Space:
     """Cells around a surface of unit area.
 
-    ``distance`` is that from the surface, in cells; ``ball`` says where the centre of a ball may be: 0 where it
-    does not fit, 1 outside, 2 in a chamber, 3 where the surface faces away, as in a solid.
+    ``distance`` is that from the surface, in cells. ``kind`` is 3 outside, 2 in a chamber, 1 where the surface faces
+    away, as in a solid, and 0 where no ball fits. If there is a chamber, narrow places belong to where one comes from.
     """
 
     lowest: FloatArray
     step: float
     distance: FloatArray
-    ball: IntArray
+    kind: IntArray
 
     @classmethod
     def around(cls, surface: Mesh, opening: float) -> _Space:
@@ -135,10 +136,11 @@ class _Space:
             towards = ((places - points[nearest]) * normals[nearest]).sum(axis=1)
             of_rim = pieces[tuple(rim.T)]
             balance = np.bincount(of_rim, np.sign(towards), count + 1)
-            kinds = np.where(balance > 0, _INNER, 3).astype(np.int8)
+            kinds = np.where(balance > 0, _INNER, _SOLID).astype(np.int8)
             kinds[0] = 0
         kinds[outside] = _OUTER
-        return cls(lowest, step, distance, kinds[pieces])
+        kind = kinds[pieces]
+        return cls(lowest, step, distance, _flooded(kind, distance) if (kinds == _INNER).any() else kind)
 
     def at(self, grid: T, places: FloatArray) -> T:
         """Take the values (m,) of the cells at places (m, 3), those beyond the grid as at its border."""
@@ -147,14 +149,10 @@ class _Space:
         return found
 
     def label_of_faces(self, surface: Mesh) -> IntArray:
-        """Say where the ball is that touches each face (m,) from the front: 1 outside, 2 in a chamber, 0 unknown."""
-        middles, normals = surface.vertices[surface.faces].mean(axis=1), _normals(surface)
-        reach = CELLS + MARGIN
-        found = self.at(self.ball, middles + reach * self.step * normals).astype(np.int64)
-        found[found == 3] = 0
-        for along in np.arange(2.0, reach, 0.5):  # another sheet may be in between
-            found[self.at(self.distance, middles + along * self.step * normals) == 0] = 0
-        return found
+        """Say what is in front of each face (m,), 0 if that is not known."""
+        middles = surface.vertices[surface.faces].mean(axis=1)
+        found = self.at(self.kind, middles + MARGIN * self.step * _normals(surface)).astype(np.int64)
+        return np.where(found == _SOLID, 0, found)
 
     def is_beside_outside(self, surface: Mesh) -> BoolArray:
         """Say which faces (m,) have a cell next to them, on either side, that is joined with the outside."""
@@ -164,6 +162,25 @@ class _Space:
         offsets = MARGIN * self.step * _normals(surface)
         beside: BoolArray = self.at(is_outside, middles + offsets) | self.at(is_outside, middles - offsets)
         return beside
+
+
+def _flooded(kind: IntArray, distance: FloatArray) -> IntArray:
+    """Let what is known spread to narrower places, the wider first, so that it meets in the narrowest ones."""
+    kind = kind.copy()
+    for least in np.arange(CELLS - NARROWER, -NARROWER, -NARROWER):
+        free = distance > least
+        while True:
+            open_ = free & (kind == 0)
+            around = np.zeros_like(kind)
+            for axis in range(3):
+                here, there = np.moveaxis(around, axis, 0), np.moveaxis(kind, axis, 0)
+                np.maximum(here[1:], there[:-1], out=here[1:])
+                np.maximum(here[:-1], there[1:], out=here[:-1])
+            reached = open_ & (around > 0)
+            if not reached.any():
+                break
+            kind[reached] = around[reached]
+    return kind
 
 
 def _samples(surface: Mesh, step: float) -> tuple[FloatArray, FloatArray]:
