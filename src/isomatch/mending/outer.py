@@ -17,9 +17,7 @@ from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-OPENING = (
-    0.1  # √area: the cranial cavity of six mouse skulls is open by 0.08 to 0.1; docs/notes/double_walls.md
-)
+OPENING = 0.1  # √area: six mouse skulls are open by 0.08 to 0.1; docs/notes/double_walls.md
 CELLS = 4.0  # of the grid to the radius of the ball: a wall is then closed, and a hole known to an eighth
 MARGIN = 1.5  # cells: a ball touches the surface up to this far
 NARROWER = 0.25  # cells by which the places become narrower to which what is known spreads
@@ -50,7 +48,7 @@ def inner_faces(mesh: Mesh, opening: float = OPENING) -> BoolArray:
     SettingError
         If the opening is not positive.
     MemoryBudgetError
-        If the mesh is far larger than its √area, so that the grid would not fit.
+        If the mesh is far larger than its √area, so that the grid, or points on its faces, would not fit.
 
     Notes
     -----
@@ -188,6 +186,9 @@ def _samples(surface: Mesh, step: float) -> tuple[FloatArray, FloatArray]:
     corners = surface.vertices[surface.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.ceil(longest / step).astype(int).clip(1)
+    require_memory(
+        80.0 * (0.5 * (parts + 2.0) ** 2).sum(), "points on long faces", "ask for a larger opening"
+    )
     points, of_face = [], []
     for n in np.unique(parts):
         rows = np.flatnonzero(parts == n)
