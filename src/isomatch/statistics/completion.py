@@ -119,7 +119,7 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     C = (Φᵀ Σ⁻¹ Φ + Λ⁻¹)⁻¹ around C Φᵀ Σ⁻¹ (x − m). A pose that is fitted is six or seven more modes, of turns, shifts and
     size, without a prior; as a turn is not linear, steps are repeated (Gauss–Newton), and uncertainty is that of the last
     step. Nearest points on a surface that was matched are renewed until the shape moves by less than 0.001 of its size,
-    30 times at most. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time a step, of which a few suffice.
+    30 times at most. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time a step; a few suffice.
 
     Examples
     --------
