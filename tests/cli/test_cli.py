@@ -284,6 +284,19 @@ def test_match_starts_from_the_pose(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["config"]["start"] == "pose"
 
 
+def test_repair_keeps_the_outermost_surface(tmp_path, capsys):
+    sphere = icosphere(3)
+    nested = np.concatenate([sphere.vertices, sphere.vertices / 2])
+    faces = np.concatenate([sphere.faces, sphere.faces + sphere.n_vertices])
+    isomatch.write_mesh(tmp_path / "nested.ply", isomatch.Mesh(nested, faces))
+    argv = ["repair", str(tmp_path / "nested.ply"), "-o", str(tmp_path / "outer.ply"), "--outer"]
+    assert main(argv) == 0
+    assert "removed 1280 faces of chambers, 20.0% of the area" in capsys.readouterr().out
+    assert isomatch.read_mesh(tmp_path / "outer.ply").n_vertices == sphere.n_vertices
+    assert main([*argv, "--force", "--opening", "0"]) == 1
+    assert "opening = 0.0 is no size" in capsys.readouterr().err
+
+
 def test_repair_writes_mesh_and_index(tmp_path, capsys):
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     isomatch.write_mesh(tmp_path / "torn.off", isomatch.Mesh(points, [[0, 1, 2], [3, 4, 5]]))

@@ -11,7 +11,7 @@ import isomatch
 from corresponded import ellipsoids, moved, random_shapes
 from isomatch.cli import main
 from isomatch.cli.group_table import read_groups
-from isomatch.statistics import ShapeModel
+from isomatch.statistics import ShapeModel, read_shapes
 from shapes import icosphere
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -261,3 +261,59 @@ def test_without_sizes_that_differ_nothing_is_regressed(tmp_path, capsys):
 
 def test_an_unknown_format_of_pictures(folder, tmp_path):
     assert main(["statistics", str(folder), "-o", str(tmp_path / "out"), "--pictures", "gif"]) == 2
+
+
+@pytest.fixture
+def model(folder, tmp_path):
+    return ShapeModel.fit(read_shapes(folder)), tmp_path / "model.npz"
+
+
+def test_a_shape_is_completed(model, tmp_path, capsys):
+    known, path = model
+    known.save(path)
+    truth = known.vertices(known.scores[2]) + 5
+    holed = truth.copy()
+    holed[:9] = np.nan
+    isomatch.write_mesh(tmp_path / "part.ply", known.mesh().moved(holed))
+    out = tmp_path / "whole.ply"
+    argv = [
+        "statistics",
+        "complete",
+        str(path),
+        str(tmp_path / "part.ply"),
+        "-o",
+        str(out),
+        "--noise",
+        "0.001",
+    ]
+    assert main(argv) == 0
+    said = capsys.readouterr().out
+    assert "completed from 33 points" in said
+    assert "note: 33 of 42 vertices have a position" in said
+    whole = isomatch.read_asset(out)
+    np.testing.assert_allclose(whole.points, truth, atol=0.01)
+    record = json.loads((tmp_path / "whole.json").read_text())
+    np.testing.assert_allclose(record["scores"], known.scores[2], atol=0.02)
+    deviations = whole.attribute("standard_deviation", "point").values
+    assert deviations.max() == pytest.approx(record["largest_standard_deviation"], rel=1e-4)
+    assert deviations[:9].mean() > deviations[9:].mean()
+    assert main(argv) == 1, "an earlier file is not replaced"
+
+
+def test_a_shape_is_completed_from_landmarks(model, tmp_path, capsys):
+    known, path = model
+    known.save(path)
+    rows = range(0, 42, 3)
+    truth = known.vertices(known.scores[2]) + 5
+    mean, found = tmp_path / "mean.csv", tmp_path / "found.csv"
+    mean.write_text("name,vertex\n" + "".join(f"p{i},{i}\n" for i in rows))
+    places = (f"p{i},{x},{y},{z}\n" for i, (x, y, z) in zip(rows, truth[list(rows)].tolist()))
+    found.write_text("name,x,y,z\n" + "".join(places))
+    out = str(tmp_path / "whole.ply")
+    argv = ["statistics", "complete", str(path), str(found), "-o", out, "--force", "--noise", "0.001"]
+    assert main(argv) == 1
+    assert "give the landmarks of the mean too" in complaint(capsys)
+    assert main([*argv, "--landmarks", str(mean)]) == 0
+    np.testing.assert_allclose(isomatch.read_mesh(out).vertices, truth, atol=0.02)
+    assert main([*argv[:3], str(mean), *argv[4:], "--landmarks", str(mean)]) == 1
+    assert "a vertex says nothing without its surface" in complaint(capsys)

@@ -33,6 +33,7 @@ def check(
     /,
     *more: Annotated[Path, Parameter(json_list=False)],
     verb: Annotated[Verb | None, Parameter(name="--for")] = None,
+    wall: float = 0.05,
     json: bool = False,
 ) -> None:
     """Report the defects of meshes, and which commands they are fit for.
@@ -48,12 +49,14 @@ def check(
         Further meshes and folders. Of several meshes there is a table, one row for each.
     verb : str
         The command that the exit code is about: distance, basis or match, with their default settings.
+    wall : float
+        Thickness of walls, in √area, up to which a surface with two sheets back to back is called double-walled.
     json : bool
         Print a single JSON object, of several files a list of them, and nothing else.
     """
     paths = [path for place in (file, *more) for path in _meshes(place)]
     several = len(paths) > 1 or file.is_dir()
-    records = [_examined(path, in_table=several) for path in paths]
+    records = [_examined(path, wall, in_table=several) for path in paths]
     if json:
         plain = [{name: value for name, value in record.items() if name != "report"} for record in records]
         say_json(plain if several else plain[0])
@@ -83,7 +86,7 @@ def _meshes(given: Path) -> list[Path]:
     return paths
 
 
-def _examined(path: Path, in_table: bool) -> dict[str, Any]:
+def _examined(path: Path, wall: float, in_table: bool) -> dict[str, Any]:
     """Plain values about a file; in a table, one that cannot be read is a row."""
     try:
         mesh, notes = _read(path)
@@ -91,7 +94,7 @@ def _examined(path: Path, in_table: bool) -> dict[str, Any]:
         if not in_table:
             raise
         return {"file": str(path), "ok": False, "unreadable": str(error)}
-    report = isomatch.check(mesh)
+    report = isomatch.check(mesh, wall=wall)
     refusals = {verb: _refusal(verb, mesh) for verb in get_args(Verb)}
     return {
         "file": str(path),

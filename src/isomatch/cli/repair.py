@@ -22,6 +22,8 @@ def repair(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    outer: bool = False,
+    opening: float = 0.1,
     force: bool = False,
 ) -> None:
     """Mend a mesh: weld vertices, remove unusable faces and vertices, and orient the faces outward.
@@ -39,12 +41,16 @@ def repair(
         Mesh: any surface file, such as .ply, .obj or .vtp.
     output : Path
         File for the repaired mesh.
+    outer : bool
+        Keep only the outermost surface, without chambers that are closed or have small openings.
+    opening : float
+        With --outer: the smallest opening through which a chamber counts as outside, in √area.
     force : bool
         Replace existing files.
     """
     index = output.with_suffix(".index.npz")
     with claimed_files(output, index, force=force):
-        repaired = isomatch.repair(_whole(file, output))
+        repaired = isomatch.repair(_whole(file, output), outer=outer, opening=opening)
         asset = cast(isomatch.Asset, repaired.asset)
         beside = files_beside(output, asset)
         with claimed_files(*beside, force=force):

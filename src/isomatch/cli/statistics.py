@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
+from isomatch.cli.complete import complete
 from isomatch.cli.group_table import read_groups
 from isomatch.cli.inputs import read_initial_map
 from isomatch.cli.statistics_files import StatisticsFolder
@@ -20,8 +21,12 @@ from isomatch.values.arrays import FloatArray
 
 TRUSTED = {"CONVERGED", "PARTIAL"}  # outcomes of maps that are not in doubt
 
+statistics = App(name="statistics", default_parameter=Parameter(negative=()))
+statistics.command(complete)
 
-def statistics(
+
+@statistics.default
+def run(
     folder: Path,
     /,
     *,

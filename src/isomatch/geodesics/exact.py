@@ -49,7 +49,7 @@ class Exact(ComponentEngine):
         super().__init__(mesh)
 
     def _solver(self, component: Mesh) -> Solver:
-        report = mending.check(component)
+        report = mending.check(component, wall=0.0)
         if any(len(getattr(report, defect)) for defect in _NOT_HANDLED):
             return _by_windows(mending.repair(component, weld=False, remove_unused=False, orient=False).mesh)
         algorithm = self._algorithm(component.vertices, component.faces.astype(np.int32))

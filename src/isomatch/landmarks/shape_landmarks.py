@@ -133,7 +133,7 @@ class Landmarks:
         return [of.get(row) for row in range(len(self))]
 
     @classmethod
-    def read(cls, path: str | PathLike[str], surface: SurfaceLike) -> Landmarks:
+    def read(cls, path: str | PathLike[str], surface: SurfaceLike | None = None) -> Landmarks:
         r"""Read landmarks of a surface.
 
         Parameters
@@ -141,15 +141,15 @@ class Landmarks:
         path : path
             ``.mrk.json`` or ``.fcsv`` of 3D Slicer, ``.pp`` of MeshLab, or text with an index or a position on each line,
             or a table with ``x``, ``y``, ``z`` or ``vertex``, and perhaps ``name``, ``curve`` and ``closed``.
-        surface : Mesh, PointCloud, path_like, tuple or object
-            The surface, as for `match`.
+        surface : Mesh, PointCloud, path_like, tuple or object, optional
+            The surface, as for `match`. Without one, positions are taken as they are, those of 3D Slicer in LPS.
 
         Raises
         ------
         FormatError
             If a file cannot be read.
         LandmarkError
-            If there are none, or one is farther than 0.1 √area from the surface.
+            If there are none, one is farther than 0.1 √area from the surface, or a vertex of a surface that is not given.
 
         Examples
         --------
@@ -165,6 +165,8 @@ class Landmarks:
         points = marked_points(Path(path))
         if not points:
             raise LandmarkError(f"{path}: no landmarks; {POINTS}")
+        if surface is None:
+            return cls(_positions(points), [point.name for point in points], _curves(points))
         shape = surface_from(surface)
         if isinstance(shape, Graph):
             raise LandmarkError("landmarks have positions, and a graph has none; give a mesh or points")
@@ -177,6 +179,15 @@ class Landmarks:
         positions, system = placed_positions(points, shape.vertices, unit, distance, "surface", "points")
         written = next((point.system for point in points if point.system), system)
         return cls(positions, [point.name for point in points], _curves(points), systems=(system, written))
+
+
+def _positions(points: Sequence[MarkedPoint]) -> FloatArray:
+    """Return the positions (m, 3) that a file has, nan where there is none."""
+    at = [point.at or (np.nan,) * 3 for point in points]
+    vertex = next((point for point, place in zip(points, at) if len(place) == 1), None)
+    if vertex:
+        raise LandmarkError(f"{vertex.where}: a vertex says nothing without its surface; give positions")
+    return np.array(at)
 
 
 def _check_curves(curves: Sequence[Curve], m: int) -> None:

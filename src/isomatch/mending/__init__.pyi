@@ -2,10 +2,12 @@ from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.contacts import Cut, cut_contacts, handles
 from isomatch.mending.creases import creases, cut_along, ends_of
+from isomatch.mending.outer import inner_faces
 from isomatch.mending.repair import Repair, repair
 from isomatch.mending.report import MeshReport
 from isomatch.mending.seams import welded_surface, without_seams
 from isomatch.mending.sheets import Separation, separate_sheets
+from isomatch.mending.walls import double_walled_share
 
 __all__ = [
     "Cut",
@@ -17,8 +19,10 @@ __all__ = [
     "creases",
     "cut_along",
     "cut_contacts",
+    "double_walled_share",
     "ends_of",
     "handles",
+    "inner_faces",
     "repair",
     "separate_sheets",
     "welded_surface",

@@ -10,17 +10,20 @@ from isomatch.assets import SurfaceLike, mesh_from
 from isomatch.loading.compiled import compiled
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.report import SLIVER_RATIO, ZERO_AREA_RATIO, MeshReport
+from isomatch.mending.walls import WALL, double_walled_share
 from isomatch.surfaces import Mesh, fans, first_equal, linked, meetings, unsound_faces
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 
-def check(mesh: SurfaceLike) -> MeshReport:
+def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
     """Report every defect of a mesh that affects distances or matching.
 
     Parameters
     ----------
     mesh : Mesh, path_like, tuple or object
         Anything that `mesh_from` takes; its arrays may contain anything.
+    wall : float
+        Thickness, in √area, up to which two sheets back to back make a surface double-walled; 0: it is not asked.
 
     Returns
     -------
@@ -36,7 +39,8 @@ def check(mesh: SurfaceLike) -> MeshReport:
 
     Notes
     -----
-    O(n log n) time, in which only hashes are sorted, and O(n) memory: 0.1 s for 100 000 vertices, 1.5 s for a million.
+    O(n log n) time, in which only hashes are sorted, and O(n) memory: 0.1 s for 100 000 vertices, 1.5 s for a million;
+    beside 0.2 to 0.7 s for the walls.
 
     Examples
     --------
@@ -89,6 +93,7 @@ def check(mesh: SurfaceLike) -> MeshReport:
         non_manifold_vertices=np.flatnonzero(fans(faces, met, mesh.n_vertices) > 1),
         inconsistent_edges=inconsistent,
         inward_components=components.inward,
+        double_walled=double_walled_share(surface, wall, rewound) if wall else 0.0,
     )
 
 

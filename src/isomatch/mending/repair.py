@@ -11,6 +11,7 @@ from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_fr
 from isomatch.errors import FormatError
 from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
+from isomatch.mending.outer import OPENING, inner_faces
 from isomatch.mending.report import MeshReport
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
 from isomatch.values.arrays import IntArray
@@ -70,6 +71,8 @@ def repair(
     remove_duplicates: bool = True,
     remove_unused: bool = True,
     orient: bool = True,
+    outer: bool = False,
+    opening: float = OPENING,
     report: MeshReport | None = None,
 ) -> Repair:
     """Mend a mesh: weld, remove faces and vertices that are not part of a surface, and orient the faces outward.
@@ -82,6 +85,7 @@ def repair(
     3. Non-finite vertices, and vertices that no face uses, are removed.
     4. Each orientable piece is wound consistently: outward if it is closed, or if flat discs with the lengths of its
        boundary loops have at most a tenth of its area; otherwise as most of its faces were.
+    5. If asked for, only the outermost surface is kept.
 
     Vertices and faces keep their order, and no vertex moves. A second repair changes nothing.
 
@@ -100,6 +104,12 @@ def repair(
         Whether to remove finite vertices that no face uses.
     orient : bool
         Whether to make the winding of the faces consistent.
+    outer : bool
+        Whether to remove chambers, closed or with small openings, and their walls: the inside of skulls and shells. What
+        can be reached from outside stays, such as armpits and ears.
+    opening : float
+        The smallest opening through which a chamber counts as outside: the diameter of a ball that can be rolled in, in
+        √area.
     report : MeshReport, optional
         What `check` found on this mesh. If there is nothing to mend, nothing is computed again.
 
@@ -133,7 +143,7 @@ def repair(
     asset, lost = _asset_of(mesh)
     mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)
-    if report and not any(len(getattr(report, defect)) for defect in MENDED):
+    if report and not outer and not any(len(getattr(report, defect)) for defect in MENDED):
         same = None if asset is None else np.arange(len(asset.polygons))
         return Repair(mesh, identity, identity, np.arange(mesh.n_faces), lost, asset, same)
     places = mesh.vertices
@@ -163,6 +173,18 @@ def repair(
         faces[rewound] = faces[rewound][:, [0, 2, 1]]
         mended = Mesh(mended.vertices, faces)
 
+    chambers: tuple[str, ...] = ()
+    if outer and (inner := inner_faces(mended, opening)).any():
+        share = float(mended.face_areas[inner].sum() / mended.area)
+        chambers = (f"removed {_count(int(inner.sum()), 'face')} of chambers, {share:.1%} of the area",)
+        lined = np.setdiff1d(mended.faces[inner], mended.faces[~inner])
+        stays = np.ones(mended.n_vertices, dtype=bool)
+        stays[lined] = False
+        place = np.append(np.where(stays, np.cumsum(stays) - 1, -1), -1)
+        mended = Mesh(mended.vertices[stays], place[mended.faces[~inner]])
+        vertex_index, new_index = vertex_index[stays], place[new_index]
+        face_index, rewound = face_index[~inner], rewound[~inner]
+
     counted = (
         ("welded {} onto an earlier vertex at the same position", "vertex", welded),
         ("removed {} with a vertex index out of range", "face", bad.out_of_range),
@@ -176,6 +198,7 @@ def repair(
     changes = lost + tuple(
         sentence.format(_count(int(mask.sum()), noun)) for sentence, noun, mask in counted if mask.any()
     )
+    changes += chambers
     if asset is None or not changes:
         same = None if asset is None else np.arange(len(asset.polygons))
         return Repair(mended if changes else mesh, vertex_index, new_index, face_index, changes, asset, same)

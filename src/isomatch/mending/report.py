@@ -16,6 +16,10 @@ ZERO_AREA_RATIO = 1e-10
 SLIVER_RATIO = 1e-3
 """A face of positive area is a sliver if its smallest altitude is below this fraction of its longest edge."""
 
+DOUBLE_WALLED_SHARE = 0.35
+"""A surface is double-walled if another sheet is close behind this share of its area, or more: bodies, animals, organs
+and single bones have up to 0.23, mouse skulls and shells from 0.52; docs/notes/double_walls.md."""
+
 _REPAIRED = "repair(mesh) removes them"
 
 # field: (what it is, why it matters and what to do); the rows of the printed table are in this order
@@ -101,6 +105,8 @@ class MeshReport:
         Edges of more than two faces; edges that both of their faces traverse in the same direction.
     inward_components : (d,) array of int
         Closed or nearly closed, consistently wound components of negative volume; see `repair`.
+    double_walled : float
+        Share of the area that has another sheet close behind it, which faces away, as in skulls and thick shells.
 
     Examples
     --------
@@ -131,6 +137,7 @@ class MeshReport:
     non_manifold_vertices: IntArray
     inconsistent_edges: IntArray
     inward_components: IntArray
+    double_walled: float = 0.0
 
     @property
     def n_components(self) -> int:
@@ -166,6 +173,13 @@ class MeshReport:
                 f"{self.n_components} components with {shares}{', …' * (self.n_components > 5)} of the area: "
                 "distances between them are infinite; keep one of them with mesh.submesh, or connect them"
             )
+        if self.double_walled >= DOUBLE_WALLED_SHARE:
+            sentences.append(
+                f"double-walled: {self.double_walled:.0%} of the area has another sheet close behind it, so that nearest "
+                "points in space may be on the wrong side of the wall; repair(mesh, outer=True) keeps the outermost "
+                "surface, if the inside is of no interest; match --as-mesh and wrap bend one shape onto the other, and "
+                "so keep the sides apart where images of single vertices do not"
+            )
         return tuple(sentences)
 
     @property
@@ -194,6 +208,7 @@ class MeshReport:
             ("faces", self.n_faces, ""),
             ("components", self.n_components, f"vertices: {some(self.component_vertices)}"),
             ("Euler number", self.euler_number, ""),
+            ("double-walled, per cent of the area", round(100 * self.double_walled), ""),
             ("boundary loops", self.n_boundary_loops, f"lengths: {lengths}" if lengths else ""),
             *(
                 (what, len(getattr(self, name)), _where(getattr(self, name)))

@@ -121,7 +121,7 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
     if isinstance(shape, Graph):
         everything = np.arange(shape.n_vertices)
         return shape, 1.0, everything, everything, []
-    report = check(shape)
+    report = check(shape, wall=0.0)
     if report.fatal:
         raise MeshError("; ".join(report.fatal))
     repaired = repair(shape, report=report)

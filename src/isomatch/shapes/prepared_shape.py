@@ -194,7 +194,7 @@ class PreparedShape(SmoothShape):
     @cached_property
     def longest_boundary(self) -> float:
         """Length of the longest connected piece of the boundary of the body, in √area; 0 where there is none."""
-        return float(check(self.triangles).boundary_lengths[0]) if self.boundary_length else 0.0
+        return float(check(self.triangles, wall=0.0).boundary_lengths[0]) if self.boundary_length else 0.0
 
     @cached_property
     def handles(self) -> int:
@@ -204,7 +204,7 @@ class PreparedShape(SmoothShape):
     @cached_property
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
-        return self.triangles is not None and len(check(self.triangles).inconsistent_edges) > 0
+        return self.triangles is not None and len(check(self.triangles, wall=0.0).inconsistent_edges) > 0
 
     @cached_property
     def polishable(self) -> SmoothShape:

@@ -7,12 +7,21 @@ from isomatch.statistics.charts import (
     draw_scores,
     draw_tree,
 )
+from isomatch.statistics.completion import Completion, complete
 from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
 from isomatch.statistics.left_right import left_right_map
 from isomatch.statistics.missing import filled, measured_variances
 from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
+from isomatch.statistics.observations import (
+    Observations,
+    model_noise,
+    observed_landmarks,
+    observed_part,
+    observed_vertices,
+    read_observations,
+)
 from isomatch.statistics.pictures import draw_modes, draw_values
 from isomatch.statistics.procrustes import (
     ProcrustesAlignment,
@@ -30,10 +39,12 @@ __all__ = [
     "MEASURED",
     "METRES",
     "Asymmetry",
+    "Completion",
     "CorrespondedShapes",
     "Doubt",
     "GroupTest",
     "ModelCurve",
+    "Observations",
     "PictureFormat",
     "ProcrustesAlignment",
     "ScoredShape",
@@ -43,6 +54,7 @@ __all__ = [
     "centroid_sizes",
     "classical_scaling",
     "compactness",
+    "complete",
     "doubtful_positions",
     "doubtful_shapes",
     "draw_embedding",
@@ -60,7 +72,12 @@ __all__ = [
     "left_right_map",
     "likely_units",
     "measured_variances",
+    "model_noise",
+    "observed_landmarks",
+    "observed_part",
+    "observed_vertices",
     "procrustes_distances",
+    "read_observations",
     "read_shapes",
     "shape_regression",
     "shape_tree",

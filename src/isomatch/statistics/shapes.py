@@ -242,11 +242,11 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    measured = {file.stem: known for file in files if (known := _measured_in(file)) is not None}
+    measured = {file.stem: known for file in files if (known := measured_in(file)) is not None}
     return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files}, measured)
 
 
-def _measured_in(file: Path) -> BoolArray | None:
+def measured_in(file: Path) -> BoolArray | None:
     """Read which vertices were measured, if a PLY file says so."""
     if file.suffix.lower() != ".ply":
         return None

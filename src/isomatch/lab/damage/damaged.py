@@ -79,7 +79,7 @@ def undamaged(mesh: Mesh) -> Damaged:
 
 def require_usable(mesh: Mesh, name: str, level: float, bounds: tuple[float, float]) -> None:
     """Raise `MeshError` unless a mesh is a surface, and `SettingError` unless a level lies between its bounds."""
-    fatal = check(mesh).fatal
+    fatal = check(mesh, wall=0.0).fatal
     if fatal:
         raise MeshError("; ".join(fatal))
     longest = float(mesh.edge_lengths.max())

@@ -1,0 +1,65 @@
+"""Double walls: how much of a surface has another sheet close behind it, which faces away."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import BoolArray
+
+WALL = 0.05  # √area: by normals in this unit, nearest points tell sheets apart; docs/notes/double_walls.md
+N_PROBED = 1000  # vertices, evenly over the area: the share is then known to 1.5 %
+MOST_COMPARED = 50_000  # vertices that may be the other sheet, 0.004 √area apart
+DEPTHS = (0.15, 0.3, 0.5, 0.75, 1.0)  # of the wall, at which the other sheet is sought
+OPPOSITE = -0.7  # cosine of the normals of two sheets, at most
+STEEP = 2.0  # depth of the other sheet over its distance along the surface, at least
+
+
+def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | None = None) -> float:
+    """Measure the share of the area with another sheet close behind that faces away: of skulls, shells and plates.
+
+    Parameters
+    ----------
+    surface : Mesh
+        With n sound faces, wound consistently.
+    wall : float
+        Thickness up to which walls count, in √area.
+    turned : (n,) array of bool, optional
+        Faces that look inward.
+
+    Notes
+    -----
+    In six dimensions, positions and normals, the nearest vertex to a place behind a vertex, with the opposite normal, is
+    sought at five depths, for 1000 vertices: O(n) time, 0.3 s for 90 000.
+
+    Examples
+    --------
+    >>> corners = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
+    >>> sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> cube = Mesh(corners, [[a, b, c] for a, b, c, d in sides] + [[a, c, d] for a, b, c, d in sides])
+    >>> double_walled_share(cube), double_walled_share(cube.moved(corners * [1, 1, 0.01]))
+    (0.0, 1.0)
+    """
+    area = surface.area
+    if not 0 < area < np.inf:
+        return 0.0
+    if turned is not None and turned.any():
+        surface = Mesh(surface.vertices, np.where(turned[:, None], surface.faces[:, ::-1], surface.faces))
+    points, normals = surface.vertices / np.sqrt(area), surface.vertex_normals
+    until = np.cumsum(surface.vertex_areas)
+    probed = np.unique(np.searchsorted(until, (np.arange(N_PROBED) + 0.5) / N_PROBED * until[-1]))
+    used = np.flatnonzero(surface.vertex_areas > 0)
+    used = used[:: -(-len(used) // MOST_COMPARED)]
+    tree = cKDTree(np.column_stack([points[used], wall * normals[used]]))
+    here, away = points[probed], normals[probed]
+    found = np.zeros(len(probed), dtype=bool)
+    for depth in DEPTHS:
+        place = np.column_stack([here - depth * wall * away, -wall * away])
+        other = used[tree.query(place)[1]]
+        offset = points[other] - here
+        behind = -(offset * away).sum(axis=1)
+        along = np.linalg.norm(offset + behind[:, None] * away, axis=1)
+        opposite = (normals[other] * away).sum(axis=1) < OPPOSITE
+        found |= opposite & (behind > 0) & (behind <= wall) & (behind >= STEEP * along)
+    return float(found.mean())

@@ -1,0 +1,298 @@
+"""Shape completion: the shape of a model, and how uncertain it is, given some of its points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.spatial.transform import Rotation
+
+from isomatch.correspondence import nearest_rotation
+from isomatch.errors import LandmarkError, NotConvergedError, SettingError
+from isomatch.runtime.memory import require_memory
+from isomatch.runtime.threads import serial_blas
+from isomatch.statistics.observations import Observations, SeenSurface, model_noise
+from isomatch.statistics.shape_model import ShapeModel
+from isomatch.surfaces import Mesh
+from isomatch.values.arrays import FloatArray
+
+Pose = Literal["fitted", "given"]
+
+LEAST_NOISE = 1e-6  # of the size of the mean: less would leave nothing of double precision
+TOLERANCE = 1e-9  # largest movement of the shape in the last step, over its size
+MOST_STEPS = 200
+MOST_ROUNDS = 30  # of nearest points; about 10 suffice
+SETTLED = 1e-3  # of the size: movement in the last round
+STRAIGHT = 1e-3  # width over length of points that are taken for a line, around which any turn is possible
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Completion:
+    """The shape of a model that some points of it tell of.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The likeliest shape, with the n vertices of the model, where the given points are.
+    standard_deviation : (n,) array of float
+        How uncertain each vertex is: the root of the sum of the variances of its three coordinates, in the units of the
+        points, as far as the modes describe shapes.
+    residual : float
+        What they do not describe, see `model_noise`, in the units of the points.
+    scores : (k,) array of float
+        Coordinates of the shape along the modes, in the units of the model.
+    score_deviations : (k,) array of float
+        Standard deviation of each score.
+    error : float
+        Root mean square distance of the given points from where the shape has them, each weighted by one over the square
+        of its noise; nan without points.
+    scale : float
+        Size of the points over that of the model.
+    rotation : (3, 3) array of float
+    translation : (3,) array of float
+        The motion from the model: ``x ↦ scale · rotation @ x + translation``.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
+    >>> model = ShapeModel.fit(shapes)
+    >>> complete(model, Observations.at_vertices([0, 1, 2], model.mean + [0, 0, 5], noise=0.01)).translation.round(3)
+    array([0., 0., 5.])
+    """
+
+    mesh: Mesh
+    standard_deviation: FloatArray
+    residual: float
+    scores: FloatArray
+    score_deviations: FloatArray
+    error: float
+    scale: float
+    rotation: FloatArray
+    translation: FloatArray
+
+    def __repr__(self) -> str:
+        return f"Completion({self.mesh!r}, error {self.error:.3g})"
+
+    @property
+    def expected_error(self) -> FloatArray:
+        """(n,) distance of each vertex from its true place, a root mean square, in the units of the points."""
+        return np.hypot(self.standard_deviation, self.residual)
+
+
+def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fitted") -> Completion:
+    """Find the likeliest shape of a model given some of its points, and how uncertain every vertex is.
+
+    Parameters
+    ----------
+    model : ShapeModel
+        Scores along its k modes are independent and normally distributed.
+    observations : Observations
+        Where some points of the surface are, and how precisely that is known.
+    pose : {"fitted", "given"}
+        Whether the points may be anywhere and turned in any way, and of any size if the model was made without sizes;
+        or are where the model is.
+
+    Returns
+    -------
+    Completion
+        Without observations, and in the given pose, it is the mean with the deviations of the model.
+
+    Raises
+    ------
+    LandmarkError
+        If a pose is to be fitted to fewer than three points, or to points on a line.
+    NotConvergedError
+        If pose and shape still move after many steps.
+    SettingError
+        If the pose is unknown.
+    MemoryBudgetError
+        If there are too many points for the modes.
+
+    Notes
+    -----
+    Albrecht, Lüthi, Gerig & Vetter, *Posterior shape models*, Medical Image Analysis 2013: with points x = m + Φ b + e of
+    the model, b ~ N(0, Λ) and e ~ N(0, Σ), the scores are normally distributed with covariance
+    C = (Φᵀ Σ⁻¹ Φ + Λ⁻¹)⁻¹ around C Φᵀ Σ⁻¹ (x − m). A pose that is fitted is six or seven more modes, of turns, shifts and
+    size, without a prior; as a turn is not linear, steps are repeated (Gauss–Newton), and uncertainty is that of the last
+    step. Nearest points on a surface that was matched are renewed until the shape moves by less than 0.001 of its size,
+    30 times at most. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time a step; a few suffice.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [square * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2], [0, 2, 3]])
+    >>> model = ShapeModel.fit(shapes)
+    >>> corner = Observations.at_vertices([1, 2, 0], [[6.0, 5, 5], [6, 7.5, 5], [5, 5, 5]], noise=1e-3)
+    >>> completed = complete(model, corner)
+    >>> completed.mesh.vertices[3].round(2).tolist(), (completed.standard_deviation < 0.01).all().tolist()
+    ([5.0, 7.5, 5.0], True)
+    """
+    if pose not in ("fitted", "given"):
+        raise SettingError(f"pose = {pose!r} is not one of 'fitted', 'given'")
+    observations.check_fits(len(model.mean))
+    n_values = 3.0 * (model.n_modes + 7) * (len(observations) + len(model.mean))
+    require_memory(8 * 3 * n_values, "shape completion", "use a model of fewer vertices, or fewer points")
+    found = _Fit.of(model, observations, is_free=pose == "fitted")
+    if observations.surface:
+        found, observations = _settled(model, observations.surface, found, is_free=pose == "fitted")
+    motion, shape = found.motion, found.shape(model)
+    columns = model.modes * model.deviations[:, None, None]
+    if pose == "fitted":
+        columns = np.concatenate([columns, _motions(shape, found.centre, found.size, model.size is not None)])
+    apart = observations.positions - motion.done(observations.points.interpolated(shape))
+    precision = 1 / np.maximum(observations.noise, LEAST_NOISE * found.size * motion.scale) ** 2
+    return Completion(
+        model.mesh().moved(motion.done(shape)),
+        motion.scale * _deviations(columns, found.root),
+        motion.scale * model_noise(model),
+        found.scores * model.deviations,
+        np.linalg.norm(found.root[: model.n_modes], axis=1) * model.deviations,
+        float(np.sqrt(precision @ (apart**2).sum(axis=1) / precision.sum())) if len(apart) else float("nan"),
+        motion.scale,
+        motion.rotation,
+        motion.translation,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Scores (k,) in standard deviations, and the motion to the points.
+
+    ``root`` is a square root of the covariance of scores, and of small motions about a centre in units of a size.
+    """
+
+    scores: FloatArray
+    motion: _Motion
+    root: FloatArray
+    centre: FloatArray
+    size: float
+
+    def shape(self, model: ShapeModel) -> FloatArray:
+        """(n, 3) the shape where the model is."""
+        return model.vertices(self.scores * model.deviations)
+
+    @classmethod
+    def of(cls, model: ShapeModel, observations: Observations, is_free: bool) -> _Fit:
+        """Fit the scores, and also the motion if it is free."""
+        size = float(np.sqrt(model.weights @ ((model.mean - model.weights @ model.mean) ** 2).sum(axis=1)))
+        mean = observations.points.interpolated(model.mean)
+        modes = [
+            deviation * observations.points.interpolated(mode)
+            for deviation, mode in zip(model.deviations, model.modes)
+        ]
+        spread = np.array(modes).reshape(model.n_modes, len(mean), 3)
+        motion = _Motion.onto(mean, observations, model.size is not None) if is_free else _Motion()
+        shape, columns = mean, spread
+        for _ in range(MOST_STEPS):
+            centre = shape.mean(axis=0) if len(shape) else np.zeros(3)
+            if is_free:
+                columns = np.concatenate([spread, _motions(shape, centre, size, model.size is not None)])
+            noise = np.maximum(observations.noise / motion.scale, LEAST_NOISE * size)[:, None] / np.sqrt(3)
+            offsets = motion.undone(observations.positions) - mean
+            seen = observations.weighed(np.concatenate([columns, offsets[None]]), motion.rotation) / noise
+            found, root = _solved(seen[:-1], seen[-1], model.n_modes)
+            scores, step = found[: model.n_modes], found[model.n_modes :]
+            before, shape = shape, mean + np.tensordot(scores, spread, 1)
+            if is_free:
+                motion = motion.after(step, centre, size)
+            moved = max(np.abs(shape - before).max(initial=0.0), size * np.abs(step).max(initial=0.0))
+            if not is_free or moved <= TOLERANCE * size:
+                return cls(scores, motion, root, centre, size)
+        raise NotConvergedError(
+            f"shape completion: shape and pose still move after {MOST_STEPS} steps; the points may be wrong, or "
+            "their noise too small"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """From the model to the points: x ↦ scale · rotation @ x + translation."""
+
+    scale: float = 1.0
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    translation: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    @classmethod
+    def onto(cls, mean: FloatArray, observations: Observations, scaled: bool) -> _Motion:
+        """Move points of the mean (q, 3) onto those observed, as near as possible."""
+        if len(mean) < 3:
+            raise LandmarkError(f"{len(mean)} points do not fix a pose; give at least 3, or pose='given'")
+        share = 1 / np.maximum(observations.noise, np.finfo(float).tiny ** 0.25) ** 2
+        share = share / share.sum()
+        here, there = (x - share @ x for x in (mean, observations.positions))
+        for points in (here, there):
+            lengths = np.linalg.svd(points * np.sqrt(share)[:, None], compute_uv=False)
+            if lengths[1] <= STRAIGHT * lengths[0]:
+                raise LandmarkError(
+                    "all points are on a line, around which any turn is possible; give others"
+                )
+        rotation = nearest_rotation(here.T @ (share[:, None] * there)).T
+        along = share @ ((here @ rotation.T) * there).sum(axis=1)
+        scale = float(along / (share @ (here**2).sum(axis=1))) if scaled else 1.0
+        return cls(scale, rotation, share @ observations.positions - scale * rotation @ (share @ mean))
+
+    def done(self, points: FloatArray) -> FloatArray:
+        """Move points (m, 3) of the model."""
+        return np.asarray(self.scale * points @ self.rotation.T + self.translation)
+
+    def undone(self, points: FloatArray) -> FloatArray:
+        """Move points (m, 3) back to the model."""
+        return np.asarray((points - self.translation) @ self.rotation / self.scale)
+
+    def after(self, step: FloatArray, centre: FloatArray, size: float) -> _Motion:
+        """Put a small motion of the model before this one: turn, shift and perhaps growth, as `_motions` has them."""
+        grown = float(np.exp(step[6])) if len(step) > 6 else 1.0
+        rotation = self.rotation @ Rotation.from_rotvec(step[:3]).as_matrix()
+        scale = self.scale * grown
+        return _Motion(
+            scale, rotation, self.done((centre + size * step[3:6])[None])[0] - scale * rotation @ centre
+        )
+
+
+def _settled(
+    model: ShapeModel, surface: SeenSurface, found: _Fit, is_free: bool
+) -> tuple[_Fit, Observations]:
+    """Let nearest points on the shape take the place of the images of a map, until the shape does not move."""
+    before = found.motion.done(found.shape(model))
+    for _ in range(MOST_ROUNDS):
+        observations = surface.nearest(model.mesh().moved(before))
+        found = _Fit.of(model, observations, is_free)
+        after = found.motion.done(found.shape(model))
+        moved = float(np.sqrt(model.weights @ ((after - before) ** 2).sum(axis=1)))
+        before = after
+        if moved <= SETTLED * found.size * found.motion.scale:
+            break
+    return found, observations
+
+
+def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) -> FloatArray:
+    """Displacements (6 or 7, m, 3) of points by small turns about a centre, shifts, and growth."""
+    arms = points - centre
+    turns = [np.cross(axis, arms) for axis in np.eye(3)]
+    shifts = [np.broadcast_to(size * axis, points.shape) for axis in np.eye(3)]
+    return np.array([*turns, *shifts, *([arms] if scaled else [])])
+
+
+def _solved(matrix: FloatArray, offset: FloatArray, n_modes: int) -> tuple[FloatArray, FloatArray]:
+    """Fit columns (c, q, 3) to offsets (q, 3); the first have a standard normal prior.
+
+    Returns the coefficients (c,) and a square root W of their covariance W Wᵀ.
+    """
+    n_columns = len(matrix)
+    rows = np.concatenate([matrix.reshape(n_columns, -1).T, np.eye(n_columns)[:n_modes]])
+    with serial_blas():
+        q, r = np.linalg.qr(rows)
+        inverse = solve_triangular(r, np.eye(n_columns))
+        return inverse @ (q[: offset.size].T @ offset.ravel()), inverse
+
+
+def _deviations(columns: FloatArray, root: FloatArray) -> FloatArray:
+    """Find the deviation (n,) of the sum of columns (c, n, 3) whose coefficients have the covariance root · rootᵀ."""
+    with serial_blas():
+        spread = root.T @ columns.reshape(len(columns), -1)
+    return np.asarray(np.sqrt((spread**2).reshape(len(columns), -1, 3).sum(axis=(0, 2))))

@@ -1,0 +1,387 @@
+"""What is known of a shape of a model: points of its surface, where they are, and how precisely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isomatch.assets import FORMATS, SurfaceLike, mesh_from, read_mesh
+from isomatch.correspondence import Correspondence
+from isomatch.errors import InputError, LandmarkError, MeshError, SettingError
+from isomatch.landmarks import Landmarks, nearest_on_surface
+from isomatch.matching import Outcome, match
+from isomatch.runtime.stage_timer import Progress
+from isomatch.settings import Config
+from isomatch.statistics.model_quality import generalisation
+from isomatch.statistics.shape_model import ShapeModel
+from isomatch.statistics.shapes import measured_in
+from isomatch.surfaces import Mesh, PrecisePoints
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
+
+PATCH = 0.2  # √area: errors of points nearer than this are about the same; docs/statistics.md, completion
+
+ALONG = 0.1  # how much is known of where on the surface a nearest point is, over how far it is from it
+FACING = 0.5  # least cosine of the normals of points that are taken for one
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observations:
+    """Points of a surface that were seen, in any coordinates.
+
+    Parameters
+    ----------
+    points : PrecisePoints
+        The q points, on the triangles of the model.
+    positions : (q, 3) array_like of float
+        Where they were seen.
+    noise : float or (q,) array_like of float
+        Root mean square distance between where a point was seen and where the modes of the model can have it, in the
+        units of the positions. Errors are taken as independent: points that err together need more noise.
+    normals : (q, 3) array of float, optional
+        Unit normals, where only the distance across the surface is known: along it, noise is ten times as large.
+    surface : SeenSurface, optional
+        What the points are of: where the shape is about known, its nearest points take their place.
+    notes : tuple of str
+        What was left out, or is in doubt.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit, or numbers are not finite or negative.
+
+    Examples
+    --------
+    >>> Observations.at_vertices([3, 5], [[0, 0, 0], [1, 0, 0]], noise=0.1)
+    Observations(2 points)
+    """
+
+    points: PrecisePoints
+    positions: FloatArray
+    noise: FloatArray
+    normals: FloatArray | None = None
+    surface: SeenSurface | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        positions = numbers_of(self.positions, "positions", InputError).reshape(-1, 3)
+        noise = numbers_of(self.noise, "noise", InputError)
+        if len(self.points.corners) != len(positions) or noise.shape not in ((), (len(positions),)):
+            raise InputError(
+                f"{len(self.points.corners)} points with {len(positions)} positions and noise of shape {noise.shape}; "
+                "give one of each for each point"
+            )
+        if not np.isfinite(positions).all() or not np.isfinite(noise).all() or (noise < 0).any():
+            raise InputError(
+                "positions and noise must be finite, and noise not negative; leave out other points"
+            )
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "noise", np.broadcast_to(noise, len(positions)).copy())
+
+    def __repr__(self) -> str:
+        return f"Observations({len(self)} points)"
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @classmethod
+    def at_vertices(cls, vertices: ArrayLike, positions: ArrayLike, noise: ArrayLike) -> Observations:
+        """Make observations of vertices (q,) of the model."""
+        rows: IntArray = array_of(vertices, "vertices", InputError).astype(np.int64)
+        return cls(PrecisePoints.at_vertices(rows), np.asarray(positions), np.asarray(noise))
+
+    def weighed(self, columns: FloatArray, rotation: FloatArray) -> FloatArray:
+        """Weigh displacements (c, q, 3) by what is known of them; a rotation carries their coordinates to those seen."""
+        if self.normals is None:
+            return columns
+        normals = self.normals @ rotation
+        across = np.einsum("cqd,qd->cq", columns, normals)[:, :, None] * normals
+        return np.asarray(across + ALONG * (columns - across))
+
+    def check_fits(self, n_vertices: int) -> None:
+        """Raise an `InputError` if the points are not on a surface with so many vertices."""
+        corners = self.points.corners
+        if corners.size and not 0 <= corners.min() <= corners.max() < n_vertices:
+            raise InputError(
+                f"points at vertices {corners.min()}…{corners.max()}; the model has 0…{n_vertices - 1}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SeenSurface:
+    """A surface that was seen, without names for its points.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        With n vertices.
+    noise : (n,) array of float
+        Of each, see `Observations.noise`.
+    """
+
+    mesh: Mesh
+    noise: FloatArray
+
+    def nearest(self, shape: Mesh) -> Observations:
+        """Find the points of a shape of the model near it that are nearest to the vertices, and face as they do."""
+        points = nearest_on_surface(shape, self.mesh.vertices)
+        normals = points.interpolated(shape.vertex_normals)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        alike = (normals * self.mesh.vertex_normals).sum(axis=1) > FACING
+        rows = np.flatnonzero(alike & np.isfinite(self.noise))
+        there = PrecisePoints(points.corners[rows], points.barycentric[rows])
+        return Observations(there, self.mesh.vertices[rows], self.noise[rows], normals[rows])
+
+
+def model_noise(model: ShapeModel) -> float:
+    """Estimate how far points of further shapes are from what the modes describe: the error of a shape left out.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
+    >>> round(model_noise(ShapeModel.fit(shapes)), 3)
+    0.037
+    """
+    return float(generalisation(model).mean[-1]) if len(model.names) > 1 else 0.0
+
+
+def observed_vertices(
+    model: ShapeModel, mesh: Mesh, known: BoolArray | None = None, noise: float | None = None
+) -> Observations:
+    """Take the vertices that a mesh in the topology of a model has.
+
+    Parameters
+    ----------
+    model : ShapeModel
+        The model.
+    mesh : Mesh
+        With the faces of the model; vertices without a finite position are missing.
+    known : (n,) array of bool, optional
+        Which of the others were measured; by default all.
+    noise : float, optional
+        Root mean square distance of a vertex from what the modes describe; by default `model_noise`. As errors of
+        neighbours are alike, all vertices within a square of 0.2 √area count as one.
+
+    Raises
+    ------
+    MeshError
+        If the faces are others.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
+    >>> observed_vertices(ShapeModel.fit(shapes), Mesh(triangle * [[1], [1], [np.nan]], [[0, 1, 2]]))
+    Observations(2 points)
+    """
+    if not np.array_equal(mesh.faces, model.faces) or mesh.n_vertices != len(model.mean):
+        raise MeshError(
+            f"{mesh!r} has other faces than the model ({len(model.mean)} vertices); match it: `observed_part`"
+        )
+    seen, mean = np.isfinite(mesh.vertices).all(axis=1), model.mesh()
+    if known is not None:
+        seen &= known
+    rows = np.flatnonzero(seen & (mean.vertex_areas > 0))
+    points, positions = PrecisePoints.at_vertices(rows), mesh.vertices[rows]
+    noise = _noise(noise, model, points, positions)
+    notes = (f"{len(rows)} of {len(mesh.vertices)} vertices have a position",)
+    return Observations(points, positions, noise / _counted(mean.vertex_areas[rows] / mean.area), notes=notes)
+
+
+def observed_landmarks(
+    model: ShapeModel, own: Landmarks, found: Landmarks, noise: float | None = None
+) -> Observations:
+    """Take landmarks of a shape, joined by name with those of the mean of a model.
+
+    Parameters
+    ----------
+    model : ShapeModel
+        The model.
+    own : Landmarks
+        In the coordinates of its mean.
+    found : Landmarks
+        Of the shape; their expected errors add to the noise.
+    noise : float, optional
+        Root mean square distance of a landmark from what the modes describe; by default `model_noise`.
+
+    Raises
+    ------
+    LandmarkError
+        If they have no name in common, or a name twice.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
+    >>> model = ShapeModel.fit(shapes)
+    >>> own, found = Landmarks(model.mean, ["a", "b", "c"]), Landmarks([[0, 0, 1], [0, 3, 1]], ["a", "c"])
+    >>> observed_landmarks(model, own, found)
+    Observations(2 points)
+    """
+    names = [
+        [name for name, placed in zip(marks.names, marks.placed) if placed and name] for marks in (own, found)
+    ]
+    shared = [name for name in names[0] if name in set(names[1])]
+    if not shared:
+        raise LandmarkError(
+            f"no landmark of the shape is named like one of the mean: {', '.join(names[1])[:80]} and "
+            f"{', '.join(names[0])[:80]}"
+        )
+    twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
+    if twice:
+        raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
+    rows = [[marks.names.index(name) for name in shared] for marks in (own, found)]
+    points = nearest_on_surface(model.mesh(), own.positions[rows[0]])
+    positions = found.positions[rows[1]]
+    errors = np.nan_to_num(found.expected_error[rows[1]])
+    unknown = [name for name in names[1] if name not in shared]
+    notes = (f"landmarks that the mean does not have: {', '.join(unknown)}",) if unknown else ()
+    total = np.hypot(_noise(noise, model, points, positions), errors)
+    return Observations(points, positions, total, notes=notes)
+
+
+def observed_part(
+    model: ShapeModel,
+    part: SurfaceLike,
+    found: Correspondence,
+    expected_error: ArrayLike = 0.0,
+    noise: float | None = None,
+) -> Observations:
+    """Take the vertices of a surface that was matched to the mean of a model.
+
+    Parameters
+    ----------
+    model : ShapeModel
+        The model.
+    part : Mesh, or what `mesh_from` takes
+        A part of a shape, or all of it, with m vertices.
+    found : Correspondence
+        From it to the mean, such as that of ``match(part, model.mesh())``.
+    expected_error : (m,) array_like of float
+        Of its images, in √area, as a `MatchResult` has it; they add to the noise until nearest points take their place.
+    noise : float, optional
+        As for `observed_vertices`.
+
+    Raises
+    ------
+    MapError
+        If the map is one of other surfaces.
+
+    Examples
+    --------
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [square * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2], [0, 2, 3]])
+    >>> part = Mesh([[1, 2.5, 0], [0, 0, 0], [1, 0, 0]], [[0, 1, 2]])
+    >>> observed_part(ShapeModel.fit(shapes), part, Correspondence([2, 0, 1], n_target=4))
+    Observations(3 points)
+    """
+    part, mean = mesh_from(part), model.mesh()
+    found.check_fits(part, mean)
+    rows = np.flatnonzero(found.matched & (part.vertex_areas > 0))
+    points = PrecisePoints(found.faces[rows], np.array(found.barycentric[rows]))
+    positions = part.vertices[rows]
+    area = _scale(model, points, positions) ** 2 * mean.area
+    with np.errstate(divide="ignore"):
+        alone = _noise(noise, model, points, positions) / _counted(part.vertex_areas / area)
+    errors = np.broadcast_to(np.nan_to_num(np.asarray(expected_error)), part.n_vertices)[rows]
+    mapped = np.sqrt(area) * errors / _counted(part.vertex_areas[rows] / area)
+    notes = (f"{len(rows)} of {part.n_vertices} vertices were matched to the mean",)
+    surface = SeenSurface(part, alone)
+    return Observations(points, positions, np.hypot(alone[rows], mapped), surface=surface, notes=notes)
+
+
+def read_observations(
+    path: str | Path,
+    model: ShapeModel,
+    landmarks: str | Path | None = None,
+    *,
+    noise: float | None = None,
+    config: Config | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Observations:
+    """Read what is known of a shape: a mesh in the topology of a model without some vertices, any mesh, or landmarks.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh, whose vertices are taken if it has the faces of the model, without those with ``measured`` = 0; others
+        are matched to the mean. Or landmarks, see `Landmarks.read`.
+    model : ShapeModel
+        The model.
+    landmarks : path_like, optional
+        Landmarks of its mean, for those of the shape.
+    noise : float, optional
+        See `observed_vertices`.
+    config, seed, progress
+        As for `match`.
+
+    Raises
+    ------
+    FormatError
+        If a file is missing or damaged.
+    LandmarkError
+        If there are no landmarks of the mean, or they do not fit.
+    MapError, NotConvergedError
+        If a part is not matched.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from isomatch import write_mesh
+    >>> from isomatch.statistics import CorrespondedShapes
+    >>> triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    >>> shapes = CorrespondedShapes("abc", [triangle * [1, height, 1] for height in (1, 2, 3)], [[0, 1, 2]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_mesh(Path(folder) / "part.ply", shapes.mesh(0))
+    ...     read_observations(Path(folder) / "part.ply", ShapeModel.fit(shapes))
+    Observations(3 points)
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        if landmarks is None:
+            raise LandmarkError(f"{path}: give the landmarks of the mean too, with the same names")
+        own = Landmarks.read(landmarks, model.mesh())
+        return observed_landmarks(model, own, Landmarks.read(path), noise)
+    if landmarks is not None:
+        raise SettingError(
+            f"{landmarks}: landmarks of the mean are for a file of landmarks; {path} is a mesh"
+        )
+    mesh = read_mesh(path)
+    if np.array_equal(mesh.faces, model.faces) and mesh.n_vertices == len(model.mean):
+        return observed_vertices(model, mesh, measured_in(path), noise)
+    result = match(mesh, model.mesh(), config=config, seed=seed, progress=progress)
+    seen = observed_part(model, mesh, result.map, result.expected_error, noise)
+    if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL):
+        return seen
+    doubt = f"the match is in doubt: {result.outcome.value}; {result.outcome.advice}"
+    return replace(seen, notes=(*seen.notes, doubt))
+
+
+def _counted(shares: FloatArray) -> FloatArray:
+    """Root of the number of independent observations that a vertex with a share of the area stands for, at most 1."""
+    return np.minimum(np.sqrt(shares) / PATCH, 1.0)
+
+
+def _noise(given: float | None, model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
+    """Noise of one point, in the units of the positions."""
+    if given is None:
+        return model_noise(model) * _scale(model, points, positions)
+    if not 0 <= given < np.inf:
+        raise SettingError(f"noise = {given!r} is not a distance; give 0 or more, in the units of the shape")
+    return given
+
+
+def _scale(model: ShapeModel, points: PrecisePoints, positions: FloatArray) -> float:
+    """About how many times as large as the model a shape is, if sizes were removed."""
+    if model.size is None:
+        return 1.0
+    there, here = (x - x.mean(axis=0) for x in (positions, points.interpolated(model.mean)))
+    return float(np.linalg.norm(there) / max(np.linalg.norm(here), np.finfo(float).tiny)) or 1.0

@@ -1,0 +1,132 @@
+"""Double walls told, and the outermost surface kept: shells, chambers, and shapes without an inside."""
+
+import numpy as np
+import pytest
+
+from data import real_file
+from isomatch import Asset, Attribute, Mesh, check, repair
+from isomatch.datasets import PLANS, creature, example_pair, organ
+from isomatch.errors import SettingError
+from isomatch.mending import double_walled_share, inner_faces
+from shapes import icosphere
+from thin_walls import shell
+from zoo import torus
+
+
+def joined(*meshes):
+    """Several meshes as one."""
+    starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes[:-1])])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+
+
+def ball(radius, centre=(0, 0, 0), inward=False):
+    mesh = icosphere(3)
+    return Mesh(radius * mesh.vertices + centre, mesh.faces[:, ::-1] if inward else mesh.faces)
+
+
+SINGLE = {
+    "ball": ball(1.0),
+    "torus": torus(60, 30),
+    "two balls": joined(ball(1.0), ball(0.5, (3, 0, 0))),
+    "body": example_pair()[0].mesh,
+    "another body": creature(3000, kind="biped", pose=3).mesh,
+    **{kind: organ(kind, 2000).mesh for kind in PLANS},
+}
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_a_shape_without_an_inside_stays_as_it_is(name):
+    mesh = SINGLE[name]
+    plain, outer = repair(mesh), repair(mesh, outer=True)
+    assert outer.changes == plain.changes
+    assert np.array_equal(outer.mesh.vertices, plain.mesh.vertices)
+    assert np.array_equal(outer.mesh.faces, plain.mesh.faces)
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_a_shape_with_one_wall_is_not_called_double_walled(name):
+    report = check(SINGLE[name])
+    assert report.double_walled < 0.25
+    assert not any("double-walled" in sentence for sentence in report.warnings)
+
+
+@pytest.mark.parametrize("kind", ["capsule", "tube"])
+def test_shells_are_called_double_walled(kind):
+    mesh = shell(kind, 0.03, 0).mesh
+    report = check(mesh)
+    assert report.double_walled > 0.8
+    assert any("double-walled" in sentence and "outer=True" in sentence for sentence in report.warnings)
+    turned = check(Mesh(100 * mesh.vertices, mesh.faces[:, ::-1]))
+    assert turned.double_walled == pytest.approx(report.double_walled, abs=0.03), "neither size nor winding"
+    assert check(mesh, wall=0.01).double_walled < 0.1
+    assert check(mesh, wall=0).double_walled == 0
+
+
+def test_two_sheets_with_air_between_them_are_no_wall():
+    """Of a hollow ball the wall counts, and not the narrow space around a ball in a larger one."""
+    inside, outside = ball(1.0, inward=True), ball(1.05)
+    assert double_walled_share(joined(inside, outside)) > 0.95
+    gap = joined(ball(1.0), ball(1.05, inward=True))
+    assert double_walled_share(gap) == 0
+
+
+@pytest.mark.parametrize("inward", [True, False])
+def test_a_chamber_of_a_ball_is_removed(inward):
+    whole = ball(1.0)
+    found = repair(joined(ball(0.6, (0.1, 0, 0), inward), whole), outer=True)
+    n = icosphere(3).n_vertices
+    assert found.mesh.n_vertices == n
+    assert np.array_equal(found.vertex_index, n + np.arange(n))
+    assert np.array_equal(found.new_index, np.append(np.full(n, -1), np.arange(n)))
+    assert found.mesh.faces.shape == whole.faces.shape
+    assert found.changes[-1] == f"removed {len(whole.faces)} faces of chambers, 26.5% of the area"
+
+
+def test_of_nested_balls_the_outermost_stays():
+    nested = joined(*(ball(radius) for radius in (0.3, 1.0, 0.6)))
+    found = repair(nested, outer=True)
+    assert np.array_equal(np.unique(np.linalg.norm(found.mesh.vertices, axis=1).round(6)), [1.0])
+
+
+def test_the_inner_wall_of_a_capsule_with_windows_goes_and_the_outer_stays():
+    capsule = shell("capsule", 0.03, 0)
+    to_axis = capsule.rest.vertices - np.clip(capsule.rest.vertices[:, 2:], -0.3, 0.3) * [0, 0, 1]
+    radius = np.linalg.norm(to_axis, axis=1)
+    inner, outer = radius < 0.22, radius > 0.28
+    found = repair(capsule.mesh, outer=True, opening=0.15)
+    kept = found.new_index >= 0
+    assert kept[outer].mean() > 0.99
+    assert kept[inner].mean() < 0.05
+    assert np.array_equal(found.mesh.vertices, capsule.mesh.vertices[found.vertex_index])
+    corners = found.vertex_index[found.mesh.faces]
+    assert np.array_equal(corners, capsule.mesh.faces[found.face_index])
+    assert not repair(found.mesh, outer=True, opening=0.15).changes, "once is enough"
+
+
+def test_windows_that_are_larger_than_the_opening_are_looked_through():
+    mesh = shell("capsule", 0.03, 0).mesh
+    assert not inner_faces(mesh, 0.05).any()
+    assert inner_faces(mesh, 0.15).mean() > 0.3
+
+
+def test_values_stay_with_their_vertices_and_faces():
+    mesh = joined(ball(0.6, inward=True), ball(1.0))
+    point = Attribute("height", "point", "scalar", mesh.vertices[:, 2])
+    face = Attribute("part", "face", "label", np.repeat([1, 2], mesh.n_faces // 2))
+    asset = repair(Asset.of_mesh(mesh, [point, face]), outer=True).asset
+    assert np.array_equal(asset.attribute("height", "point").values, asset.points[:, 2])
+    assert (asset.attribute("part", "face").values == 2).all()
+
+
+def test_an_opening_has_a_size():
+    with pytest.raises(SettingError, match="opening = 0 is no size"):
+        repair(ball(1.0), outer=True, opening=0)
+
+
+def test_skulls_are_double_walled_and_lose_their_inside():
+    skull = np.load(real_file("real/mouse20k_A_J.npz"))
+    mesh = Mesh(skull["vertices"], skull["faces"])
+    assert check(mesh).double_walled > 0.5
+    share = mesh.face_areas[inner_faces(mesh)].sum() / mesh.area
+    assert 0.2 < share < 0.4
