@@ -46,7 +46,7 @@ class Misfit(NamedTuple):
 
 def holes_of(surface: Mesh) -> tuple[int, float]:
     """Count the boundaries of a surface whose seams are closed, and measure their length, in √area."""
-    lengths = check(without_seams(surface)[0]).boundary_lengths
+    lengths = check(without_seams(surface)[0], wall=0.0).boundary_lengths
     return len(lengths), float(lengths.sum() / np.sqrt(surface.area))
 
 
