@@ -11,6 +11,9 @@ from tempfile import TemporaryDirectory
 from isomatch.errors import FormatError, IsomatchError
 from isomatch.storage.files import writing
 
+_MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
+_ANY_SIZE = 2**26  # bytes, which are no harm
+
 
 @contextmanager
 def reading(name: str, what: str) -> Iterator[None]:
@@ -18,14 +21,23 @@ def reading(name: str, what: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
-    except (IsomatchError, MemoryError):
+    except IsomatchError:
         raise
     except Exception as error:
         lines = str(error).splitlines()
-        reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
-        raise FormatError(
-            f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again"
+        raise damaged(
+            name, what, f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
         ) from None
+
+
+def damaged(name: str, what: str, reason: str) -> FormatError:
+    """Make the error of a file whose contents do not fit together."""
+    return FormatError(f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again")
+
+
+def room_for(size: int) -> int:
+    """Return how many bytes of memory a file of a size may claim beside itself."""
+    return _MOST_TIMES * size + _ANY_SIZE
 
 
 @contextmanager
