@@ -29,6 +29,7 @@ from isomatch.view.surface_image import SurfaceView
 WIDTH = 1800
 DPI = 200
 TALLEST = 1.15  # largest height of a panel over its width
+LEAST_AREA = 1e-100  # of a shape of ordinary size; the squares of smaller ones vanish
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 110  # pixels
 
 
@@ -99,7 +100,7 @@ def draw_map(
     """
     source, target = of_ordinary_size(source), of_ordinary_size(target)
     for mesh, title in zip((source, target), titles):
-        if not mesh.area:
+        if not mesh.area > LEAST_AREA:
             raise MeshError(
                 f"{title}: cannot be drawn, as some coordinates are so much larger than the others that the surface has "
                 "no area beside them; remove vertices that are far away"
