@@ -135,7 +135,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
                 at = _in_lps(point["position"], system) if is_placed else ()
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
                 points.append(MarkedPoint(label, at, where, system, curve, kind == CURVES[1]))
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
         ) from None

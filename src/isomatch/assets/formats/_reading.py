@@ -5,14 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from isomatch.errors import FormatError, IsomatchError
+from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError
+from isomatch.runtime.memory import room_for
 from isomatch.storage.files import writing
-
-_MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
-_ANY_SIZE = 2**26  # bytes, which are no harm
 
 
 @contextmanager
@@ -21,8 +20,14 @@ def reading(name: str, what: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
+    except FormatError as error:
+        raise error if str(error).startswith(name) else FormatError(f"{name}: {error}") from None
     except IsomatchError:
         raise
+    except MemoryError:
+        raise MemoryBudgetError(
+            f"{name}: reading needs more memory than there is; close other programs"
+        ) from None
     except Exception as error:
         lines = str(error).splitlines()
         raise damaged(
@@ -35,9 +40,21 @@ def damaged(name: str, what: str, reason: str) -> FormatError:
     return FormatError(f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again")
 
 
-def room_for(size: int) -> int:
-    """Return how many bytes of memory a file of a size may claim beside itself."""
-    return _MOST_TIMES * size + _ANY_SIZE
+@dataclass
+class Room:
+    """The memory that what is in a file may take, told before it is allocated."""
+
+    size: int
+    """Bytes of the file."""
+    taken: int = 0
+
+    def take(self, n_bytes: int, what: str) -> None:
+        """Raise `FormatError` if there is not so much left."""
+        self.taken += n_bytes
+        if n_bytes < 0 or self.taken > room_for(self.size):
+            raise FormatError(
+                f"{what} claims or repeats more than the {self.size} bytes of the file tell; export it again"
+            )
 
 
 @contextmanager

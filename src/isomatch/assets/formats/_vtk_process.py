@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.assets.formats import _vtk_reader
-from isomatch.assets.formats._reading import damaged, on_disk, reading, room_for
+from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.formats._vtk_reader import ARRAYS, ENDED, PROBLEM
 from isomatch.loading.packages import package
+from isomatch.runtime.memory import room_for
 from isomatch.values.arrays import AnyArray
 
 
