@@ -328,6 +328,20 @@ def test_an_interruption_has_its_own_exit_code(monkeypatch, capsys):
     assert one_line(capsys) == "isomatch: interrupted\n"
 
 
+@pytest.mark.parametrize(
+    ("said", "told"), [("", "no more is given"), ("Unable to allocate 75 GiB", "75 GiB")]
+)
+def test_memory_that_does_not_suffice_is_one_line(shapes, monkeypatch, capsys, said, told):
+    def too_much(*_):
+        raise MemoryError(said)
+
+    monkeypatch.setattr(isomatch, "check", too_much)
+    assert main(["check", str(shapes / "source.ply")]) == 1
+    complaint = one_line(capsys)
+    assert "memory does not suffice" in complaint
+    assert told in complaint
+
+
 def test_info_tells_versions(capsys):
     assert main(["info", "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
