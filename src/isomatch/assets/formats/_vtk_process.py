@@ -66,7 +66,7 @@ def polygons_of(data: bytes, name: str, suffix: str) -> PolyData:
 
 def grid_of(data: bytes, name: str, suffix: str) -> Grid:
     """Read an unstructured grid by meshio, with the same errors."""
-    package("meshio", "io", f"a {suffix} file")
+    package(f"meshio{suffix}", "io", f"a {suffix} file")
     stored = _read_by("meshio", data, name, suffix, "triangles, quads or polygons")
     cells = [Block(kind, stored[f"cells_{i}"]) for i, kind in enumerate(stored["types"].tolist())]
     cell_data = {
