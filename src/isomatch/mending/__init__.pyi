@@ -1,3 +1,4 @@
+from isomatch.mending._winding import seems_inside_out
 from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.contacts import Cut, cut_contacts, handles
@@ -20,6 +21,7 @@ __all__ = [
     "ends_of",
     "handles",
     "repair",
+    "seems_inside_out",
     "separate_sheets",
     "welded_surface",
     "without_seams",

@@ -115,7 +115,7 @@ def _connected(ends: IntArray) -> list[IntArray]:
     """Rows of the edges of each connected net."""
     vertices, local = np.unique(ends, return_inverse=True)
     local = local.reshape(-1, 2)
-    _, label = linked(len(vertices), tuple(local.T))
+    _, label = linked(len(vertices), (local[:, 0], local[:, 1]))
     return split_by(label[local[:, 0]])
 
 

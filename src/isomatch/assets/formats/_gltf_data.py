@@ -192,8 +192,8 @@ def unpacked(data: bytes, name: str) -> GltfData:
         if path is None or not path.is_file():
             continue
         if path not in views:
-            content = picture_in(path)
-            views[path] = None if content is None else gltf.add_bytes(content)
+            picture = picture_in(path)
+            views[path] = None if picture is None else gltf.add_bytes(picture)
         if views[path] is not None:
             image.setdefault("name", path.stem)
             image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
