@@ -1,11 +1,13 @@
 """VTK files: damaged ones are errors, never surfaces without points or with fewer; sound ones of any version are read."""
 
+import base64
 import re
+import zlib
 
 import numpy as np
 import pytest
 
-from isomatch import FormatError, check, read_asset, read_mesh, write_asset
+from isomatch import FormatError, check, read_asset, write_asset
 from isomatch.assets import Attribute, asset_from
 from isomatch.cli import main
 
@@ -47,11 +49,10 @@ ARRAYS = [
 @pytest.mark.parametrize(("name", "within"), ARRAYS)
 def test_an_array_that_is_too_short(vtp, name, within, capfd):
     vtp.write_bytes(shortened(vtp.read_bytes(), name, within))
-    for read in (read_asset, read_mesh):
-        with pytest.raises(
-            FormatError, match=r"a\.vtp: expected a \.vtp file of polygons, found damaged contents"
-        ):
-            read(vtp)
+    with pytest.raises(
+        FormatError, match=r"a\.vtp: expected a \.vtp file of polygons, found damaged contents"
+    ):
+        read_asset(vtp)
     assert main(["check", str(vtp)]) == 1
     assert "ERROR" not in capfd.readouterr().err
 
@@ -188,6 +189,89 @@ def test_legacy_files_with_other_numbers_than_declared(tmp_path, version, binary
     (tmp_path / "a.vtk").write_bytes(re.sub(keyword, wrong, legacy(version, binary)))
     with pytest.raises(FormatError, match=r"a\.vtk: "):
         read_asset(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_field_data_are_passed_over(tmp_path, binary):
+    pyvista = pytest.importorskip("pyvista")
+    mesh = pyvista.PolyData(POINTS[:4], faces=[3, 0, 1, 2])
+    mesh.point_data["word"] = ["a", "bc", "d", "e"]
+    mesh.field_data["time"], mesh.field_data["unit"] = [1.5], ["mm"]
+    for suffix in (".vtk", ".vtp"):
+        mesh.save(tmp_path / f"a{suffix}", binary=binary)
+        asset = read_asset(tmp_path / f"a{suffix}")
+        np.testing.assert_array_equal(asset.points, POINTS[:4])
+        assert asset.attribute("word").values.tolist() == ["a", "bc", "d", "e"]
+
+
+POINT = '<Points><DataArray type="Float32" NumberOfComponents="3" format="{}">{}</DataArray></Points>'
+DECLARED = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"
+HOSTILE = {
+    "tuples of no components.vtk": DECLARED + "FIELD a 1\nb 0 9999999999999 float\n",
+    "components of no tuples.vtk": DECLARED + "FIELD a 1\nb 9999999999999 0 float\n",
+    "points that are bits.vtk": DECLARED + "POINTS 99999999999 bit\n0 0 0\n",
+    "points.vtp": ("99999999999", "0", POINT.format("ascii", "0 0 0")),
+    "polygons.vtp": ("1", "9999999999", POINT.format("ascii", "0 0 0") + "<Polys>{}</Polys>"),
+    "corners.vtp": ("1", "1", POINT.format("ascii", "0 0 0") + "<Polys>{}</Polys>"),
+    "less than no components.vtp": ("1", "0", POINT.format("ascii", "0 0 0").replace('"3"', '"-3"')),
+    "blocks.vtp": ("1", "0", POINT.format("binary", "/////////38IAAAAAAAAAA==")),
+}
+CELLS = "".join(
+    f'<DataArray type="Int64" Name="{name}" format="ascii">{text}</DataArray>'
+    for name, text in (("connectivity", "0 0 0"), ("offsets", "999999999999"))
+)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_ends_vtk_ends_in_an_error(tmp_path, name):
+    """Numbers that VTK takes at their word: it crashes, in a process of its own, or says what is wrong."""
+    content = HOSTILE[name]
+    if not isinstance(content, str):
+        n_points, n_polygons, rest = content
+        content = (
+            '<VTKFile type="PolyData" compressor="vtkZLibDataCompressor"><PolyData>'
+            f'<Piece NumberOfPoints="{n_points}" NumberOfPolys="{n_polygons}">{rest.format(CELLS)}</Piece>'
+            "</PolyData></VTKFile>"
+        )
+    (tmp_path / name).write_text(content)
+    with pytest.raises(
+        FormatError, match=r"found damaged contents \((the reader came to an end|ValueError: Failed to read)"
+    ):
+        read_asset(tmp_path / name)
+
+
+def zeros(suffix, n_points):
+    """A sound file of points at one place, compressed."""
+    block = zlib.compress(bytes(12 * n_points))
+    head = np.array([1, 12 * n_points, 0, len(block)], "<u4").tobytes()
+    array = (base64.b64encode(head) + base64.b64encode(block)).decode()
+    kind, cells = ("PolyData", "") if suffix == ".vtp" else ("UnstructuredGrid", f"<Cells>{ONE_CELL}</Cells>")
+    return (
+        f'<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian" header_type="UInt32" '
+        f'compressor="vtkZLibDataCompressor"><{kind}><Piece NumberOfPoints="{n_points}" NumberOfCells="1" '
+        f'NumberOfPolys="0">{POINT.format("binary", array)}{cells}</Piece></{kind}></VTKFile>'
+    ).encode()
+
+
+ONE_CELL = "".join(
+    f'<DataArray type="{kind}" Name="{name}" format="ascii">{text}</DataArray>'
+    for kind, name, text in (
+        ("Int64", "connectivity", "0 0 0"),
+        ("Int64", "offsets", "3"),
+        ("UInt8", "types", "5"),
+    )
+)
+
+
+@pytest.mark.parametrize("suffix", [".vtp", ".vtu"])
+def test_a_bomb_of_zeros_does_not_fill_memory(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(zeros(suffix, 1000))
+    assert len(read_asset(path).points) == 1000
+    path.write_bytes(zeros(suffix, 20_000_000))
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(FormatError, match="the reader came to an end over it"):
+        read_asset(path)
 
 
 def test_cells_that_are_no_polygons_are_told(tmp_path):

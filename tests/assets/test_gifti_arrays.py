@@ -1,5 +1,9 @@
 """GIFTI arrays are read by what their intent says, and written with the right one: against nibabel's own tables."""
 
+import base64
+import tracemalloc
+import zlib
+
 import numpy as np
 import pytest
 
@@ -124,3 +128,21 @@ def test_several_values_in_one_file(tmp_path):
     assert [(a.name, a.kind, a.values.tolist(), dict(a.names)) for a in found] == [
         (a.name, a.kind, a.values.tolist(), dict(a.names)) for a in given
     ]
+
+
+def test_a_bomb_of_zeros_is_not_unpacked(tmp_path):
+    """Compressed a thousandfold; comments between the letters do not hide it."""
+    packed = base64.b64encode(zlib.compress(bytes(200_000_000))).decode()
+    text = (
+        '<?xml version="1.0"?><GIFTI Version="1.0" NumberOfDataArrays="1"><DataArray Intent="NIFTI_INTENT_POINTSET" '
+        'DataType="NIFTI_TYPE_FLOAT32" ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Dim0="16666666" Dim1="3" '
+        'Encoding="GZipBase64Binary" Endian="LittleEndian" ExternalFileName="" ExternalFileOffset=""><Data>'
+        f"{packed[:5]}<!-- a -->{packed[5:]}</Data></DataArray></GIFTI>"
+    )
+    (tmp_path / "a.gii").write_text(text)
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"a\.gii: an array claims or repeats more than the \d+ bytes"):
+        read_asset(tmp_path / "a.gii")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20 * len(text)

@@ -10,6 +10,7 @@ from made import whole
 from isomatch import FormatError, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, asset_from
 from isomatch.assets.formats._gltf_data import GltfData, packed, unpacked
+from isomatch.assets.pictures import png_of
 
 QUARTER_TURN = [0, 0, np.sqrt(0.5), np.sqrt(0.5)]
 
@@ -199,7 +200,8 @@ def test_trimesh_opens_what_is_written(path, tmp_path):
 def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
     gltf = scene()
     (tmp_path / "data.bin").write_bytes(bytes(gltf.blob))
-    (tmp_path / "skin one.png").write_bytes(b"a picture")
+    picture = png_of(np.zeros((2, 2, 3)))
+    (tmp_path / "skin one.png").write_bytes(picture)
     document = gltf.json | {
         "buffers": [{"uri": "data.bin", "byteLength": len(gltf.blob)}],
         "images": [{"uri": "skin%20one.png"}],
@@ -211,7 +213,7 @@ def test_buffers_and_images_in_files_of_their_own(path, tmp_path):
     write_asset(tmp_path / "elsewhere" / "scene.glb", asset)
     found = unpacked((tmp_path / "elsewhere" / "scene.glb").read_bytes(), "x")
     view = found.json["bufferViews"][found.json["images"][0]["bufferView"]]
-    assert found.blob[view["byteOffset"] :][: view["byteLength"]] == b"a picture"
+    assert found.blob[view["byteOffset"] :][: view["byteLength"]] == picture
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -99,6 +100,26 @@ def test_match_refuses_to_overwrite(shapes, matched, capsys):
     assert "map.npz: already exists" in said
     assert "--force" in said
     assert (folder / "map.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("failing", ["draw_map", "write_report"])
+def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypatch, capsys, failing):
+    def fails(*_, **__):
+        raise ValueError("too far away")
+
+    monkeypatch.setattr(isomatch.view, failing, fails)
+    what, name = {"draw_map": ("picture", "map.png"), "write_report": ("report", "report.html")}[failing]
+    (tmp_path / name).write_text("of an earlier run")
+    assert run_match(shapes, tmp_path, "--force") == 0
+    told = f"there is no {what}: too far away"
+    assert f"note: {told}" in capsys.readouterr().out
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["undrawn"] == [told]
+    assert {Path(path).name for path in record["files"].values()} == {
+        path.name for path in tmp_path.iterdir()
+    }
+    assert (tmp_path / "map.npz").exists()
+    assert not (tmp_path / name).exists()
 
 
 def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched, tmp_path, capsys):
@@ -318,6 +339,20 @@ def test_an_interruption_has_its_own_exit_code(monkeypatch, capsys):
     monkeypatch.setattr("platform.python_version", interrupted)
     assert main(["info"]) == 130
     assert one_line(capsys) == "isomatch: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("said", "told"), [("", "no more is given"), ("Unable to allocate 75 GiB", "75 GiB")]
+)
+def test_memory_that_does_not_suffice_is_one_line(shapes, monkeypatch, capsys, said, told):
+    def too_much(*_):
+        raise MemoryError(said)
+
+    monkeypatch.setattr(isomatch, "check", too_much)
+    assert main(["check", str(shapes / "source.ply")]) == 1
+    complaint = one_line(capsys)
+    assert "memory does not suffice" in complaint
+    assert told in complaint
 
 
 def test_info_tells_versions(capsys):

@@ -1,6 +1,7 @@
 """Array files of unknown origin: contents that fit together, or one named error before anything large is allocated."""
 
 import io
+import re
 import tracemalloc
 import zipfile
 
@@ -246,6 +247,20 @@ def bomb(claimed=None):
 @pytest.mark.parametrize("claimed", [None, 0, 2**32 - 2])
 def test_a_bomb_is_not_opened(path, claimed):
     assert attempt("basis", path, bomb(claimed))
+
+
+@pytest.mark.parametrize("n", [10_000_000, 100_000_000])
+def test_a_map_of_zeros_does_not_become_thousands_of_times_its_file(path, n):
+    """What is refused is what would be far above the file, whether or not it would fit into the memory budget."""
+    content = as_file({"vertices": np.zeros(n, np.int64), "n_target": 1}, np.savez_compressed)
+    assert re.search(r"its \d+ bytes would become \d+", attempt("map", path, content))
+
+
+def test_a_map_that_is_all_unmatched_is_read(path):
+    unmatched = Correspondence(np.full(200_000, -1), 4)
+    unmatched.save(path)
+    assert path.stat().st_size < 20_000
+    assert not Correspondence.load(path).matched.any()
 
 
 def test_more_than_the_budget_is_not_read(path, monkeypatch):

@@ -20,7 +20,7 @@ from isomatch.landmarks import Curve, drawn_curve, equally_spaced, nearest_on_su
 from shapes import box, flat_grid, icosphere
 
 SPHERE = icosphere(3)
-NAMES = ("nose", "left, ear", "p#;4", "#1", "Müller 'x' <&>")
+NAMES = ("nose", "left, ear", "p#;4", "#1", "-Müller 'x' <&>")
 FORMATS = ("a.mrk.json", "a.fcsv", "a.pp", "a.csv")
 
 

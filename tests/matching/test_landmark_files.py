@@ -175,6 +175,7 @@ def test_bad_files_of_pairs(tmp_path, name, text, message):
         ("p.mrk.json", "[]", "is no list of markups"),
         ("p.mrk.json", markups(0).replace("LPS", "XYZ"), "neither LPS nor RAS"),
         ("p.mrk.json", markups(0).replace("[0.001, ", "["), "three finite numbers"),
+        ("p.mrk.json", markups(0).replace("[0.001, ", f"[{10**400}, "), "positions of three numbers"),
         ("p.fcsv", "# columns = id,x,y,z\n1,2,3\n", r"p\.fcsv:2: '1,2,3' has no position"),
         ("p.pp", "<a>\n<b></a>", r"p\.pp:2: is not XML"),
         ("p.pp", '<a><point x="1" y="2"/></a>', r"p\.pp: point 1: .* is not a landmark"),

@@ -1,5 +1,7 @@
 """Separation of glued sheets: what was merged comes apart again, and nothing else does."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -148,3 +150,25 @@ def test_a_face_listed_twice_is_no_sheet():
     ball = zoo("sound")[0].mesh
     twice = Mesh(ball.vertices, np.vstack([ball.faces, ball.faces[3:5]]))
     assert separate_sheets(twice).seams == ()
+
+
+@pytest.mark.parametrize(
+    ("what", "n"), [("around an edge", 20_000), ("in one place", 100_000), ("in one place", 20_001)]
+)
+def test_a_crowd_of_faces_stays_together(what, n):
+    """No weld has so many sheets: nothing is paired, and memory does not grow with the square of their number."""
+    turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    points = np.vstack(
+        [[[0, 0, 0], [0, 0, 1]], np.column_stack([np.cos(turn), np.sin(turn), np.full(n, 0.5)])]
+    )
+    faces = np.array([[0, 1], [1, 0]])[np.arange(n) % 2]
+    mesh = Mesh(
+        points,
+        np.column_stack([faces, 2 + (np.arange(n) if what == "around an edge" else np.zeros(n, dtype=int))]),
+    )
+    tracemalloc.start()
+    found = separate_sheets(mesh)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert not found.seams
+    assert peak < 2000 * n

@@ -1,11 +1,14 @@
 """Pictures: size, and that what corresponds has one colour."""
 
+import io
+
 import matplotlib.image
 import numpy as np
 import pytest
 
 from isomatch.correspondence import Correspondence
 from isomatch.datasets import example_pair, ground_truth
+from isomatch.errors import MeshError
 from isomatch.surfaces import Mesh
 from isomatch.view import ValuePanel, draw_map, position_colours
 from isomatch.view.camera import camera_of, turn_to_target
@@ -130,3 +133,20 @@ def test_a_partner_that_was_turned_over_is_turned_back(pair):
     identity = Correspondence(np.arange(source.n_vertices), source.n_vertices)
     np.testing.assert_allclose(turn_to_target(source, target, identity), turn, atol=1e-9)
     np.testing.assert_allclose(turn_to_target(source, source, identity), np.eye(3), atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("far", [1e6, 1e12, 1e30])
+def test_a_vertex_that_is_far_away_leaves_a_picture(tmp_path, side, far):
+    shapes = [BALL, BALL]
+    shapes[side] = BALL.moved(np.where(np.arange(BALL.n_vertices)[:, None] == 7, far, BALL.vertices))
+    identity = Correspondence(np.arange(BALL.n_vertices), BALL.n_vertices)
+    assert drawn(tmp_path / "map.png", *shapes, identity).shape[1] == WIDTH
+
+
+@pytest.mark.parametrize("far", [1e150, 1e200])
+def test_a_shape_without_area_beside_its_largest_coordinate_is_named(far):
+    flat = BALL.moved(np.where(np.arange(BALL.n_vertices)[:, None] == 7, far, BALL.vertices))
+    identity = Correspondence(np.arange(BALL.n_vertices), BALL.n_vertices)
+    with pytest.raises(MeshError, match="source: cannot be drawn"):
+        draw_map(flat, BALL, identity, io.BytesIO())

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isomatch.assets.looks import UNTINTED, Layer, Picture, Wrap
 from isomatch.errors import FormatError
+from isomatch.storage.files import opened
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
 JPEG = b"\xff\xd8"
 """How such a file begins."""
+_KTX = b"\xabKTX 20\xbb"
+_KINDS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "DDS")  # those that can be told from other files
 _UNREAD = "a picture cannot be read: "
 _MOST = 8  # widths of a picture that its border may go on, where it has to be painted
 NO_DIFFUSE = (102, 102, 102, 255)  # of a simple material of trimesh for which none was given
@@ -63,6 +68,23 @@ def unread(pictures: Iterable[Picture]) -> dict[Picture, str]:
 def is_picture(data: bytes) -> bool:
     """Whether these bytes are a picture that can be read."""
     return not unread([Picture("", data)])
+
+
+def picture_in(path: Path) -> bytes | None:
+    """Return the contents of a file if they begin as those of a picture; nothing else may be copied into an output."""
+    from PIL import Image
+
+    with opened(path) as file:
+        if file.read(len(_KTX)) != _KTX:
+            file.seek(0)
+            kinds = _KINDS if path.suffix.lower() != ".tga" else ("TGA",)
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    Image.open(file, formats=kinds).verify()
+            except Exception:  # the readers of Pillow have no list of their errors
+                return None
+    with opened(path) as file:
+        return file.read()
 
 
 def as_png(picture: bytes) -> bytes:

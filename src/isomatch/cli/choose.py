@@ -96,7 +96,7 @@ def choose(folder: Path, number: int, /, *, talk: Talk = TALK) -> None:
 
     def summary() -> None:
         say_result(result)
-        say_files(record["files"])
+        say_files(record)
 
     talk.result(record, summary)
 

@@ -72,6 +72,6 @@ def demo(
                 ("total", f"{time.perf_counter() - started:.2f} s", "with evaluation and picture"),
             ]
         )
-        say_files(record["files"])
+        say_files(record)
 
     talk.result(record, summary)

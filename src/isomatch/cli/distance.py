@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +19,7 @@ from isomatch.cli.terminal import TALK, Talk, Tell, complain, part, say
 from isomatch.errors import FormatError, SettingError
 from isomatch.geodesics import PATH_SUFFIXES, engine_names
 from isomatch.storage.array_file import write_arrays
+from isomatch.storage.cells import joined
 from isomatch.storage.files import write_text
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -286,9 +285,7 @@ def _plain(words: Any) -> Any:
 
 def _csv(rows: list[list[Any]]) -> list[str]:
     """Lines of a table; a point in a face, which has commas, is quoted."""
-    text = StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().splitlines()
+    return joined(rows).splitlines()
 
 
 def _write(path: Path, asked: _Asked, distances: FloatArray) -> None:

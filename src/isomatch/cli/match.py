@@ -203,7 +203,7 @@ def match(
             say_result(back)
         if as_mesh is not None:
             say_wrapped(record["as_mesh"])
-        say_files(record["files"])
+        say_files(record)
 
     talk.result(record, summary)
     for matched in filter(None, (result, back)):

@@ -95,15 +95,11 @@ class ResultFolder:
         """Write all files, and let them replace earlier ones at once when they are complete, ``result.json`` last.
 
         The picture has ``titles`` below the shapes, the report ``facts`` about the run and what else is ``shown``, see
-        `isomatch.view.write_report`. Returns the contents of ``result.json``, which begin with ``more``.
+        `isomatch.view.write_report`; what cannot be drawn is left out, and named under ``undrawn``. Returns the contents
+        of ``result.json``, which begin with ``more``.
         """
         others = dict(zip(self._alternatives, result.alternatives))
-        record = {
-            "isomatch": isomatch.__version__,
-            **more,
-            **_described(result),
-            "files": self.files | {path.stem: str(path) for path in others},
-        }
+        record: dict[str, Any] = {"isomatch": isomatch.__version__, **more, **_described(result)}
         if back:
             record["back"] = _described(back)
         facts = {"isomatch": isomatch.__version__, **facts}
@@ -114,20 +110,24 @@ class ResultFolder:
             for path, other in others.items():
                 other.map.save(folder / path.name)
             picture = files["picture"]
-            view.draw_map(source, target, result.map, picture, titles=titles)
+            undrawn: list[str] = []
+            with _noted("picture", undrawn):
+                view.draw_map(source, target, result.map, picture, titles=titles)
             if self.report:
-                view.write_report(
-                    files["report"],
-                    source,
-                    target,
-                    result,
-                    names=names,
-                    picture=picture,
-                    facts=facts,
-                    **shown,
-                )
+                shown["picture"] = picture if not undrawn else None
+                with _noted("report", undrawn):
+                    view.write_report(
+                        files["report"], source, target, result, names=names, facts=facts, **shown
+                    )
             if back:
                 back.map.save(files["map back"])
+            written = self.files | {path.stem: str(path) for path in others}
+            record["undrawn"] = undrawn
+            record["files"] = {
+                what: path
+                for what, path in written.items()
+                if path == str(self.result) or (folder / Path(path).name).exists()
+            }
             write_text(folder / RESULT, json_text(record))
         every = ResultFolder(self.folder, self.picture, report=True, both=True).files.values()
         for name in (*every, *map(str, self._alternatives), self._picker):
@@ -141,8 +141,24 @@ class ResultFolder:
         """Write a page for landmarks beside any earlier result; return the error that no map was found, with its name."""
         if not self.report:
             return error
-        view.write_landmark_picker(self._picker, source, target, str(error), **shown)
+        undrawn: list[str] = []
+        with _noted("page to pick landmarks", undrawn):
+            view.write_landmark_picker(self._picker, source, target, str(error), **shown)
+        if undrawn:
+            return error
         return type(error)(f"{error}. Both shapes are in {self._picker}, where you can pick landmarks")
+
+
+@contextmanager
+def _noted(what: str, undrawn: list[str]) -> Iterator[None]:
+    """Note a drawing that fails, so that the map is not lost with it; a full disk is an error."""
+    try:
+        yield
+    except OSError:
+        raise
+    except Exception as error:
+        reason = (str(error) or type(error).__name__).partition("\n")[0]
+        undrawn.append(f"there is no {what}: {reason}")
 
 
 def _described(result: isomatch.MatchResult) -> dict[str, Any]:
@@ -253,9 +269,10 @@ def refuse_outcomes(result: isomatch.MatchResult, refused: tuple[isomatch.Outcom
         )
 
 
-def say_files(files: dict[str, str]) -> None:
-    """Print which files were written."""
-    say("wrote " + ", ".join(files.values()))
+def say_files(record: Mapping[str, Any]) -> None:
+    """Print which files were written, and what could not be drawn."""
+    say_notes(record["undrawn"])
+    say("wrote " + ", ".join(record["files"].values()))
 
 
 def _quality_rows(result: isomatch.MatchResult) -> list[tuple[str, ...]]:

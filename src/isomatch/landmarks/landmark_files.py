@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from isomatch.errors import FormatError
+from isomatch.storage.cells import unescaped
 from isomatch.storage.files import is_whole_number, opened, read_text
 
 PAIRS = "write two 0-based vertex indices, of the source and of the target, or their positions x y z x y z"
@@ -135,7 +136,7 @@ def _slicer_markups(path: Path) -> list[MarkedPoint]:
                 at = _in_lps(point["position"], system) if is_placed else ()
                 label, where = str(point.get("label", "")), f"{path}: point {i}"
                 points.append(MarkedPoint(label, at, where, system, curve, kind == CURVES[1]))
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{path}: is no list of markups of 3D Slicer, with positions of three numbers ({error!r})"
         ) from None
@@ -227,7 +228,7 @@ def _split(line: str, where: str, separator: str | None = None) -> list[str]:
     if separator is None:
         return line.split()
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        return [unescaped(cell.strip()) for cell in next(csv.reader([line], delimiter=separator))]
     except csv.Error as error:
         raise FormatError(f"{where}: {error}") from None
 

@@ -18,6 +18,7 @@ from isomatch.errors import FormatError
 from isomatch.landmarks.geomorph import tps_text
 from isomatch.landmarks.landmark_files import CURVES, SLICER
 from isomatch.landmarks.shape_landmarks import Landmarks
+from isomatch.storage.cells import joined
 from isomatch.storage.files import write_text
 from isomatch.values.arrays import FloatArray
 
@@ -132,12 +133,9 @@ def _picked_points(landmarks: Landmarks, title: str) -> str:
 
 
 def _table(landmarks: Landmarks, title: str) -> str:
-    text = StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
     columns = list(_columns(landmarks))
-    writer.writerow([name for name, _ in columns])
-    writer.writerows(zip(*(cells for _, cells in columns)))
-    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text.getvalue())  # without quotes, a name begins a comment
+    text = joined([[name for name, _ in columns], *zip(*(cells for _, cells in columns))])
+    return re.sub(r"(?m)^#[^,]*", r'"\g<0>"', text)  # without quotes, a name begins a comment
 
 
 def _columns(landmarks: Landmarks) -> Iterator[tuple[str, list[Any]]]:

@@ -1,3 +1,4 @@
+from isomatch.mending._winding import seems_inside_out
 from isomatch.mending.caps import capped
 from isomatch.mending.check import check
 from isomatch.mending.contacts import Cut, cut_contacts, handles
@@ -24,6 +25,7 @@ __all__ = [
     "handles",
     "inner_faces",
     "repair",
+    "seems_inside_out",
     "separate_sheets",
     "welded_surface",
     "without_seams",

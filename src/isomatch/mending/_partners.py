@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from isomatch.surfaces import EdgeTable, Mesh, corner_links, edge_table, linked, meetings
@@ -14,22 +15,24 @@ from isomatch.values.arrays import FloatArray, IntArray
 
 LARGEST_LOSS = 1.95  # of likeness; a change of partners between two flat sheets loses two
 HEALING_ROUNDS = 3
+MOST_FACES = 100  # at an edge whose faces are paired; sheets that touch have 4 or 6, and pairing is quadratic
+MOST_SINGLE = 1000  # vertices of one fan in a net of crowded edges; all pairs of them are compared
 
 
 class Partners:
     """Which sides of m faces continue one another on a sheet: ``partner`` (3 m,), −1 where none does.
 
-    Side 3 f + i of face f goes from its corner i to the next. Where directions do not cancel, all sides of an edge stay
-    together, by ``chained`` (k, 2). ``change`` has, for each crowded edge (vertex, vertex), the least loss of
-    likeness, ((1 + cos) / 2)² of the angle between normals, by an exchange of partners, and the two sides that exchange
-    theirs.
+    Side 3 f + i of face f goes from its corner i to the next. Where directions do not cancel, or more than `MOST_FACES`
+    faces meet, all sides of an edge stay together, by ``chained`` (k, 2). ``change`` has, for each crowded edge (vertex,
+    vertex), the least loss of likeness, ((1 + cos) / 2)² of the angle between normals, by an exchange of partners, and
+    the two sides that exchange theirs.
     """
 
     def __init__(self, vertices: FloatArray, faces: IntArray) -> None:
         self._faces, self._n = faces, len(vertices)
         edges = edge_table(faces, len(vertices))
         side, edge, direction = sides_of(edges, faces)
-        balanced = np.bincount(edge, direction, len(edges.ends)) == 0
+        balanced = (np.bincount(edge, direction, len(edges.ends)) == 0) & (edges.n_faces <= MOST_FACES)
         met = meetings(edges, faces)
         self._chained = met.sides[met.is_pair | ~balanced[met.edge]]
         self.partner = np.full(faces.size, -1, dtype=np.int64)
@@ -69,21 +72,57 @@ class Partners:
             return
         ends = np.array(usable)
         losses = np.array([self.change[edge][0] for edge in usable])
-        graph = coo_array((losses + 1e-3, tuple(ends.T)), shape=(self._n, self._n)).tocsr()
+        nets = [_Net.of(ends[rows], losses[rows]) for rows in _connected(ends)]
         for _ in range(HEALING_ROUNDS):
             n_fans = np.bincount(self.fans()[1], minlength=self._n)
-            single = np.unique(ends[n_fans[ends] == 1])
-            if len(single) < 2:
+            changes = [edge for net in nets for edge in net.paths(n_fans)]
+            if not changes:
                 return
-            lengths, before = dijkstra(graph, directed=False, indices=single, return_predecessors=True)
-            for i, j in _nearest_pairs(lengths[:, single]):
-                for edge in _path(before[i], int(single[j])):
-                    _, p, q = self.change[edge]
-                    self._exchange(p, q)
+            for edge in changes:
+                _, p, q = self.change[edge]
+                self._exchange(p, q)
 
     def _exchange(self, p: int, q: int) -> None:
         of_p, of_q = self.partner[[p, q]]
         self.partner[[p, of_q, q, of_p]] = of_q, p, of_p, q
+
+
+@dataclass(frozen=True)
+class _Net:
+    """Crowded edges that are connected: their vertices, and the matrix of what a change at each edge loses."""
+
+    vertices: IntArray
+    losses: csr_array
+
+    @classmethod
+    def of(cls, ends: IntArray, losses: FloatArray) -> _Net:
+        vertices, local = np.unique(ends, return_inverse=True)
+        shape = (len(vertices),) * 2
+        return cls(vertices, coo_array((losses + 1e-3, tuple(local.reshape(-1, 2).T)), shape=shape).tocsr())
+
+    def paths(self, n_fans: IntArray) -> Iterator[tuple[int, int]]:
+        """Edges of the paths between vertices of one fan, the nearest two first; none where these are too many."""
+        single = np.flatnonzero(n_fans[self.vertices] == 1)
+        if not 2 <= len(single) <= MOST_SINGLE:
+            return
+        lengths, before = dijkstra(self.losses, directed=False, indices=single, return_predecessors=True)
+        for i, j in _nearest_pairs(lengths[:, single]):
+            for low, high in _path(before[i], int(single[j])):
+                yield int(self.vertices[low]), int(self.vertices[high])
+
+
+def _connected(ends: IntArray) -> list[IntArray]:
+    """Rows of the edges of each connected net."""
+    vertices, local = np.unique(ends, return_inverse=True)
+    local = local.reshape(-1, 2)
+    _, label = linked(len(vertices), (local[:, 0], local[:, 1]))
+    return split_by(label[local[:, 0]])
+
+
+def split_by(label: IntArray) -> list[IntArray]:
+    """Return the indices of each label, in order."""
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1) if len(label) else []
 
 
 def sides_of(edges: EdgeTable, faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:

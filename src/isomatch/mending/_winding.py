@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from isomatch.loading.compiled import compiled
 from isomatch.surfaces import Meetings, Mesh, first_equal, linked, meetings
 from isomatch.values.arrays import AnyArray, BoolArray, FloatArray, IntArray
 
+LEAST_VOLUME = 0.01
+"""Volume over area^(3/2) that tells where an open surface looks: 0.03 of a cat and 0.09 of a ball, and more of parts of
+them; 0.002 of a rough sheet."""
 NEARLY_CLOSED = 0.1
 """A piece is nearly closed if flat discs with the lengths of its boundary loops have at most this share of its area."""
 
@@ -20,6 +25,80 @@ def faces_to_rewind(mesh: Mesh, met: Meetings | None = None) -> BoolArray:
     orientable piece gives two components of this cover, its two consistent windings. A one-sided piece gives one
     component, and is left as it is. A piece that is not nearly closed keeps the winding of most of its faces.
     """
+    pieces = _pieces(mesh, met)
+    volume = np.where(pieces.openings <= NEARLY_CLOSED, pieces.volume, 0.0)
+    reverse = np.where(volume == 0, pieces.majority, volume) < 0
+    to_rewind: BoolArray = (pieces.rewound ^ reverse[pieces.piece]) & ~pieces.one_sided[pieces.piece]
+    return to_rewind
+
+
+def seems_inside_out(mesh: Mesh) -> bool:
+    """Whether the largest piece of a mesh, which keeps its winding as its openings are large, looks inward.
+
+    It is closed over its openings by cones; the sign of the volume inside says where its faces look. Seen from outside, a
+    half or a fifth of a body still bulges towards who looks; a scan of a cavity does not, so nothing is turned over.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Wound consistently, as by `repair`.
+
+    Returns
+    -------
+    bool
+        False also if it is nearly closed, one-sided, or almost flat, so that the volume says nothing.
+
+    Examples
+    --------
+    Five sides of a box, of which the bottom is missing:
+
+    >>> corners = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    >>> sides = [[0, 1, 5], [0, 5, 4], [1, 3, 7], [1, 7, 5], [3, 2, 6], [3, 6, 7], [2, 0, 4], [2, 4, 6]]
+    >>> outward = np.array([*sides, [4, 5, 7], [4, 7, 6]])
+    >>> seems_inside_out(Mesh(corners, outward)), seems_inside_out(Mesh(corners, outward[:, ::-1]))
+    (False, True)
+    """
+    if not mesh.n_faces:
+        return False
+    pieces = _pieces(mesh, None)
+    largest = int(pieces.area.argmax())
+    volume = pieces.volume[largest] * np.sign(pieces.majority[largest])
+    return bool(
+        pieces.openings[largest] > NEARLY_CLOSED
+        and not pieces.one_sided[largest]
+        and volume < -LEAST_VOLUME * pieces.area[largest] ** 1.5
+    )
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Sets of faces that are connected through edges of exactly two faces.
+
+    Parameters
+    ----------
+    piece : (m,) array of int
+        The piece of each face.
+    rewound : (m,) array of bool
+        Whether a face is wound otherwise than the first one of its piece.
+    one_sided : (p,) array of bool
+        Whether a piece cannot be oriented.
+    majority : (p,) array of float
+        How many more faces are wound like the first one than otherwise.
+    volume, area, openings : (p,) array of float
+        Signed volume if wound like the first face, its openings closed by cones, and area, in some unit; the area of flat
+        discs with the lengths of the openings, as a share of the area.
+    """
+
+    piece: IntArray
+    rewound: BoolArray
+    one_sided: BoolArray
+    majority: FloatArray
+    volume: FloatArray
+    area: FloatArray
+    openings: FloatArray
+
+
+def _pieces(mesh: Mesh, met: Meetings | None) -> _Pieces:
     m = mesh.n_faces
     met = met or meetings(mesh.edge_table, mesh.faces)
     paired = met.sides if met.is_pair.all() else met.sides[met.is_pair]
@@ -37,17 +116,16 @@ def faces_to_rewind(mesh: Mesh, met: Meetings | None = None) -> BoolArray:
     unpaired = np.ones(3 * m, dtype=bool)
     unpaired[paired] = False
     sign = np.where(rewound, -1.0, 1.0)
-    volume = _volume_if_nearly_closed(mesh, sign, np.flatnonzero(unpaired), piece, first)
-    majority = np.bincount(piece, sign, n_pieces)
-    reverse = np.where(volume == 0, majority, volume) < 0
-    to_rewind: BoolArray = (rewound ^ reverse[piece]) & ~one_sided[piece]
-    return to_rewind
+    measured = _measured(mesh, sign, np.flatnonzero(unpaired), piece, first)
+    return _Pieces(
+        piece, rewound, one_sided, np.bincount(piece, sign, n_pieces).astype(np.float64), *measured
+    )
 
 
-def _volume_if_nearly_closed(
+def _measured(
     mesh: Mesh, sign: FloatArray, unpaired: IntArray, piece: IntArray, first: IntArray
-) -> FloatArray:
-    """Signed volume of each piece, its holes closed by cones, in no particular unit; 0 if it is not nearly closed.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Signed volume of each piece, its holes closed by cones, its area, and the share of its openings.
 
     The boundary of a piece is where more of its sides run along an edge in one direction than in the other. More than
     two faces may meet at an edge, as where vertices were welded, and still leave no boundary.
@@ -81,7 +159,8 @@ def _volume_if_nearly_closed(
     area = summed(piece, unit.face_areas)
     length = np.abs(excess) * np.linalg.norm(points[high] - points[low], axis=1)
     discs = summed(of, summed(loop, length, n_loops)[loop] * length) / (4 * np.pi)
-    return np.where(discs <= NEARLY_CLOSED * area, volume, 0.0)
+    none = np.where(discs > 0, np.inf, 0.0)
+    return volume / 6, area, np.divide(discs, area, out=none, where=area > 0)
 
 
 @compiled()

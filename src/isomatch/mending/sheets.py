@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from isomatch.mending._partners import Partners, sides_of
+from isomatch.mending._partners import Partners, sides_of, split_by
 from isomatch.surfaces import Mesh, edge_table, first_equal, linked, meetings, unsound_faces
 from isomatch.values.arrays import FloatArray, IntArray
 
@@ -94,7 +94,9 @@ def separate_sheets(mesh: Mesh, least_distance: float = 0.1) -> Separation:
     apart = Mesh(points[vertex], fan)
     lengths = coo_array((apart.edge_lengths, tuple(apart.edges.T)), shape=(len(vertex),) * 2).tocsr()
     limit = least_distance * np.sqrt(apart.area)
-    seams = [seam for seam in _seams(faces, vertex) if _is_far(lengths, vertex, seam, limit)]
+    by_vertex = np.argsort(vertex, kind="stable")
+    copies_of = by_vertex, np.searchsorted(vertex[by_vertex], np.arange(mesh.n_vertices + 1))
+    seams = [seam for seam in _seams(faces, vertex) if _is_far(lengths, copies_of, seam, limit)]
     if not seams:
         return whole
     fans = np.arange(len(vertex))
@@ -138,13 +140,16 @@ def _with_all_layers(vertices: FloatArray, faces: IntArray) -> IntArray:
     one_sign = np.abs(np.bincount(owner, np.sign(signs), n_pieces)) == np.bincount(owner, minlength=n_pieces)
     area = np.bincount(piece, Mesh(vertices, faces).face_areas, n_pieces)
     layers = [faces]
+    rim_of = np.argsort(owner, kind="stable")
+    start = np.searchsorted(owner[rim_of], np.arange(n_pieces + 1))
+    faces_of = split_by(piece)
     # the smallest first: a wall before the rooms beside it
     for i in np.flatnonzero(one_sign)[area[one_sign].argsort(kind="stable")]:
-        mine = np.flatnonzero(owner == i)
+        mine = rim_of[start[i] : start[i + 1]]
         sign = np.sign(surplus[edge_of[mine]] * direction_of[mine])
         if len(mine) and abs(sign.sum()) == len(mine):
             np.subtract.at(surplus, edge_of[mine], sign * direction_of[mine])
-            layers.append(faces[piece == i][:, :: -int(sign[0])])
+            layers.append(faces[faces_of[i]][:, :: -int(sign[0])])
     return np.concatenate(layers)
 
 
@@ -175,14 +180,15 @@ def _seams(faces: IntArray, vertex: IntArray) -> list[IntArray]:
     number = np.full(int(faces.max()) + 1, -1, dtype=np.int64)
     number[glued] = np.arange(len(glued))
     ends = number[np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])]
-    count, label = linked(len(glued), tuple(ends[(ends >= 0).all(axis=1)].T))
-    return [glued[label == i] for i in range(count)]
+    _, label = linked(len(glued), tuple(ends[(ends >= 0).all(axis=1)].T))
+    return [glued[rows] for rows in split_by(label)]
 
 
-def _is_far(lengths: csr_array, vertex: IntArray, seam: IntArray, limit: float) -> bool:
+def _is_far(lengths: csr_array, copies_of: tuple[IntArray, IntArray], seam: IntArray, limit: float) -> bool:
     """Whether copies of some vertices of a seam are farther apart than a limit, given the lengths of the edges."""
+    order, start = copies_of
     probed = seam[np.unique(np.linspace(0, len(seam) - 1, MOST_PROBED).astype(int))]
-    for copies in (np.flatnonzero(vertex == v) for v in probed):
+    for copies in (order[start[v] : start[v + 1]] for v in probed):
         if (dijkstra(lengths, directed=False, indices=copies[0], limit=limit)[copies[1:]] > limit).any():
             return True
     return False

@@ -10,6 +10,8 @@ from isomatch.errors import MemoryBudgetError, SettingError
 from isomatch.runtime.limits import memory
 
 GIB = 2**30
+_MOST_TIMES = 20  # the size of a file, which SECURITY.md promises
+_ANY_FILE = 2**26  # bytes, which are no harm
 
 
 def memory_budget() -> int:
@@ -47,3 +49,8 @@ def require_memory(n_bytes: float, purpose: str, instead: str) -> None:
             f"{purpose} needs {n_bytes / GIB:.1f} GiB, the budget is {budget / GIB:.1f} GiB "
             f"(ISOMATCH_MEMORY_BUDGET, in GiB); {instead}"
         )
+
+
+def room_for(size: int) -> int:
+    """Return how many bytes of memory what is in a file of a size may claim: many times that, and some of any file."""
+    return _MOST_TIMES * size + _ANY_FILE

@@ -8,12 +8,16 @@ import numpy as np
 
 from isomatch.errors import MeshError
 from isomatch.geodesics import distance_engine, ordinary_unit
-from isomatch.mending import check, repair, separate_sheets
+from isomatch.mending import check, repair, seems_inside_out, separate_sheets
 from isomatch.settings import PreparationSettings
 from isomatch.surfaces import Graph, Mesh, PointCloud, Surface
 from isomatch.values.arrays import BoolArray, IntArray
 
 FEWEST_VERTICES = 50  # fewer leave no room for 8 columns and 20 functions
+INSIDE_OUT = (
+    "its openings are too large to turn it over, but it seems to be inside out; if the map is a mirror image, match with "
+    "the orientation 'any', or reverse the corners of its faces"
+)
 LEFT_UNMATCHED = "are left unmatched"
 
 # average distance between two points of a graph of unit size, in place of an area; about that of animals and people
@@ -134,6 +138,8 @@ def _repaired(shape: Surface, sheet_distance: float) -> tuple[Surface, float, In
             new_index = np.append(repaired.new_index, -1)[glued.new_index]
             old_index = glued.vertex_index[apart.vertex_index[repaired.vertex_index]]
             notes = [*glued.changes, *repaired.changes, _seams_described(apart.seams, glued.vertex_index)]
+    if seems_inside_out(repaired.mesh):
+        notes.append(INSIDE_OUT)
     unit = float(np.abs(repaired.mesh.vertices).max())
     return repaired.mesh.moved(repaired.mesh.vertices / unit), unit, new_index, old_index, notes
 

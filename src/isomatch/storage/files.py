@@ -23,6 +23,7 @@ from typing import BinaryIO, NoReturn
 import numpy as np
 
 from isomatch.errors import FormatError, IsomatchError, MissingFileError, UnwritableFileError
+from isomatch.storage.cells import joined, unescaped
 from isomatch.values.arrays import IntArray
 
 if sys.platform == "win32":
@@ -246,20 +247,21 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         If there is no such file (`MissingFileError`), or it is no table.
     """
     with opened(path) as file:
-        text = StringIO(decoded(file.read()), newline="")
+        reader = csv.DictReader(StringIO(decoded(file.read()), newline=""), restval="")
     try:
-        return list(csv.DictReader(text, restval=""))
+        reader.fieldnames = [unescaped(name) for name in reader.fieldnames or ()]
+        return [
+            {name: unescaped(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
+            for row in reader
+        ]
     except csv.Error as error:
         raise FormatError(f"{path}: not a table ({error}); write cells separated by commas") from None
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, object]], columns: Collection[str]) -> None:
     """Write a table with a line of names, see `replaced`; values of other columns are left out."""
-    text = StringIO(newline="")
-    writer = csv.DictWriter(text, columns, extrasaction="ignore")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
+    cells = ([row.get(column, "") for column in columns] for row in rows)
+    write_text(path, joined([columns, *cells], line_end="\r\n"))
 
 
 @contextmanager

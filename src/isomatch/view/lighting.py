@@ -72,6 +72,8 @@ def _reflect(
 def _crevices(raster: Raster) -> FloatArray:
     """Measure how far each covered pixel lies below its surroundings, 0 … 1."""
     covered, height = raster.covered, raster.depth.shape[0]
+    if not covered.any():  # of a surface that is smaller than a pixel
+        return np.zeros(0)
     coarse = slice(None, None, CREVICE_STEP), slice(None, None, CREVICE_STEP)
     blur = CREVICE_RADIUS * height / CREVICE_STEP
     share = gaussian_filter(covered[coarse].astype(np.float64), blur)

@@ -18,6 +18,7 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from numpy.typing import ArrayLike
 
 from isomatch.correspondence import Correspondence
+from isomatch.errors import MeshError
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
@@ -28,6 +29,7 @@ from isomatch.view.surface_image import SurfaceView
 WIDTH = 1800
 DPI = 200
 TALLEST = 1.15  # largest height of a panel over its width
+LEAST_AREA = 1e-100  # of a shape of ordinary size; the squares of smaller ones vanish
 MARGIN, TITLE, COLOUR_BAR = 30, 70, 110  # pixels
 
 
@@ -86,6 +88,8 @@ def draw_map(
 
     Raises
     ------
+    MeshError
+        If coordinates differ so much that floats have no area for a shape.
     UnwritableFileError
         If the file cannot be written.
 
@@ -95,6 +99,12 @@ def draw_map(
     unmatched. Time is linear in faces and pixels.
     """
     source, target = of_ordinary_size(source), of_ordinary_size(target)
+    for mesh, title in zip((source, target), titles):
+        if not mesh.area > LEAST_AREA:
+            raise MeshError(
+                f"{title}: cannot be drawn, as some coordinates are so much larger than the others that the surface has "
+                "no area beside them; remove vertices that are far away"
+            )
     camera = camera_of(target)
     turned = camera @ turn_to_target(source, target, correspondence)
     colours = position_colours(target)
@@ -126,13 +136,14 @@ def _arranged(panels: Sequence[_Panel], width: int, right: int) -> Figure:
     room = width - right - MARGIN * (len(panels) + 1)
     tallest = TALLEST * room / len(panels)
     scale = min(room / extents[:, 0].sum(), tallest / extents[:, 1].max())
-    height = int(np.ceil(scale * extents[:, 1].max()))
+    height = max(int(np.ceil(scale * extents[:, 1].max())), 1)
     widths = np.ceil(scale * extents[:, 0]).astype(int)
     spare = (room - int(widths.sum())) // len(panels)
+    widths = np.maximum(widths + spare, 1)
     figure = Figure((width / DPI, (height + 2 * MARGIN + TITLE) / DPI), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     left = MARGIN
-    for panel, panel_width in zip(panels, widths + spare):
+    for panel, panel_width in zip(panels, widths):
         image = panel.view.pixels(int(panel_width), height, scale)
         figure.figimage(image, left, TITLE + MARGIN, origin="upper")
         middle = (left + panel_width / 2) / width

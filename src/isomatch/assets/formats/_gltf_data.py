@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache, partial
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from isomatch.assets.formats._reading import Room
+from isomatch.assets.pictures import picture_in
 from isomatch.errors import FormatError, MeshError
 from isomatch.storage.files import opened
 from isomatch.values.arrays import AnyArray, FloatArray
@@ -24,8 +27,8 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TYPES = {width: name for name, width in _WIDTHS.items()}
 _COMPRESSED = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LARGEST_GLB = 2**32 - 64  # bytes of JSON and data; their sizes have 32 bits
-_SMALL = 2**24  # entries that any file may claim
-_MOST_REPEATED = 64  # entries for each byte of data
+_ENTRY = 24  # bytes that an entry of an array takes while parts are joined, measured
+_OBJECT, _LIST, _ITEM = 200, 88, 32  # bytes that these take in Python when JSON is read
 
 
 @dataclass
@@ -34,11 +37,11 @@ class GltfData:
 
     json: dict[str, Any]
     blob: bytearray
-    entries_left: int = field(init=False)
-    """How many may be read: many times those of the bytes, as a small file may refer to them again and again."""
+    room: Room = None  # type: ignore[assignment]
+    """Memory that arrays and pictures may take, as a small file may refer to the same bytes again and again."""
 
     def __post_init__(self) -> None:
-        self.entries_left = _SMALL + _MOST_REPEATED * len(self.blob)
+        self.room = self.room or Room(len(self.blob))
 
     def array(self, index: int) -> AnyArray:
         """Return the values of an accessor, (count,) or (count, d), as they are stored; integers stay integers."""
@@ -64,7 +67,7 @@ class GltfData:
 
     def _rows(self, place: dict[str, Any], count: int, width: int, kind: np.dtype[Any]) -> AnyArray:
         if "bufferView" not in place:
-            self._require_entries(count * width)
+            self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
             return np.zeros((count, width), kind)
         view = self.json["bufferViews"][place["bufferView"]]
         start = view.get("byteOffset", 0) + place.get("byteOffset", 0)
@@ -74,16 +77,17 @@ class GltfData:
             raise FormatError(f"an accessor refers to byte {end} of {len(self.blob)}")
         if not count:
             return np.zeros((0, width), kind)
-        self._require_entries(count * width)
+        self.room.take(_ENTRY * count * width, f"an accessor of {count * width} entries")
         rows = np.ndarray((count, width), kind, bytes(self.blob[start:end]), 0, (stride, kind.itemsize))
         return np.array(rows)
 
-    def _require_entries(self, n: int) -> None:
-        self.entries_left -= n
-        if n < 0 or self.entries_left < 0:
-            raise FormatError(
-                f"an accessor of {n} entries claims or repeats more than the {len(self.blob)} bytes of data tell"
-            )
+    def bytes_of(self, view: int) -> bytes:
+        """Return the bytes of a buffer view."""
+        place = self.json["bufferViews"][view]
+        start = place.get("byteOffset", 0)
+        content = bytes(self.blob[start : start + place["byteLength"]])
+        self.room.take(len(content), "a picture")
+        return content
 
     def add_array(self, values: AnyArray, **properties: object) -> int:
         """Append the values of a new accessor, whose rows start at multiples of 4 bytes; return its index."""
@@ -132,40 +136,69 @@ class GltfData:
 def unpacked(data: bytes, name: str) -> GltfData:
     """Read a ``.glb`` or ``.gltf`` file and the files that it names, as one JSON with one buffer."""
     text, binary = _chunks(data, name) if data[:4] == _MAGIC else (data, b"")
+    room = Room(len(data))
+    counts = ((_OBJECT, b"{"), (_LIST, b"["), (_ITEM, b","))
+    room.take(sum(size * text.count(mark) for size, mark in counts), "its JSON")
     found = json.loads(text)
     compressed = _COMPRESSED.intersection(found.get("extensionsRequired", ()))
     if compressed:
         raise FormatError(f"{name}: is compressed by {min(compressed)}; export it without compression")
     folder = Path(name).parent
-    blob, starts = bytearray(), []
-    for i, buffer in enumerate(found.pop("buffers", [])):
-        blob += b"\0" * (-len(blob) % 4)
-        starts.append(len(blob))
-        content = binary if i == 0 else b""  # only the first may be inside the file
-        if "uri" in buffer:
-            if not buffer["uri"].startswith("data:") and _beside(buffer["uri"], folder) is None:
-                raise FormatError(
-                    f"{name}: its data is in {buffer['uri']!r}, outside of its folder, and is not read; "
-                    "copy that file beside this one, or export as .glb"
-                )
-            content = _content(buffer["uri"], folder)
-        if len(content) < buffer["byteLength"]:
+    beside = cache(partial(_beside, folder=folder))
+    buffers = found.pop("buffers", [])
+    longest: dict[Path, int] = {}  # of the buffers in the same file, which is read once
+    for buffer in buffers:
+        path = beside(buffer.get("uri", "data:"))
+        if path is not None:
+            longest[path] = max(longest.get(path, 0), buffer["byteLength"])
+    blob, starts, start_of = bytearray(), [], dict[Path, int]()
+    for i, buffer in enumerate(buffers):
+        n, uri = buffer["byteLength"], buffer.get("uri")
+        path = beside(uri or "data:")
+        if path in start_of:
+            starts.append(start_of[path])
+            continue
+        if path is not None:
+            content = _start_of(path, longest[path])
+            n = longest[path]
+            room.size += len(content)
+        elif uri is None:
+            content = binary if i == 0 else b""  # only the first may be inside the file
+        elif uri.startswith("data:"):
+            content = base64.b64decode(uri.partition(",")[2])
+        else:
             raise FormatError(
-                f"{name}: byte {len(data)}: expected a buffer of {buffer['byteLength']} bytes, found {len(content)}; "
+                f"{name}: its data is in {uri!r}, outside of its folder, and is not read; "
+                "copy that file beside this one, or export as .glb"
+            )
+        if not 0 <= n <= len(content):
+            raise FormatError(
+                f"{name}: byte {len(data)}: expected a buffer of {n} bytes, found {len(content)}; "
                 "it is cut short, copy or export it again"
             )
-        blob += content[: buffer["byteLength"]]
+        blob += b"\0" * (-len(blob) % 4)
+        starts.append(len(blob))
+        blob += content[:n]
+        if path is not None:
+            start_of[path] = starts[-1]
     _without_compression(found)
     for view in found.get("bufferViews", []):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
         view["buffer"] = 0
-    gltf = GltfData(found, blob)
+    gltf = GltfData(found, blob, room)
+    views: dict[Path, int | None] = {}
     for image in found.get("images", []):
-        path = _beside(image.get("uri", "data:"), folder)
-        if path is not None and path.is_file():
+        path = beside(image.get("uri", "data:"))
+        if path is None or not path.is_file():
+            continue
+        if path not in views:
+            picture = picture_in(path)
+            views[path] = None if picture is None else gltf.add_bytes(picture)
+        if views[path] is not None:
             image.setdefault("name", path.stem)
             image.setdefault("mimeType", guess_type(path, strict=False)[0] or "image/png")
-            image["bufferView"] = gltf.add_bytes(_content(image.pop("uri"), folder))
+            del image["uri"]
+            image["bufferView"] = views[path]
     return gltf
 
 
@@ -236,8 +269,6 @@ def _beside(uri: str, folder: Path) -> Path | None:
     return path if not uri.startswith("data:") and path.is_relative_to(folder.resolve()) else None
 
 
-def _content(uri: str, folder: Path) -> bytes:
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.partition(",")[2])
-    with opened(folder / unquote(uri)) as file:
-        return file.read()
+def _start_of(path: Path, n: int) -> bytes:
+    with opened(path) as file:
+        return file.read(min(n, path.stat().st_size)) if n > 0 else b""

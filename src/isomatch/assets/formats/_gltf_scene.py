@@ -17,14 +17,21 @@ Matrix = tuple[tuple[float, ...], ...]
 Place = tuple[int, int]
 """A mesh, and one of its primitives."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
+_COPIED = 16  # bytes that a letter of JSON takes when it is copied, measured
 _POSED = 1e-3  # of the largest entry: more than what rounding does to matrices
 
 
-def separate_instances(document: dict[str, Any]) -> None:
+def separate_instances(gltf: GltfData) -> None:
     """Give each node a mesh of its own, which shares the arrays of the mesh that several nodes had."""
-    used = set()
+    document = gltf.json
+    used: set[int] = set()
+    sizes: dict[int, int] = {}
     for node in document.get("nodes", []):
         if node.get("mesh") in used:
+            mesh = node["mesh"]
+            if mesh not in sizes:
+                sizes[mesh] = _COPIED * len(str(document["meshes"][mesh]))
+            gltf.room.take(sizes[mesh], f"a node that repeats mesh {mesh}")
             document["meshes"].append(copy.deepcopy(document["meshes"][node["mesh"]]))
             node["mesh"] = len(document["meshes"]) - 1
         if "mesh" in node:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from isomatch.errors import FormatError, IsomatchError
+from isomatch.errors import FormatError, IsomatchError, MemoryBudgetError
+from isomatch.runtime.memory import room_for
 from isomatch.storage.files import writing
 
 
@@ -18,14 +20,41 @@ def reading(name: str, what: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
-    except (IsomatchError, MemoryError):
+    except FormatError as error:
+        raise error if str(error).startswith(name) else FormatError(f"{name}: {error}") from None
+    except IsomatchError:
         raise
+    except MemoryError:
+        raise MemoryBudgetError(
+            f"{name}: reading needs more memory than there is; close other programs"
+        ) from None
     except Exception as error:
         lines = str(error).splitlines()
-        reason = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
-        raise FormatError(
-            f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again"
+        raise damaged(
+            name, what, f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
         ) from None
+
+
+def damaged(name: str, what: str, reason: str) -> FormatError:
+    """Make the error of a file whose contents do not fit together."""
+    return FormatError(f"{name}: expected {what}, found damaged contents ({reason}); copy or export it again")
+
+
+@dataclass
+class Room:
+    """The memory that what is in a file may take, told before it is allocated."""
+
+    size: int
+    """Bytes of the file."""
+    taken: int = 0
+
+    def take(self, n_bytes: int, what: str) -> None:
+        """Raise `FormatError` if there is not so much left."""
+        self.taken += n_bytes
+        if n_bytes < 0 or self.taken > room_for(self.size):
+            raise FormatError(
+                f"{what} claims or repeats more than the {self.size} bytes of the file tell; export it again"
+            )
 
 
 @contextmanager

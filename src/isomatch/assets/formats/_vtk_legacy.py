@@ -71,11 +71,14 @@ def _walk(file: _Sections, version: int) -> None:
                 file.values(n_rows * _PER_ROW[keyword], kind)
             case ["FIELD", _, count]:
                 for _ in range(int(count)):
-                    _, width, rows, kind = file.line()
+                    words = file.line()
+                    if words[:1] == ["METADATA"]:  # of the array before
+                        file.skip_metadata()
+                        words = file.line()
+                    _, width, rows, kind = words
                     file.values(int(width) * int(rows), kind)
             case ["METADATA"]:
-                end = re.compile(rb"\n[ \r]*\n").search(file.data, file.at - 1)
-                file.at = end.end() if end else len(file.data)
+                file.skip_metadata()
             case ["DATASET", _]:
                 pass
             case _:
@@ -113,6 +116,11 @@ class _Sections:
         found = re.compile(rb"\s*([^\n]*)\n?").match(self.data, self.at)
         self.at = found.end() if found else len(self.data)
         return found[1].decode("latin-1").split() if found else []
+
+    def skip_metadata(self) -> None:
+        """Go to the end of what is said of an array, which is a blank line."""
+        end = re.compile(rb"\n[ \r]*\n").search(self.data, self.at - 1)
+        self.at = end.end() if end else len(self.data)
 
     def values(self, n: int, kind: str) -> AnyArray:
         """Read numbers of a type."""

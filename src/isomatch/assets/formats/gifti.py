@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import base64
+import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from xml.parsers.expat import ParserCreate
 
 import numpy as np
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
 from isomatch.assets.attribute_names import guessed_kind, told_apart
-from isomatch.assets.formats._reading import reading
+from isomatch.assets.formats._reading import Room, reading
 from isomatch.assets.frame import Frame
 from isomatch.assets.polygons import Polygons
 from isomatch.assets.renumbering import Renumbering
 from isomatch.errors import FormatError
 from isomatch.loading.packages import package
 
+_PIECE = 2**20  # bytes that are unpacked at a time
 _LABEL, _VECTOR, _POINTS, _TRIANGLES = 1002, 1007, 1008, 1009
 _NODES, _RGB, _RGBA, _SHAPE = 2002, 2003, 2004, 2005
 VALUES = (".func", ".label", ".rgba", ".shape", ".tensor", ".time", ".vector")
@@ -140,7 +145,28 @@ def write(asset: Asset) -> bytes:
 
 def _image(data: bytes, name: str) -> Any:
     with reading(name, "a GIFTI file"):
+        _require_room(data)
         return _package().GiftiImage.from_bytes(data)
+
+
+def _require_room(data: bytes) -> None:
+    """Raise `FormatError` if what is compressed is far larger than the file; nothing large is kept."""
+    room, words = Room(len(data)), list[str]()
+    parser = ParserCreate()
+
+    def end(tag: str) -> None:
+        if tag == "Data":
+            stream, rest = zlib.decompressobj(), base64.b64decode("".join(words))
+            with suppress(zlib.error):  # what is not compressed, and what nibabel will refuse
+                while part := stream.decompress(rest, _PIECE):
+                    room.take(len(part), "an array")
+                    rest = stream.unconsumed_tail
+        words.clear()
+
+    parser.StartElementHandler = lambda tag, attributes: words.clear()
+    parser.CharacterDataHandler = words.append
+    parser.EndElementHandler = end
+    parser.Parse(data, True)
 
 
 def _values(image: Any, n_points: int | None, title: str) -> list[tuple[Attribute, Any]]:

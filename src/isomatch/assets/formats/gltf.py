@@ -41,6 +41,8 @@ from isomatch.assets.seams import split_at_seams
 from isomatch.errors import MeshError
 from isomatch.values.arrays import AnyArray, FloatArray, IntArray
 
+_PART, _PRIMITIVE = 1024, 1024  # bytes that these take beside their arrays, measured
+
 
 @dataclass(frozen=True)
 class GltfDocument:
@@ -137,7 +139,7 @@ def read_asset(data: bytes, name: str) -> Asset:
     """Read the triangles of a glTF file, one part after another, with all attributes of their points."""
     with reading(name, "a glTF 2.0 file"):
         gltf = unpacked(data, name)
-        separate_instances(gltf.json)
+        separate_instances(gltf)
         return _read(gltf)
 
 
@@ -150,6 +152,7 @@ def _read(gltf: GltfData) -> Asset:
     for _, places in groupby(surfaces(gltf.json), lambda place: (place[0], _keys(gltf.json, place))):
         same = list(places)
         mesh = same[0][0]
+        gltf.room.take(_PART + _PRIMITIVE * len(same), f"a part of {len(same)} primitives")
         keys = _keys(gltf.json, same[0])
         points.append(gltf.numbers(keys["POSITION"]))
         n = len(points[-1])

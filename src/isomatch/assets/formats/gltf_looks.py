@@ -56,9 +56,14 @@ def with_materials_of(receiver: Asset, giver: GltfDocument, giver_triangle: IntA
     document, gltf = opened_document(receiver)
     other = copy.deepcopy(giver.json)
     starts = _starts(document, gltf)
+    given = GltfData(other, bytearray(giver.blob))
+    views: dict[int, int] = {}
     for image in other.get("images", []):
         if "bufferView" in image:
-            image["bufferView"] = gltf.add_bytes(_bytes_of(other, giver.blob, image["bufferView"]))
+            view = image["bufferView"]
+            if view not in views:
+                views[view] = gltf.add_bytes(given.bytes_of(view))
+            image["bufferView"] = views[view]
         gltf.append("images", image)
     for sampler in other.get("samplers", []):
         gltf.append("samplers", sampler)
@@ -182,7 +187,7 @@ def _image(gltf: GltfData, index: int) -> Picture:
     uri = str(image.get("uri", ""))
     name = str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {index}"))
     if "bufferView" in image:
-        return Picture(name, _bytes_of(gltf.json, gltf.blob, image["bufferView"]))
+        return Picture(name, gltf.bytes_of(image["bufferView"]))
     if not uri:
         return Picture(name, missing="it is not in the file")
     if not uri.startswith("data:"):
@@ -197,12 +202,6 @@ def _entry(gltf: GltfData, name: str, index: int) -> dict[str, Any]:
     """Return an entry of a list; empty if there is none."""
     listed = gltf.json.get(name, [])
     return listed[index] if 0 <= index < len(listed) else {}
-
-
-def _bytes_of(document: dict[str, Any], blob: bytes | bytearray, view: int) -> bytes:
-    place = document["bufferViews"][view]
-    start = place.get("byteOffset", 0)
-    return bytes(blob[start : start + place["byteLength"]])
 
 
 def _starts(document: GltfDocument, gltf: GltfData) -> dict[str, int]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 from isomatch.assets.looks import IN_PLACE, Layer, Look, Picture, Wrap
+from isomatch.assets.pictures import picture_in
 from isomatch.errors import FormatError
 from isomatch.storage.files import decoded, encoding_of, opened
 
@@ -24,13 +25,14 @@ def read_libraries(lines: tuple[str, ...], folder: Path) -> dict[str, bytes]:
         for line in lines
         for name in (line, *line.split())  # one, whose name may have blanks, or several
         if (content := _content(name, folder)) is not None
+        and any(keyword == "newmtl" for keyword, _ in _statements(content))  # nothing else is copied
     }
     pictures = {
         name: content
         for library in libraries.values()
         for keyword, rest in _statements(library)
         if keyword.startswith(_PICTURES)
-        and (content := _content(name := _options(rest)[1], folder)) is not None
+        and (content := _content(name := _options(rest)[1], folder, picture_in)) is not None
     }
     return libraries | pictures
 
@@ -146,7 +148,12 @@ def _lines(library: bytes) -> list[str]:
     return decoded(library).replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _content(name: str, folder: Path) -> bytes | None:
+def _all_of(path: Path) -> bytes:
+    with opened(path) as file:
+        return file.read()
+
+
+def _content(name: str, folder: Path, read: Callable[[Path], bytes | None] = _all_of) -> bytes | None:
     """Read a file of the folder or below, as no other may be copied; None if there is none.
 
     Of a path that leads elsewhere, as on the machine of who made the file, the last name is sought in the folder too.
@@ -156,6 +163,5 @@ def _content(name: str, folder: Path) -> bytes | None:
         with suppress(FormatError, OSError, ValueError):  # as of names too long, or with a zero byte
             path = (folder / each).resolve()
             if each and path.is_relative_to(folder.resolve()) and path.is_file():
-                with opened(path) as file:
-                    return file.read()
+                return read(path)
     return None

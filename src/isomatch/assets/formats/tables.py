@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from io import BytesIO, StringIO
+from io import BytesIO
 from itertools import dropwhile
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from isomatch.assets.attribute_names import guessed_kind, told_apart
 from isomatch.assets.formats._reading import reading
 from isomatch.assets.formats._text import number_of
 from isomatch.errors import FormatError
-from isomatch.storage.cells import SEPARATORS, separated
+from isomatch.storage.cells import SEPARATORS, joined, separated
 from isomatch.storage.files import decoded, encoding_of
 from isomatch.values.arrays import AnyArray
 
@@ -87,11 +86,7 @@ def write_table(attributes: Sequence[Attribute], mark: str = ",") -> bytes:
         single = table.shape[1] == 1
         names += [attribute.name if single else f"{attribute.name}_{i}" for i in range(table.shape[1])]
         columns += [column.tolist() for column in table.T]
-    file = StringIO()
-    writer = csv.writer(file, delimiter=mark, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(zip(*columns))
-    return file.getvalue().encode(errors="backslashreplace")
+    return joined([names, *zip(*columns)], mark).encode(errors="backslashreplace")
 
 
 def _rows(text: str, name: str) -> tuple[list[list[str]], bool]:

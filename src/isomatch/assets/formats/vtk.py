@@ -1,4 +1,4 @@
-"""VTK: legacy files, and XML files of polygons (VTP) and of unstructured grids (VTU), by PyVista and meshio."""
+"""VTK: legacy files, and XML files of polygons (VTP) and of unstructured grids (VTU), by VTK and meshio."""
 
 from __future__ import annotations
 
@@ -6,31 +6,34 @@ import re
 
 from isomatch.assets.asset import Asset
 from isomatch.assets.attribute import Attribute
-from isomatch.assets.formats._reading import on_disk, reading
+from isomatch.assets.formats._reading import damaged, on_disk, reading
 from isomatch.assets.formats._vtk_legacy import require_complete
+from isomatch.assets.formats._vtk_process import grid_of, polygons_of
 from isomatch.assets.from_libraries import held_by
 from isomatch.assets.to_libraries import to_meshio, to_pyvista
-from isomatch.errors import FormatError, MeshError
+from isomatch.errors import MeshError
 from isomatch.loading.packages import package
 
 _LEGACY_HEADER = 1024  # bytes, in which the kind of the data set is told
 
 
 def read_vtk(data: bytes, name: str) -> Asset:
-    """Read a legacy file: polygons by PyVista, unstructured grids by meshio."""
+    """Read a legacy file: polygons by VTK, unstructured grids by meshio."""
     require_complete(data, name)
     is_polygons = b"POLYDATA" in data[:_LEGACY_HEADER].upper()
-    return _by_pyvista(data, name, ".vtk") if is_polygons else _by_meshio(data, name, "vtk")
+    return _by_vtk(data, name, ".vtk") if is_polygons else _by_meshio(data, name, ".vtk")
 
 
 def read_vtp(data: bytes, name: str) -> Asset:
     """Read an XML file of polygons."""
-    return _by_pyvista(data, name, ".vtp")
+    if b"</VTKFile" not in data:
+        raise damaged(name, "a .vtp file of polygons", "it has no end, and is cut short")
+    return _by_vtk(data, name, ".vtp")
 
 
 def read_vtu(data: bytes, name: str) -> Asset:
     """Read an XML file of an unstructured grid."""
-    return _by_meshio(data, name, "vtu")
+    return _by_meshio(data, name, ".vtu")
 
 
 def keeps(attribute: Attribute) -> bool:
@@ -65,28 +68,12 @@ def _saved(asset: Asset, suffix: str, binary: bool) -> bytes:
         return path.read_bytes()
 
 
-def _by_pyvista(data: bytes, name: str, suffix: str) -> Asset:
-    what = f"a {suffix} file of polygons"
-    pyvista = package("pyvista", "vtk", what)
-    with reading(name, what), on_disk(data, suffix) as path:
-        with pyvista.vtk_verbosity("off"), pyvista.VtkErrorCatcher(send_to_logging=False) as caught:
-            reader = pyvista.get_reader(path).reader
-            reader.Update()  # pyvista.read only warns of errors
-            mesh = pyvista.wrap(reader.GetOutput())
-        # ranges of values that are nan cannot be read, and are of no use
-        problems = [
-            event.alert
-            for event in caught.events
-            if event.kind.upper() != "WARNING" and "InformationKey" not in event.alert
-        ]
-        found = mesh.GetNumberOfPolys()
-        if suffix == ".vtp" and found != (declared := _declared_polygons(data)):
-            problems.append(f"{found} polygons, {declared} declared")
-        if problems:
-            raise FormatError(
-                f"{name}: expected {what}, found damaged contents ({problems[0]}); copy or export it again"
-            )
-        return held_by(mesh)
+def _by_vtk(data: bytes, name: str, suffix: str) -> Asset:
+    found = polygons_of(data, name, suffix)
+    if suffix == ".vtp" and found.n_polys != (declared := _declared_polygons(data)):
+        raise damaged(name, "a .vtp file of polygons", f"{found.n_polys} polygons, {declared} declared")
+    with reading(name, f"a {suffix} file of polygons"):
+        return held_by(found)
 
 
 def _declared_polygons(data: bytes) -> int:
@@ -95,10 +82,7 @@ def _declared_polygons(data: bytes) -> int:
     return sum(map(int, counts))
 
 
-def _by_meshio(data: bytes, name: str, kind: str) -> Asset:
-    module = package(f"meshio.{kind}", "io", f"a .{kind} file")
-    with (
-        reading(name, f"a .{kind} file of triangles, quads or polygons"),
-        on_disk(data, f".{kind}") as path,
-    ):
-        return held_by(module.read(path))
+def _by_meshio(data: bytes, name: str, suffix: str) -> Asset:
+    found = grid_of(data, name, suffix)
+    with reading(name, f"a {suffix} file of triangles, quads or polygons"):
+        return held_by(found)
