@@ -45,6 +45,7 @@ def median_map(maps: Sequence[Correspondence], target: SurfaceLike) -> Correspon
 
     Examples
     --------
+    >>> from isomatch import Mesh
     >>> square = Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     >>> right, wrong = Correspondence([0, 1, 2], n_target=4), Correspondence([3, 3, 3], n_target=4)
     >>> median_map([right, wrong, right], square).vertices
