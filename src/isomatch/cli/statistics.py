@@ -171,7 +171,7 @@ def _scored(
     model: shape_statistics.ShapeModel, name: str, mesh: isomatch.Mesh
 ) -> shape_statistics.ScoredShape:
     try:
-        return model.score(mesh)
+        return model.score(mesh, shape_statistics.read_measured(name))
     except IsomatchError as error:
         raise type(error)(f"{name}: {error}") from error
 

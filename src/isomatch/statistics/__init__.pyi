@@ -22,7 +22,7 @@ from isomatch.statistics.procrustes import (
 from isomatch.statistics.regression import ShapeRegression, shape_regression
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import ScoredShape, ShapeModel
-from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_shapes
+from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_measured, read_shapes
 from isomatch.statistics.sizes import centroid_sizes
 from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
 
@@ -61,6 +61,7 @@ __all__ = [
     "likely_units",
     "measured_variances",
     "procrustes_distances",
+    "read_measured",
     "read_shapes",
     "shape_regression",
     "shape_tree",
