@@ -86,7 +86,12 @@ def statistics(
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
-            shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
+            left_right, of = _left_right(mirror, shapes, scale, weights, seed)
+            shapes = shapes.mirrored(left_right)
+            if of:
+                notes.append(
+                    f"left and right are told by {of}, since the left–right map of the mean is not certain"
+                )
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
@@ -160,11 +165,12 @@ def _left_right(
     scale: Literal["keep", "remove"],
     weights: Literal["area", "uniform"],
     seed: int,
-) -> Any:
+) -> tuple[Any, str]:
+    """Find or read the left–right map; also the shape that it is of, if it is not that of the mean."""
     if mirror == "auto":
         mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
-        return shape_statistics.left_right_map(mean, seed=seed)
-    return read_initial_map(Path(mirror), shapes.n_vertices)
+        return shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
+    return read_initial_map(Path(mirror), shapes.n_vertices), ""
 
 
 def _scored(

@@ -10,7 +10,7 @@ from isomatch.statistics.charts import (
 from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
-from isomatch.statistics.left_right import left_right_map
+from isomatch.statistics.left_right import left_right_map, left_right_of_shapes
 from isomatch.statistics.missing import filled, measured_variances
 from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
 from isomatch.statistics.pictures import draw_modes, draw_values
@@ -58,6 +58,7 @@ __all__ = [
     "geodesic_distortions",
     "group_test",
     "left_right_map",
+    "left_right_of_shapes",
     "likely_units",
     "measured_variances",
     "procrustes_distances",
