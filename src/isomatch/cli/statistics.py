@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -103,8 +104,9 @@ def statistics(
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         tested = _tested(model, shapes, labels, test, seed) if groups else None
         groups_of = [labels.get(name, "") for name in model.names] if groups else None
-        sizes = shape_statistics.centroid_sizes(shapes.vertices, share)
-        allometry, why_not = _allometry(shapes, sizes, share, seed)
+        own = shapes if mirror is None else _first_half(shapes)
+        sizes = shape_statistics.centroid_sizes(own.vertices, share)
+        allometry, why_not = _allometry(own, sizes, share, seed)
         notes += why_not
         turned = _asymmetry(model, seed) if mirror is not None else None
         unlabelled = [name for name in model.names if groups and name not in labels]
@@ -118,7 +120,7 @@ def statistics(
         tell("writing", 0.6)
         into.clear()
         into.model(model, shapes, modes, groups_of)
-        into.sizes(shapes, sizes, allometry, groups_of)
+        into.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
         into.quality(model, seed)
         if turned:
             into.asymmetry(model, turned)
@@ -214,6 +216,13 @@ def _tested(
     listed = [labels[model.names[i]] for i in rows]
     known = None if shapes.measured is None else shapes.measured[rows]
     return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
+
+
+def _first_half(shapes: shape_statistics.CorrespondedShapes) -> shape_statistics.CorrespondedShapes:
+    """Return shapes without their mirror images, which are no further specimens."""
+    m = len(shapes) // 2
+    known = None if shapes.measured is None else shapes.measured[:m]
+    return replace(shapes, names=shapes.names[:m], vertices=shapes.vertices[:m], measured=known)
 
 
 def _allometry(

@@ -19,6 +19,7 @@ from isomatch.values.arrays import BoolArray, FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 PictureFormat = Literal["png", "pdf", "svg"]
 
@@ -227,16 +228,22 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 
 def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Sequence[str] | None) -> None:
-    """Draw named points (m, 2) in the colours of their groups."""
+    """Draw named points (m, 2) in the colours of their groups; a name that would cover one before it is left out."""
     for group, colour, chosen in _chosen(groups, len(names)):
         axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
-    for point, name in zip(points, names):
-        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
     if groups:
         legend = axes.legend(fontsize="small")
         for text in legend.get_texts():
             text.set_parse_math(False)
     axes.margins(0.1)
+    taken: list[Bbox] = []
+    for point, name in zip(points, names):
+        label = axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
+        box = label.get_window_extent()
+        if any(box.overlaps(other) for other in taken):
+            label.remove()
+        else:
+            taken.append(box)
 
 
 def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:

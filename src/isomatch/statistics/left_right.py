@@ -77,8 +77,9 @@ def left_right_of_shapes(shapes: CorrespondedShapes, mean: Mesh, *, seed: int = 
     apart = [
         np.linalg.norm(aligned_to(mean.vertices, shape, uniform) - mean.vertices) for shape in shapes.vertices
     ]
-    whole = np.ones(len(shapes), dtype=bool) if shapes.measured is None else shapes.measured.all(axis=1)
-    for i in [int(i) for i in np.argsort(apart, kind="stable") if whole[i]][:MOST_TRIED]:
+    lacks = np.zeros((len(shapes), 1), dtype=bool) if shapes.measured is None else ~shapes.measured
+    nearest = [int(i) for i in np.argsort(apart, kind="stable") if not lacks[i].any()]
+    for i in nearest[:MOST_TRIED]:
         try:
             return left_right_map(shapes.mesh(i), seed=seed), shapes.names[i]
         except MapError:
