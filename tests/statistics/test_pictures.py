@@ -98,6 +98,10 @@ def test_a_name_that_would_cover_another_is_left_out(tmp_path):
     draw_embedding(tmp_path / "places.svg", close, ["one", "two", "three"], "distance")
     text = (tmp_path / "places.svg").read_text()
     assert [f"<!-- {name} -->" in text for name in ("one", "two", "three")] == [True, True, False]
+    grid = np.array([[x, y] for x in range(4) for y in range(3)]) * 1e-3
+    draw_embedding(tmp_path / "places.svg", grid, [f"h{i:02}" for i in range(12)], "distance")
+    text = (tmp_path / "places.svg").read_text()
+    assert all(f"<!-- h{i:02} -->" in text for i in range(12))
 
 
 def test_hulls_are_drawn_around_groups(tmp_path):
