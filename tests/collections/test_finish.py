@@ -98,9 +98,8 @@ def test_a_report_that_cannot_be_written_is_told(copied, plain_reports):
     assert dict(reported(copied, "all"))[PAIR] == "failed"
 
 
-def test_a_surface_is_written_again_when_its_map_is_replaced(copied):
-    collection = replace(copied, template="s0")
-    finished_lines(collection)
+def test_a_surface_is_written_again_when_its_map_is_replaced(star, tmp_path):
+    collection = Collection.open(shutil.copytree(star.folder, tmp_path / "star"))
     assert finished_lines(collection) == []
     changed(collection, PAIR, replaced_by=["s0", "s2", "s1"])
     assert surfaces_written(collection) == ["s0", "s2", "s3"]
@@ -174,9 +173,8 @@ def test_export_never_writes_over_the_collection_or_what_it_did_not_ask_for(star
         list(export(star, tmp_path))
 
 
-def test_a_surface_that_could_not_be_written_is_tried_again(copied, monkeypatch):
-    collection = replace(copied, template="s0")
-    finished_lines(collection)
+def test_a_surface_that_could_not_be_written_is_tried_again(star, tmp_path, monkeypatch):
+    collection = Collection.open(shutil.copytree(star.folder, tmp_path / "star"))
     changed(collection, PAIR, replaced_by=["s0", "s2", "s1"])
     with monkeypatch.context() as broken:
         broken.setattr("isomatch.collections.wrapped.wrap", lambda *_: 1 / 0)

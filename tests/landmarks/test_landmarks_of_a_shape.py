@@ -316,6 +316,25 @@ def test_one_template_has_no_spread():
     assert np.isnan(median_landmarks(several, SPHERE).spread).tolist() == [True, False]
 
 
+def test_templates_that_agree_are_expected_to_be_nearer_than_one_alone():
+    """Errors of templates have a part in common and a part of their own: that of the median is foreseen by the spread."""
+    plane, rng = flat_grid(20, 20), np.random.default_rng(0)
+    truth = np.column_stack([rng.uniform(8, 11, (400, 2)), np.zeros(400)])
+
+    def off(size):
+        return np.column_stack([rng.normal(0, size, (400, 2)), np.zeros(400)])
+
+    for count in (3, 12):
+        common = off(0.1)
+        given = [truth + common + off(0.18) for _ in range(count)]
+        alone = np.linalg.norm(given[0] - truth, axis=1).mean()
+        several = [Landmarks(each, expected_error=np.full(400, alone)) for each in given]
+        found = median_landmarks(several, plane)
+        error = np.linalg.norm(found.positions - truth, axis=1).mean()
+        assert 0.8 * error < found.expected_error.mean() < 1.25 * error < alone
+    assert median_landmarks(several[:1], plane).expected_error.tolist() == [alone] * 400
+
+
 def test_the_median_of_three_points_is_that_of_fermat():
     """In an equilateral triangle the centre, and at an angle beyond 120° the corner."""
     plane = flat_grid(3, 3)

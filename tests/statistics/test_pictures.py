@@ -92,6 +92,18 @@ def test_vertices_without_a_value_are_grey(tmp_path):
     assert colour.sum() > 500
 
 
+def test_a_name_that_would_cover_another_is_left_out(tmp_path):
+    apart = np.array([[0.0, 0.0], [1.0, 1.0]])
+    close = np.concatenate([apart, apart[:1] + 1e-3])
+    draw_embedding(tmp_path / "places.svg", close, ["one", "two", "three"], "distance")
+    text = (tmp_path / "places.svg").read_text()
+    assert [f"<!-- {name} -->" in text for name in ("one", "two", "three")] == [True, True, False]
+    grid = np.array([[x, y] for x in range(4) for y in range(3)]) * 1e-3
+    draw_embedding(tmp_path / "places.svg", grid, [f"h{i:02}" for i in range(12)], "distance")
+    text = (tmp_path / "places.svg").read_text()
+    assert all(f"<!-- h{i:02} -->" in text for i in range(12))
+
+
 def test_hulls_are_drawn_around_groups(tmp_path):
     """In the colours of the groups; not around two points, nor around three on a line."""
     model = ShapeModel.fit(random_shapes(9))

@@ -1,5 +1,7 @@
 """Shape models: closed forms, invariance, scikit-learn as another route, files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sklearn.decomposition import PCA
@@ -97,6 +99,31 @@ def test_a_new_shape_is_described_as_far_as_the_modes_go():
     wider = ellipsoids([1.1]).vertices[0] * [1.0, 1.2, 1.0]
     beyond = model.score(Mesh(wider, model.faces))
     assert beyond.error == pytest.approx(0.2 * np.sqrt((wider[:, 1] ** 2).mean()) / 1.2)
+
+
+def test_what_was_not_measured_tells_nothing():
+    shapes = moved(random_shapes(6))
+    measured = np.ones((6, shapes.n_vertices), dtype=bool)
+    measured[2, :40] = False
+    lacking = replace(shapes, measured=measured)
+    model = ShapeModel.fit(lacking)
+    spoilt = moved(shapes, 9).vertices[2].copy()
+    spoilt[:40] += 5.0
+    scored = model.score(Mesh(spoilt, model.faces), measured[2])
+    np.testing.assert_allclose(scored.scores, model.scores[2], atol=1e-4)
+    assert scored.error < 1e-4
+    assert model.score(Mesh(spoilt, model.faces)).error > 1
+    with pytest.raises(MeshError, match="some of them true"):
+        model.score(Mesh(spoilt, model.faces), np.zeros(shapes.n_vertices, dtype=bool))
+    with pytest.raises(MeshError, match=r"measured has shape \(3,\)"):
+        model.score(Mesh(spoilt, model.faces), np.ones(3, dtype=bool))
+
+
+def test_a_part_of_the_mean_is_the_mean_whatever_its_size():
+    model = ShapeModel.fit(moved(random_shapes(6)), "remove")
+    measured = np.arange(len(model.mean)) < 100
+    scored = model.score(Mesh(7 * model.mean, model.faces), measured)
+    assert np.abs(scored.deviations).max() < 0.2
 
 
 def test_a_vertex_without_area_moves_along():

@@ -1,5 +1,7 @@
 """Collections of shapes: what is left out, what is refused, mirror images."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,13 @@ from corresponded import ellipsoids, random_shapes
 from isomatch import Mesh, write_mesh
 from isomatch.datasets import creature
 from isomatch.errors import FormatError, MapError, MeshError, MissingFileError
-from isomatch.statistics import CorrespondedShapes, ShapeModel, left_right_map, read_shapes
+from isomatch.statistics import (
+    CorrespondedShapes,
+    ShapeModel,
+    left_right_map,
+    left_right_of_shapes,
+    read_shapes,
+)
 from shapes import icosphere
 
 
@@ -121,3 +129,22 @@ def test_the_left_right_map_is_found():
     assert np.linalg.norm(apart, axis=1).mean() < 0.02 * np.sqrt(body.area)
     with pytest.raises(MapError, match="the left–right map is not certain"):
         left_right_map(icosphere(2))
+
+
+def test_a_shape_tells_left_and_right_where_the_mean_does_not():
+    ball = icosphere(2)
+    points, radius = ball.vertices, np.ones(ball.n_vertices)
+    for direction in ((0.8, 0.6, 0), (-0.8, 0.6, 0), (0, -0.8, 0.6), (0, 0.3, -0.95)):
+        size = 0.9 if direction[0] else 0.6
+        radius += size * np.exp(-((points - direction) ** 2).sum(axis=1) / 0.15)
+    symmetric = points * radius[:, None]
+    shapes = CorrespondedShapes(("ball", "body"), [points, symmetric], ball.faces)
+    other, name = left_right_of_shapes(shapes, ball)
+    assert name == "body"
+    assert np.linalg.norm(symmetric[other] * [-1, 1, 1] - symmetric, axis=1).mean() < 0.05
+    unsure = CorrespondedShapes(("one", "two"), [points, 2 * points], ball.faces)
+    with pytest.raises(MapError, match="not certain"):
+        left_right_of_shapes(unsure, ball)
+    lacking = replace(shapes, measured=[[True] * ball.n_vertices, [False] + [True] * (ball.n_vertices - 1)])
+    with pytest.raises(MapError, match="not certain"):
+        left_right_of_shapes(lacking, ball)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -91,7 +92,12 @@ def run(
         extra = {str(path): isomatch.read_mesh(path) for path in score}
         tell("model", 0.1)
         if mirror is not None:
-            shapes = shapes.mirrored(_left_right(mirror, shapes, scale, weights, seed))
+            left_right, of = _left_right(mirror, shapes, scale, weights, seed)
+            shapes = shapes.mirrored(left_right)
+            if of:
+                notes.append(
+                    f"left and right are told by {of}, since the left–right map of the mean is not certain"
+                )
         share = shapes.area_weights if weights == "area" else None
         shapes = shape_statistics.filled(shapes, share, scale)
         missing = _missing(shapes)
@@ -103,8 +109,9 @@ def run(
         scored = {name: _scored(model, name, mesh) for name, mesh in extra.items()}
         tested = _tested(model, shapes, labels, test, seed) if groups else None
         groups_of = [labels.get(name, "") for name in model.names] if groups else None
-        sizes = shape_statistics.centroid_sizes(shapes.vertices, share)
-        allometry, why_not = _allometry(shapes, sizes, share, seed)
+        own = shapes if mirror is None else _first_half(shapes)
+        sizes = shape_statistics.centroid_sizes(own.vertices, share)
+        allometry, why_not = _allometry(own, sizes, share, seed)
         notes += why_not
         turned = _asymmetry(model, seed) if mirror is not None else None
         unlabelled = [name for name in model.names if groups and name not in labels]
@@ -118,7 +125,7 @@ def run(
         tell("writing", 0.6)
         into.clear()
         into.model(model, shapes, modes, groups_of)
-        into.sizes(shapes, sizes, allometry, groups_of)
+        into.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
         into.quality(model, seed)
         if turned:
             into.asymmetry(model, turned)
@@ -165,18 +172,19 @@ def _left_right(
     scale: Literal["keep", "remove"],
     weights: Literal["area", "uniform"],
     seed: int,
-) -> Any:
+) -> tuple[Any, str]:
+    """Find or read the left–right map; also the shape that it is of, if it is not that of the mean."""
     if mirror == "auto":
         mean = shape_statistics.ShapeModel.fit(shapes, scale, weights).mesh()
-        return shape_statistics.left_right_map(mean, seed=seed)
-    return read_initial_map(Path(mirror), shapes.n_vertices)
+        return shape_statistics.left_right_of_shapes(shapes, mean, seed=seed)
+    return read_initial_map(Path(mirror), shapes.n_vertices), ""
 
 
 def _scored(
     model: shape_statistics.ShapeModel, name: str, mesh: isomatch.Mesh
 ) -> shape_statistics.ScoredShape:
     try:
-        return model.score(mesh)
+        return model.score(mesh, shape_statistics.read_measured(name))
     except IsomatchError as error:
         raise type(error)(f"{name}: {error}") from error
 
@@ -213,6 +221,13 @@ def _tested(
     listed = [labels[model.names[i]] for i in rows]
     known = None if shapes.measured is None else shapes.measured[rows]
     return shape_statistics.group_test(model.aligned[rows], listed, method=method, seed=seed, measured=known)
+
+
+def _first_half(shapes: shape_statistics.CorrespondedShapes) -> shape_statistics.CorrespondedShapes:
+    """Return shapes without their mirror images, which are no further specimens."""
+    m = len(shapes) // 2
+    known = None if shapes.measured is None else shapes.measured[:m]
+    return replace(shapes, names=shapes.names[:m], vertices=shapes.vertices[:m], measured=known)
 
 
 def _allometry(

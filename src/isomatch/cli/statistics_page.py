@@ -36,7 +36,7 @@ def page_of(
     tables = [name for name in written if name.endswith((".csv", ".npz")) and "/" not in name]
     doubts = [f"{' and '.join(doubt['names'])} {doubt['reason']}" for doubt in record["doubts"]]
     return Template((files("isomatch.cli") / "statistics_page.html").read_text(encoding="utf-8")).substitute(
-        title=escape(f"{len(record['shapes'])} shapes in {title}"),
+        title=escape(f"{_counted(record)} in {title}"),
         settings=escape(
             f"isomatch {record['isomatch']}; scale {record['scale']}, weights {record['weights']}, seed {record['seed']}."
         ),
@@ -48,6 +48,11 @@ def page_of(
         figures=figures,
         tables=", ".join(f'<a href="{quote(name)}">{escape(name)}</a>' for name in tables),
     )
+
+
+def _counted(record: Mapping[str, Any]) -> str:
+    n = len(record["shapes"])
+    return f"{n} shapes" if record["mirror"] is None else f"{n // 2} shapes and their mirror images"
 
 
 def _figure(file: str, words: str) -> str:

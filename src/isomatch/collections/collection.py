@@ -12,7 +12,7 @@ from typing import Literal
 
 from isomatch.collections.layout import Layout
 from isomatch.collections.ledger import Rows, read_ledgers, writing_ledger
-from isomatch.collections.map_file import PairMaps
+from isomatch.collections.map_file import PairMaps, maps_of_pair
 from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
 from isomatch.collections.plan import Plan
 from isomatch.collections.run import Event, Run
@@ -215,10 +215,7 @@ class Collection(Plan):
         FormatError
             If the pair is not matched.
         """
-        path = self.layout.maps((source, target))
-        if not path.exists():
-            return PairMaps.load(self.layout.maps((target, source))).turned
-        return PairMaps.load(path)
+        return maps_of_pair(self.layout, source, target)
 
     def run(
         self,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,12 @@ from isomatch.collections.shapes import Entry
 from isomatch.collections.tables import write_table
 from isomatch.collections.units import scales_of
 from isomatch.collections.workers import Task, late_after, workers_of
-from isomatch.collections.wrapped import PlannedSurface, WrapJob
+from isomatch.collections.wrapped import MOST_WAYS, PlannedSurface, WrapJob
 from isomatch.statistics import doubtful_positions
 from isomatch.storage.files import claimed, read_csv, write_csv
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
-COLUMNS = (*OWN, "scale", "reflected", "mirror_image", "unlike")
+COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
 AT_ONCE = 4  # surfaces of a task
 N_COMPARED = 1000  # vertices of a shape by which outliers are found
 MOST_COMPARED = 2000  # shapes that are compared; of more, every so many-th
@@ -40,9 +41,11 @@ def finish(
 ) -> Iterator[dict[str, Any]]:
     """Write the shapes in the topology of the template, ``shapes.csv``, ``pairs.csv`` and ``index.html``.
 
-    A shape is written if it is matched with the template, in either direction, and only if its map is another than
-    before. Vertices for which it has nothing are placed by those around them; see `isomatch.wrap`. Files of shapes that
-    were taken out, or are not matched any more, are removed.
+    A shape is written if it is matched with the template, in either direction, and only if its maps are others than
+    before. Often it is also matched with shapes that are matched with the template, as in a collection of all pairs. Then
+    the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
+    Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
+    `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed.
 
     Parameters
     ----------
@@ -104,14 +107,31 @@ def surfaces_written(collection: Collection) -> list[str]:
 
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
-    own = rows.shapes.get(template, {}).get("key", "")
     scales = scales_of(collection.units, rows)
-    plans = [PlannedSurface(_entry(collection, rows, template), None, own)]
-    for pair, record in rows.pairs.items():
-        if template in pair and rows.is_current(pair):
-            name = pair[0] if pair[1] == template else pair[1]
-            key = " > ".join((record["key"], *record.get("replaced_by", ())))
-            plans.append(PlannedSurface(_entry(collection, rows, name), pair, key))
+    keys = {
+        frozenset(pair): " > ".join((row["key"], *row.get("replaced_by", ())))
+        for pair, row in rows.pairs.items()
+        if rows.is_current(pair)
+    }
+    sure = {frozenset(pair) for pair in rows.pairs if frozenset(pair) in keys and not rows.is_doubtful(pair)}
+    linked = [name for name in collection.names if {template, name} in sure]
+    plans = [
+        PlannedSurface(_entry(collection, rows, template), None, rows.shapes.get(template, {}).get("key", ""))
+    ]
+    for pair in rows.pairs:
+        if template not in pair or frozenset(pair) not in keys:
+            continue
+        name = pair[0] if pair[1] == template else pair[1]
+        over = [each for each in linked if {each, name} in sure]
+        over = over[:: len(over) // MOST_WAYS + 1]
+        ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
+        legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
+        if not over or frozenset(pair) in sure:
+            ways, legs = (None, *ways), [frozenset(pair), *legs]
+        key = "; ".join(keys[leg] for leg in legs)
+        if over:
+            key = blake2b(key.encode(), digest_size=16).hexdigest()
+        plans.append(PlannedSurface(_entry(collection, rows, name), pair, key, ways=ways))
     return [plan.scaled(scales.get(plan.entry.name, 1.0)) for plan in plans]
 
 

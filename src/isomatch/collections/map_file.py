@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from isomatch.collections.layout import Layout
 from isomatch.correspondence import Correspondence
 from isomatch.errors import FormatError, MapError
 from isomatch.matching import MatchResult
@@ -114,6 +115,18 @@ class PairMaps:
             record,
             *(None if each is None else np.where(each < 0, np.nan, each) for each in errors),
         )
+
+
+def maps_of_pair(layout: Layout, source: str, target: str) -> PairMaps:
+    """Read the maps of a pair; ``there`` leads from source to target, in whichever order they were matched.
+
+    Raises
+    ------
+    FormatError
+        If the pair is not matched.
+    """
+    path = layout.maps((source, target))
+    return PairMaps.load(path) if path.exists() else PairMaps.load(layout.maps((target, source))).turned
 
 
 def as_matched(

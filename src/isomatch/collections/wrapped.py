@@ -13,16 +13,17 @@ from matplotlib.image import imsave
 
 from isomatch.assets import Asset, Attribute, mesh_from, write_asset
 from isomatch.collections.layout import Layout
-from isomatch.collections.map_file import PairMaps, Record, as_matched
+from isomatch.collections.map_file import Record, as_matched, maps_of_pair
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
-from isomatch.correspondence import Correspondence, WrapQuality, wrap
+from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
 from isomatch.errors import IsomatchError
 from isomatch.statistics import MEASURED
 from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
+MOST_WAYS = 20  # to a shape: more change its median little, and take as much time as bending for every five
 PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
 
 
@@ -39,12 +40,16 @@ class PlannedSurface(NamedTuple):
         Identifies the map, and with it the surface.
     scale : float
         What its positions are multiplied by, so that they are in the units of the others.
+    ways : tuple of Entry or None
+        How the template's vertices come to it: by the map of the pair (None), and over other shapes. Of several ways, the
+        median of the images is taken.
     """
 
     entry: Entry
     pair: Pair | None
     key: str
     scale: float = 1.0
+    ways: tuple[Entry | None, ...] = (None,)
 
     def scaled(self, factor: float) -> PlannedSurface:
         """Return the same surface with positions multiplied by a factor."""
@@ -73,17 +78,14 @@ class WrapJob:
     def _line(self, plan: PlannedSurface) -> Record:
         name = plan.entry.name
         line: Record = {"name": name, "key": plan.key, **asdict(WrapQuality(0.0, 1.0, 0.0, 0))}
-        line |= {"scale": plan.scale if plan.scale != 1 else ""}
+        line |= {"scale": plan.scale if plan.scale != 1 else "", "ways": len(plan.ways)}
         try:
-            template, mesh = (
-                _read(entry.path, entry.path.stat().st_mtime_ns) for entry in (self.template, plan.entry)
-            )
+            template, mesh = map(_mesh, (self.template, plan.entry))
             marks: list[Attribute] = []
             if plan.pair is None:
                 template = mesh = reflected(mesh) if plan.entry.reflected else mesh
             else:
-                maps = PairMaps.load(self.layout.maps(plan.pair))
-                there = maps.there if plan.pair[0] == self.template.name else maps.back
+                there = self._map(plan, template, mesh)
                 turned = self.template.reflected, plan.entry.reflected
                 there, template, mesh = as_matched(there, template, mesh, turned)
                 wrapped = wrap(there, template, mesh)
@@ -98,6 +100,20 @@ class WrapJob:
             line["error"] = f"{type(error).__name__}: {error}"
         return line
 
+    def _map(self, plan: PlannedSurface, template: Mesh, mesh: Mesh) -> Correspondence:
+        """Return the map from the template, between the surfaces in the files: the median of all ways."""
+        centre, name = self.template.name, plan.entry.name
+        maps = []
+        for over in plan.ways:
+            if over is None:
+                maps.append(maps_of_pair(self.layout, centre, name).there)
+                continue
+            first, second = (
+                maps_of_pair(self.layout, *pair).there for pair in ((centre, over.name), (over.name, name))
+            )
+            maps.append(first.then(second, _mesh(over), mesh))
+        return median_map(maps, mesh) if len(maps) > 1 else maps[0]
+
 
 def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
     """Draw a shape in the colours of the template's positions, turned like the template."""
@@ -109,7 +125,11 @@ def _draw(template: Mesh, mesh: Mesh, path: Path) -> None:
         imsave(file, np.clip(image, 0.0, 1.0), format="png")
 
 
-@lru_cache(2)
+def _mesh(entry: Entry) -> Mesh:
+    return _read(entry.path, entry.path.stat().st_mtime_ns)
+
+
+@lru_cache(MOST_WAYS + 2)
 def _read(path: Path, changed: int) -> Mesh:
     """Read a mesh, or take it from memory if its file has not changed since."""
     return mesh_from(path)

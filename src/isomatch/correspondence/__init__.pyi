@@ -28,6 +28,7 @@ from isomatch.correspondence.linear_alignment import (
     alignments_from_points,
     nearest_under_rotation,
 )
+from isomatch.correspondence.median_map import geometric_median, median_map
 from isomatch.correspondence.nearest_neighbours import (
     VertexCells,
     nearest_in_cells,
@@ -78,9 +79,11 @@ __all__ = [
     "assign_points",
     "faces_around_vertices",
     "fit_functional_map",
+    "geometric_median",
     "grow_common_regions",
     "grow_regions",
     "iterative_closest_points",
+    "median_map",
     "nearest_in_cells",
     "nearest_in_triangle",
     "nearest_of_few",

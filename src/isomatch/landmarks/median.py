@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 
 from isomatch.assets import SurfaceLike, surface_from
+from isomatch.correspondence import geometric_median
 from isomatch.errors import LandmarkError
 from isomatch.landmarks.curves import drawn_curve, equally_spaced
 from isomatch.landmarks.placing import nearest_on_surface
 from isomatch.landmarks.shape_landmarks import Landmarks
 from isomatch.surfaces import Graph, Mesh, PointCloud
-from isomatch.values.arrays import BoolArray, FloatArray
+from isomatch.values.arrays import FloatArray
 
 logger = logging.getLogger(__name__)
 
-MOST_STEPS = 1000
-TOLERANCE = 1e-12  # of the extent of the points: movement in the last step
+COMMON = (
+    0.5  # share of a template's expected error that is the same of all; measured with 3, 6 and 19 templates
+)
 
 
 def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Landmarks:
@@ -37,8 +39,9 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     -------
     Landmarks
         The geometric medians, moved to the nearest points of the surface, in the order of the first template; points of a
-        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, nan of one, and
-        ``expected_error`` the median of those given.
+        curve are equally spaced again. ``spread`` is the mean distance of the given points from them, nan of one.
+        ``expected_error`` is the root of e² / 4 + spread² / t, where e is the median of those given by t templates; of
+        one template it is e.
 
     Raises
     ------
@@ -48,7 +51,8 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
     Notes
     -----
     The geometric median minimises the sum of distances (Weiszfeld 1937), so that one wrong template in three moves a
-    point little. Zhang et al., *Automated landmarking via multiple templates*, PLOS ONE 2022, use medians likewise.
+    point little. Zhang et al., *Automated landmarking via multiple templates*, PLOS ONE 2022, use medians likewise. What
+    templates do not have in common averages out; the other half of their error stays.
 
     Examples
     --------
@@ -77,11 +81,12 @@ def median_landmarks(several: Sequence[Landmarks], surface: SurfaceLike) -> Land
         if found[of].all() and len(of) > 1:
             positions[of] = respaced_curve(shape, positions[of], len(of), curve.closed, curve.name)
     apart = np.linalg.norm(points - positions, axis=2)
-    apart[:, np.isfinite(apart).sum(axis=0) == 1] = np.nan  # one template has no spread
-    return Landmarks(
-        positions, first.names, first.curves, _over_templates(np.median, errors),
-        _over_templates(np.mean, apart), first.systems,
-    )  # fmt: skip
+    count = np.isfinite(apart).sum(axis=0)
+    apart[:, count == 1] = np.nan  # one template has no spread
+    spread, alone = _over_templates(np.mean, apart), _over_templates(np.median, errors)
+    together = np.hypot(COMMON * alone, spread / np.sqrt(np.maximum(count, 1)))
+    expected = np.where(count == 1, alone, together)
+    return Landmarks(positions, first.names, first.curves, expected, spread, first.systems)
 
 
 def respaced_curve(
@@ -92,43 +97,6 @@ def respaced_curve(
     piece, share = equally_spaced(path, n, closed)
     between = path[piece] + share[:, None] * (path[piece + 1] - path[piece])
     return nearest_on_surface(surface, between).interpolated(surface.vertices)
-
-
-def geometric_median(points: FloatArray) -> FloatArray:
-    """Find the points (m, 3) with the least sum of distances from points (t, m, 3); nan rows are left out.
-
-    Examples
-    --------
-    >>> geometric_median(np.array([[[0.0, 0, 0]], [[1, 0, 0]], [[9, 0, 0]]])).round(6)
-    array([[1., 0., 0.]])
-    """
-    there = np.asarray(np.isfinite(points).all(axis=2))[:, :, None]
-    given = np.where(there, points, 0.0)
-    count = there.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        middle = given.sum(axis=0) / count
-    if (count <= 2).all():
-        return np.asarray(middle)
-    extent = float(np.abs(np.where(there, given - np.nan_to_num(middle), 0.0)).max())
-    for _ in range(MOST_STEPS if extent > 0 else 0):
-        apart = np.linalg.norm(given - middle, axis=2, keepdims=True)
-        weights = np.where(there, 1.0 / np.maximum(apart, TOLERANCE * extent), 0.0)
-        with np.errstate(invalid="ignore"):
-            moved = (weights * given).sum(axis=0) / weights.sum(axis=0)
-        step = np.nan_to_num(np.abs(moved - middle)).max()
-        middle = np.where(count > 2, moved, middle)
-        if step <= TOLERANCE * extent:
-            break
-    return np.where(count > 2, _least(given, there, middle), middle)
-
-
-def _least(given: FloatArray, there: BoolArray, middle: FloatArray) -> FloatArray:
-    """Of points (m, 3) and those given, the ones with the least sum of distances: a median may be one that is given."""
-    among = np.stack([middle, *np.where(there, given, np.nan)])
-    apart = np.linalg.norm(among[:, None] - given, axis=3)  # (q, t, m)
-    total = np.where(there[:, :, 0], apart, 0.0).sum(axis=1)
-    best = np.where(np.isnan(total), np.inf, total).argmin(axis=0)
-    return np.asarray(among[best, np.arange(among.shape[1])])
 
 
 def _joined(several: Sequence[Landmarks]) -> list[list[int | None]]:

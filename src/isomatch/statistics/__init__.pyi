@@ -11,7 +11,7 @@ from isomatch.statistics.completion import Completion, complete
 from isomatch.statistics.doubts import Doubt, doubtful_positions, doubtful_shapes
 from isomatch.statistics.exports import write_shapeworks, write_statismo
 from isomatch.statistics.group_test import GroupTest, group_test
-from isomatch.statistics.left_right import left_right_map
+from isomatch.statistics.left_right import left_right_map, left_right_of_shapes
 from isomatch.statistics.missing import filled, measured_variances
 from isomatch.statistics.model_quality import ModelCurve, compactness, generalisation, specificity
 from isomatch.statistics.observations import (
@@ -31,7 +31,7 @@ from isomatch.statistics.procrustes import (
 from isomatch.statistics.regression import ShapeRegression, shape_regression
 from isomatch.statistics.shape_distances import classical_scaling, geodesic_distortions, shape_tree
 from isomatch.statistics.shape_model import ScoredShape, ShapeModel
-from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_shapes
+from isomatch.statistics.shapes import MEASURED, CorrespondedShapes, read_measured, read_shapes
 from isomatch.statistics.sizes import centroid_sizes
 from isomatch.statistics.units import METRES, likely_units, size_factors, told_factor
 
@@ -70,6 +70,7 @@ __all__ = [
     "geodesic_distortions",
     "group_test",
     "left_right_map",
+    "left_right_of_shapes",
     "likely_units",
     "measured_variances",
     "model_noise",
@@ -77,6 +78,7 @@ __all__ = [
     "observed_part",
     "observed_vertices",
     "procrustes_distances",
+    "read_measured",
     "read_observations",
     "read_shapes",
     "shape_regression",

@@ -19,6 +19,7 @@ from isomatch.values.arrays import BoolArray, FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Bbox
 
 PictureFormat = Literal["png", "pdf", "svg"]
 
@@ -68,7 +69,7 @@ def draw_scores(
     else:
         axes.set_ylabel(_of_mode(model, up))
         axes.set_aspect("equal", adjustable="datalim")
-    save_figure(figure, path)
+    _save_scatter(figure, path)
 
 
 def _of_mode(model: ShapeModel, mode: int) -> str:
@@ -116,7 +117,7 @@ def draw_regression(
         f"({regression.n_permutations} permutations, seed {regression.seed})",
         fontsize="medium",
     )
-    save_figure(figure, path)
+    _save_scatter(figure, path)
 
 
 def draw_quality(path: str | Path, compact: FloatArray, general: ModelCurve, specific: ModelCurve) -> None:
@@ -211,7 +212,7 @@ def draw_embedding(
     _scatter(axes, points, names, groups)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(label, fontsize="medium")
-    save_figure(figure, path)
+    _save_scatter(figure, path)
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
@@ -230,13 +231,26 @@ def _scatter(axes: Axes, points: FloatArray, names: Sequence[str], groups: Seque
     """Draw named points (m, 2) in the colours of their groups."""
     for group, colour, chosen in _chosen(groups, len(names)):
         axes.scatter(points[chosen, 0], points[chosen, 1], 18, color=colour, label=group or "no group")
-    for point, name in zip(points, names):
-        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
     if groups:
         legend = axes.legend(fontsize="small")
         for text in legend.get_texts():
             text.set_parse_math(False)
     axes.margins(0.1)
+    for point, name in zip(points, names):
+        axes.annotate(name, point, (3, 3), textcoords="offset points", fontsize=7, parse_math=False)
+
+
+def _save_scatter(figure: Figure, path: str | Path) -> None:
+    """Write a scatter plot; a name that would cover one before it is left out."""
+    figure.draw_without_rendering()
+    taken: list[Bbox] = []
+    for label in list(figure.axes[0].texts):
+        box = label.get_window_extent()
+        if any(box.overlaps(other) for other in taken):
+            label.remove()
+        else:
+            taken.append(box)
+    save_figure(figure, path)
 
 
 def _draw_hulls(axes: Axes, points: FloatArray, groups: Sequence[str] | None) -> None:

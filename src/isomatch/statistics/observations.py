@@ -17,7 +17,7 @@ from isomatch.runtime.stage_timer import Progress
 from isomatch.settings import Config
 from isomatch.statistics.model_quality import generalisation
 from isomatch.statistics.shape_model import ShapeModel
-from isomatch.statistics.shapes import measured_in
+from isomatch.statistics.shapes import read_measured
 from isomatch.surfaces import Mesh, PrecisePoints
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, array_of, numbers_of
 
@@ -356,7 +356,7 @@ def read_observations(
         )
     mesh = read_mesh(path)
     if np.array_equal(mesh.faces, model.faces) and mesh.n_vertices == len(model.mean):
-        return observed_vertices(model, mesh, measured_in(path), noise)
+        return observed_vertices(model, mesh, read_measured(path), noise)
     result = match(mesh, model.mesh(), config=config, seed=seed, progress=progress)
     seen = observed_part(model, mesh, result.map, result.expected_error, noise)
     if result.outcome in (Outcome.CONVERGED, Outcome.PARTIAL):

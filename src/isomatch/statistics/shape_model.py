@@ -17,7 +17,7 @@ from isomatch.statistics.procrustes import Scale, aligned_to, generalised_procru
 from isomatch.statistics.shapes import CorrespondedShapes
 from isomatch.storage.array_file import ArrayFormat, Stored, save_arrays
 from isomatch.surfaces import Mesh
-from isomatch.values.arrays import FloatArray, IntArray, numbers_of
+from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
 Weighting = Literal["area", "uniform"]
@@ -233,18 +233,27 @@ class ShapeModel:
     def _topology(self) -> Mesh:
         return Mesh(self.mean, self.faces)
 
-    def score(self, mesh: Mesh) -> ScoredShape:
+    def score(self, mesh: Mesh, measured: BoolArray | None = None) -> ScoredShape:
         """Describe another shape in the same topology; the model stays as it is.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            The shape.
+        measured : (n,) array of bool, optional
+            Which of its vertices were measured, such as `read_measured` reads; by default all. The others tell nothing:
+            they are taken to be where the mean is, and have no part in the error.
 
         Raises
         ------
         MeshError
-            If its faces are not those of the model, or a vertex has no finite position.
+            If its faces are not those of the model, a vertex has no finite position, or nothing was measured.
 
         Notes
         -----
         The shape is moved onto the mean, and its difference from it projected on the modes. The shapes of the model
-        have the scores that are stored.
+        have the scores that are stored, with what was not measured too unless sizes were removed: then the part that was
+        is brought to the size of the same part of the mean.
         """
         if not np.array_equal(mesh.faces, self.faces) or mesh.n_vertices != len(self.mean):
             raise MeshError(
@@ -254,11 +263,24 @@ class ShapeModel:
             raise MeshError(
                 "some vertices have no position; only a shape that is matched completely can be scored"
             )
-        aligned = aligned_to(self.mean, mesh.vertices, self.weights, self.size)
-        scores = np.einsum("kij,i,ij->k", self.modes, self.weights, aligned - self.mean)
+        known = np.ones(len(self.mean), dtype=bool) if measured is None else np.asarray(measured, dtype=bool)
+        if known.shape != self.weights.shape or not self.weights[known].any():
+            raise MeshError(
+                f"measured has shape {known.shape} and {int(known.sum())} true values; give one for each of the "
+                f"{len(self.mean)} vertices, some of them true"
+            )
+        weights = np.where(known, self.weights, 0.0)
+        size = None if self.size is None else self.size * self._spread(weights) / self._spread(self.weights)
+        aligned = aligned_to(self.mean, mesh.vertices, weights, size)
+        scores = np.einsum("kij,i,ij->k", self.modes, weights, aligned - self.mean)
         reconstructed = self.vertices(scores)
-        error = float(np.sqrt(self.weights @ ((aligned - reconstructed) ** 2).sum(axis=1)))
+        error = float(np.sqrt(weights @ ((aligned - reconstructed) ** 2).sum(axis=1) / weights.sum()))
         return ScoredShape(scores, scores / self.deviations, aligned, reconstructed, error)
+
+    def _spread(self, weights: FloatArray) -> float:
+        """Root mean square distance of the mean, or of a part of it, from its centroid."""
+        share = weights / weights.sum()
+        return float(np.sqrt(share @ ((self.mean - share @ self.mean) ** 2).sum(axis=1)))
 
     def save(self, path: str | Path) -> None:
         """Write the model to an ``.npz`` file, which `load` reads.

@@ -242,12 +242,13 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
     twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    measured = {file.stem: known for file in files if (known := measured_in(file)) is not None}
+    measured = {file.stem: known for file in files if (known := read_measured(file)) is not None}
     return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files}, measured)
 
 
-def measured_in(file: Path) -> BoolArray | None:
-    """Read which vertices were measured, if a PLY file says so."""
+def read_measured(file: str | Path) -> BoolArray | None:
+    """Read which vertices of a mesh were measured, by the attribute ``measured`` of a PLY file; None if it has none."""
+    file = Path(file)
     if file.suffix.lower() != ".ply":
         return None
     with opened(file) as stream:
