@@ -122,15 +122,18 @@ def test_a_template_over_an_opening_is_completed_and_marked():
 def test_a_boundary_comes_to_lie_on_the_boundary():
     source, target = flat_grid(30, 30), flat_grid(24, 24)
     target = target.moved(target.vertices * 29 / 23)
-    shaken = source.vertices + 0.3 * np.random.default_rng(0).normal(size=source.vertices.shape)
-    given = Correspondence(cKDTree(target.vertices).query(shaken)[1], target.n_vertices)
-    points = wrap(given, source, target).mesh.vertices
-    rim = np.unique(source.boundary_edges)
-    from_side = np.minimum(points[rim, :2], 29 - points[rim, :2]).min(axis=1)
-    assert np.abs(from_side).mean() < 0.04  # 0.08 if the boundary counted as little as the rest
-    assert error(points, source.vertices, target) < 0.5 * error(
-        target.vertices[given.vertices], source.vertices, target
-    )
+    from_sides = []
+    for seed in range(3):
+        shaken = source.vertices + 0.3 * np.random.default_rng(seed).normal(size=source.vertices.shape)
+        given = Correspondence(cKDTree(target.vertices).query(shaken)[1], target.n_vertices)
+        points = wrap(given, source, target).mesh.vertices
+        rim = np.unique(source.boundary_edges)
+        from_side = np.minimum(points[rim, :2], 29 - points[rim, :2]).min(axis=1)
+        from_sides.append(np.abs(from_side).mean())
+        assert error(points, source.vertices, target) < 0.5 * error(
+            target.vertices[given.vertices], source.vertices, target
+        )
+    assert np.mean(from_sides) < 0.04  # 0.08 if the boundary counted as little as the rest
 
 
 def test_vertices_at_a_seam_stay_together():

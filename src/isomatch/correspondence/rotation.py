@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from isomatch.runtime.threads import parallel_map
 from isomatch.values.arrays import FloatArray
+
+AT_ONCE = 10_000  # matrices of a thread
 
 
 def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray:
@@ -33,6 +36,9 @@ def nearest_rotation(matrices: FloatArray, mirrored: bool = False) -> FloatArray
     array([[ 0.02,  1.  ],
            [-1.  ,  0.02]])
     """
+    if matrices.ndim == 3 and len(matrices) > AT_ONCE:
+        blocks = np.array_split(matrices, -(-len(matrices) // AT_ONCE))
+        return np.concatenate(parallel_map(lambda block: nearest_rotation(block, mirrored), blocks))
     u, _, vt = np.linalg.svd(matrices)
     side = -1.0 if mirrored else 1.0
     u[..., -1] *= (side * np.linalg.det(u @ vt))[..., None]

@@ -160,7 +160,7 @@ class _Bending:
         near = np.zeros(len(moved), dtype=bool)
         near[faces[turned_faces(self.rest, moved, self.turn)]] = True
         for _ in range(RELEASED_RINGS):
-            near[faces[near[faces].any(axis=1)]] = True
+            near[faces[np.logical_or.reduce(near[faces.T])]] = True
         return near
 
 

@@ -140,7 +140,7 @@ def turned_back(mesh: Mesh, moved: FloatArray, scale: float) -> tuple[FloatArray
     moving = np.zeros(mesh.n_vertices, dtype=bool)
     moving[mesh.faces[turned_faces(mesh, moved, rotations)]] = True
     for i in range(1, ROUNDS + 1):
-        corners = mesh.faces[moving[mesh.faces].any(axis=1)]
+        corners = mesh.faces[np.logical_or.reduce(moving[mesh.faces.T])]
         over = _are_turned(mesh, corners, moved, rotations)
         if not over.any():
             break

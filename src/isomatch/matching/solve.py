@@ -213,7 +213,7 @@ def solve_complete(relation: Isometry, found: IsometricMatch, timer: StageTimer)
         if elastic.is_needless:
             return relation.summed_up(found, measured, timer)
         selection, reason = elastic.match()
-        if selection.winner.keeps_lengths:
+        if elastic.keeps_lengths(selection.winner):
             quality = replace(measured.quality, rival=selection.rival, bend_misfit=selection.winner.score)
             return relation.summed_up(found, replace(measured, quality=quality), timer, FAR_KEPT)
         return relation.summed_up(found, elastic.measure(selection, reason), timer, FAR)

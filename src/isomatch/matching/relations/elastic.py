@@ -78,8 +78,9 @@ READ_UNIT = 0.05
 
 LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/notes/other_species.md
 
-# stretch of bent shapes, below which an ordinary map is returned as it is; docs/notes/other_species.md
-NEARLY_ISOMETRIC = 0.085
+# stretch of bent shapes, below which an ordinary map is returned as it is, and below which one that fits is so if it wins;
+# docs/notes/other_species.md
+NEARLY_ISOMETRIC, FITS_ISOMETRIC = 0.085, 0.105
 
 NO_SCORE = 1e-12  # so that ratios of scores are finite
 
@@ -115,9 +116,9 @@ class StretchedFit(Fit):
     is_given: bool = False
 
     @property
-    def keeps_lengths(self) -> bool:
-        """Whether it is an ordinary map that hardly stretches the shapes in space either."""
-        return self.is_ordinary and max(bent.stretch for bent in self.bent) < NEARLY_ISOMETRIC
+    def stretch(self) -> float:
+        """That of the bent shape which is stretched more."""
+        return max(bent.stretch for bent in self.bent)
 
 
 class Elastic(Relation):
@@ -201,7 +202,12 @@ class Elastic(Relation):
         """Whether the ordinary map fits, and hardly stretches the shapes when they are bent by it."""
         if self.ordinary is None or not self.ordinary_fits:
             return False
-        return self._bent(self._drawn_ordinary(self.ordinary)).keeps_lengths
+        return self._bent(self._drawn_ordinary(self.ordinary)).stretch < NEARLY_ISOMETRIC
+
+    def keeps_lengths(self, winner: StretchedFit) -> bool:
+        """Whether a winner is the ordinary map, and hardly stretches the shapes, so that it is not bent in full."""
+        most = FITS_ISOMETRIC if self.ordinary_fits else NEARLY_ISOMETRIC
+        return winner.is_ordinary and winner.stretch < most
 
     def _pairs(self, fit: Fit) -> IntArray:
         """Vertices of source and target (r, 2)."""
