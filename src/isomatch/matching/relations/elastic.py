@@ -78,7 +78,7 @@ READ_UNIT = 0.05
 
 LYING_WEIGHT = 15.0  # of where the bent shapes lie, beside joint coordinates; docs/notes/other_species.md
 
-# stretch of bent shapes, below which an ordinary map is returned as it is, and below which one that fits is so if it wins;
+# stretch of bent shapes, below which an ordinary map stays what it is, and below which one that fits does if it wins;
 # docs/notes/other_species.md
 NEARLY_ISOMETRIC, FITS_ISOMETRIC = 0.085, 0.105
 
