@@ -20,9 +20,9 @@ def reading(name: str, what: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
             yield
-    except FormatError as error:
-        raise error if str(error).startswith(name) else FormatError(f"{name}: {error}") from None
-    except IsomatchError:
+    except IsomatchError as error:
+        if type(error) is FormatError and not str(error).startswith(name):
+            raise FormatError(f"{name}: {error}") from None
         raise
     except MemoryError:
         raise MemoryBudgetError(

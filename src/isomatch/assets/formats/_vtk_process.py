@@ -1,4 +1,4 @@
-"""VTK files, read in a process of its own by VTK or meshio: what a file declares can make them crash or fill memory."""
+"""VTK files, read in a process of their own by VTK or meshio: what a file declares can make them crash or fill memory."""
 
 from __future__ import annotations
 
