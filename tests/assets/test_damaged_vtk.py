@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 
-from isomatch import FormatError, check, read_asset, write_asset
+from isomatch import FormatError, Mesh, check, read_asset, write_asset
 from isomatch.assets import Attribute, asset_from
 from isomatch.cli import main
 
@@ -296,3 +296,11 @@ def test_what_is_no_surface_is_named(tmp_path):
     meshio.Mesh(POINTS[:4], [("tetra", [[0, 1, 2, 3]])]).write(tmp_path / "a.vtu")
     with pytest.raises(FormatError, match="no triangles, quads or polygons but tetra"):
         read_asset(tmp_path / "a.vtu")
+
+
+def test_nothing_in_the_working_folder_is_run(tmp_path, monkeypatch):
+    for name in ("zipfile", "numpy", "isomatch"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(9)")
+    write_asset(tmp_path / "triangle.vtp", Asset.of_mesh(Mesh(np.eye(3), [[0, 1, 2]])))
+    monkeypatch.chdir(tmp_path)
+    assert len(read_asset("triangle.vtp").polygons) == 1

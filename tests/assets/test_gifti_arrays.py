@@ -146,3 +146,17 @@ def test_a_bomb_of_zeros_is_not_unpacked(tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 20 * len(text)
+
+
+@pytest.mark.parametrize("encoding", ["ASCII", "B64BIN", "B64GZ"])
+def test_every_encoding_is_read(tmp_path, encoding):
+    corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], dtype=np.int32)
+    arrays = [
+        GiftiDataArray(values, intent, encoding=f"GIFTI_ENCODING_{encoding}")
+        for values, intent in ((corners, "NIFTI_INTENT_POINTSET"), (faces, "NIFTI_INTENT_TRIANGLE"))
+    ]
+    path = tmp_path / "triangle.surf.gii"
+    path.write_bytes(GiftiImage(darrays=arrays).to_xml())
+    asset = read_asset(path)
+    np.testing.assert_allclose(asset.points, corners)
+    np.testing.assert_array_equal(asset.polygons.triangles, faces)

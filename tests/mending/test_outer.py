@@ -60,7 +60,7 @@ def test_shells_are_called_double_walled(kind):
     turned = check(Mesh(100 * mesh.vertices, mesh.faces[:, ::-1]))
     assert turned.double_walled == pytest.approx(report.double_walled, abs=0.03), "neither size nor winding"
     assert check(mesh, wall=0.01).double_walled < 0.1
-    assert check(mesh, wall=0).double_walled == 0
+    assert np.isnan(check(mesh, wall=0).double_walled)
 
 
 def test_two_sheets_with_air_between_them_are_no_wall():
@@ -69,6 +69,18 @@ def test_two_sheets_with_air_between_them_are_no_wall():
     assert double_walled_share(joined(inside, outside)) > 0.95
     gap = joined(ball(1.0), ball(1.05, inward=True))
     assert double_walled_share(gap) == 0
+
+
+def test_the_wall_of_a_closed_shell_is_told_by_check():
+    """Its inner surface looks inward by right, though as a shape of its own it would be turned over."""
+    assert check(joined(ball(1.0, inward=True), ball(1.05))).double_walled > 0.95
+
+
+def test_thickness_and_winding_that_cannot_be_used_are_named():
+    with pytest.raises(SettingError, match="wall = nan"):
+        check(ball(1.0), wall=np.nan)
+    with pytest.raises(SettingError, match="orient"):
+        repair(ball(1.0, inward=True), orient=False, outer=True)
 
 
 @pytest.mark.parametrize("inward", [True, False])

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from corresponded import ellipsoids, random_shapes
-from isomatch import Landmarks, Mesh, match
+from isomatch import Correspondence, Landmarks, Mesh, match
 from isomatch.datasets import creature
 from isomatch.errors import InputError, LandmarkError, MeshError, NotConvergedError, SettingError
 from isomatch.statistics import (
@@ -222,3 +222,22 @@ def test_steps_that_do_not_settle_are_an_error(monkeypatch):
     m = model()
     with pytest.raises(NotConvergedError, match="still move after 1 steps"):
         complete(m, observed_vertices(m, half(m.mesh(m.scores[3])), noise=0.1))
+
+
+def test_a_part_that_is_wound_inside_out_completes_to_the_same():
+    _, shapes, m = bodies()
+    shape = m.mesh().moved(shapes[0])
+    part, kept = shape.submesh(shape.vertices[:, 1] > np.median(shape.vertices[:, 1]))
+    found = Correspondence(kept, shape.n_vertices)
+    outward = complete(m, observed_part(m, part, found))
+    inward = complete(m, observed_part(m, Mesh(part.vertices, part.faces[:, ::-1]), found))
+    np.testing.assert_allclose(inward.mesh.vertices, outward.mesh.vertices)
+    assert outward.n_points > 100
+    assert not outward.notes
+
+
+def test_mirror_images_do_not_hide_what_a_model_does_not_describe():
+    shapes = random_shapes(12)
+    twins = shapes.mirrored(np.random.default_rng(0).permutation(shapes.n_vertices))
+    alone, both = model_noise(ShapeModel.fit(shapes)), model_noise(ShapeModel.fit(twins))
+    assert both > 0.3 * alone

@@ -83,7 +83,7 @@ def complete(
             "model": str(model),
             "part": str(given),
             "file": str(output),
-            "n_points": len(observed),
+            "n_points": completed.n_points,
             "error": completed.error,
             "residual": completed.residual,
             "mean_standard_deviation": float(completed.standard_deviation @ known.weights),
@@ -94,7 +94,7 @@ def complete(
             "rotation": completed.rotation.tolist(),
             "translation": completed.translation.tolist(),
             "left_out": [attribute.name for attribute in left],
-            "notes": list(observed.notes),
+            "notes": [*observed.notes, *completed.notes],
         }
         write_text(about, json_text(record))
         tell("done", 1.0)
@@ -111,7 +111,7 @@ def _asset(completed: shape_statistics.Completion) -> Asset:
 
 
 def _say(record: dict[str, Any], about: Path) -> None:
-    say(f"completed from {record['n_points']} points, which are {record['error']:.4g} off on average")
+    say(f"completed from {record['n_points']} points, {record['error']:.4g} off (root mean square)")
     say(
         f"standard deviation {record['mean_standard_deviation']:.4g} in the mean, "
         f"{record['largest_standard_deviation']:.4g} at most; {record['residual']:.4g} is what the modes do not describe"

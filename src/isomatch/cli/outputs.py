@@ -114,7 +114,7 @@ class ResultFolder:
             with _noted("picture", undrawn):
                 view.draw_map(source, target, result.map, picture, titles=titles)
             if self.report:
-                shown["picture"] = picture if not undrawn else None
+                shown["picture"] = picture if not undrawn else ""
                 with _noted("report", undrawn):
                     view.write_report(
                         files["report"], source, target, result, names=names, facts=facts, **shown

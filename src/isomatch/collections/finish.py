@@ -123,7 +123,9 @@ def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedS
             continue
         name = pair[0] if pair[1] == template else pair[1]
         over = [each for each in linked if {each, name} in sure]
-        over = over[:: len(over) // MOST_WAYS + 1]
+        over = (
+            [over[i] for i in np.unique(np.linspace(0, len(over) - 1, MOST_WAYS).astype(int))] if over else []
+        )
         ways: tuple[Entry | None, ...] = tuple(_entry(collection, rows, each) for each in over)
         legs = [frozenset(leg) for each in over for leg in ((template, each), (each, name))]
         if not over or frozenset(pair) in sure:

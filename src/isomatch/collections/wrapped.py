@@ -23,7 +23,7 @@ from isomatch.storage.files import replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
-MOST_WAYS = 20  # to a shape, from about as many shapes as it was measured with
+MOST_WAYS = 20  # over other shapes; as many as were measured
 PIXELS_PER_UNIT = 110.0  # of a thumbnail: about 200 pixels tall
 
 

@@ -18,7 +18,7 @@ SETTLED = 0.999  # times the distance before, above which a pose has settled
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A similarity x ↦ scale · x @ rotation + shift, and how near it brings one surface to another.
+    """A similarity x ↦ scale · x @ rotation + shift, and how near it brings one surface to another, normals included.
 
     Parameters
     ----------
@@ -82,16 +82,19 @@ def poses_between(source: FloatArray, target: FloatArray, mirrored: bool = False
 
 def _settled(source: FloatArray, tree: cKDTree, nearest: IntArray, mirrored: bool) -> Pose:
     """Alternate the best similarity and closest points until they settle."""
-    last = np.inf
+    least = np.inf
     for _ in range(MOST_STEPS):
         similarity = _best_similarity(source, tree.data[nearest], mirrored)
         moved = _moved(source, *similarity)
         distances, nearest = tree.query(moved)
-        if distances.mean() > SETTLED * last:
+        settled = distances.mean() > SETTLED * least
+        if distances.mean() < least:
+            least, best = distances.mean(), (similarity, moved, nearest)
+        if settled:
             break
-        last = distances.mean()
+    similarity, moved, nearest = best
     back = cKDTree(moved).query(tree.data)[0]
-    return Pose(*similarity, np.asarray(nearest, dtype=np.int64), float(distances.mean() + back.mean()) / 2)
+    return Pose(*similarity, np.asarray(nearest, dtype=np.int64), float(least + back.mean()) / 2)
 
 
 def _axes_on_axes(

@@ -93,7 +93,7 @@ def check(mesh: SurfaceLike, *, wall: float = WALL) -> MeshReport:
         non_manifold_vertices=np.flatnonzero(fans(faces, met, mesh.n_vertices) > 1),
         inconsistent_edges=inconsistent,
         inward_components=components.inward,
-        double_walled=double_walled_share(surface, wall, rewound) if wall else 0.0,
+        double_walled=double_walled_share(surface, wall, rewound) if wall else float("nan"),
     )
 
 

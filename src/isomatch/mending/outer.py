@@ -118,7 +118,7 @@ class _Space:
         lowest = used.min(axis=0) - border * step
         shape = tuple(np.ceil((used.max(axis=0) - lowest) / step).astype(int) + border)
         require_memory(
-            30.0 * np.prod(shape, dtype=float), "the grid around a mesh", "ask for a larger opening"
+            64.0 * np.prod(shape, dtype=float), "the grid around a mesh", "ask for a larger opening"
         )
         points, normals = _samples(surface, SAMPLES * step)
         free = np.ones(shape, dtype=bool)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_from, read_asset, read_mesh
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, SettingError
 from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
 from isomatch.mending.outer import OPENING, inner_faces
@@ -87,7 +87,7 @@ def repair(
        boundary loops have at most a tenth of its area; otherwise as most of its faces were.
     5. If asked for, only the outermost surface is kept.
 
-    Vertices and faces keep their order, and no vertex moves. A second repair changes nothing.
+    Vertices and faces keep their order, and no vertex moves. A second repair changes nothing but, perhaps, chambers.
 
     Parameters
     ----------
@@ -122,6 +122,8 @@ def repair(
     ------
     MeshError, FormatError
         As for `check`.
+    SettingError
+        If the outside is asked for and the winding is left as it is.
 
     Notes
     -----
@@ -140,6 +142,8 @@ def repair(
     >>> mended.changes
     ('welded 2 vertices onto an earlier vertex at the same position', 'rewound 1 face')
     """
+    if outer and not orient:
+        raise SettingError("outer needs faces that look outward; leave orient at True")
     asset, lost = _asset_of(mesh)
     mesh = mesh_from(mesh) if asset is None else Mesh(asset.placed_points, asset.polygons.triangles)
     identity = np.arange(mesh.n_vertices)

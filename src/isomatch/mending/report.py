@@ -137,7 +137,7 @@ class MeshReport:
     non_manifold_vertices: IntArray
     inconsistent_edges: IntArray
     inward_components: IntArray
-    double_walled: float = 0.0
+    double_walled: float = float("nan")
 
     @property
     def n_components(self) -> int:
@@ -193,6 +193,8 @@ class MeshReport:
         plain = {
             name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
         }
+        if np.isnan(self.double_walled):
+            plain["double_walled"] = None
         return plain | {"ok": self.ok, "fatal": list(self.fatal), "warnings": list(self.warnings)}
 
     def __repr__(self) -> str:
@@ -208,7 +210,11 @@ class MeshReport:
             ("faces", self.n_faces, ""),
             ("components", self.n_components, f"vertices: {some(self.component_vertices)}"),
             ("Euler number", self.euler_number, ""),
-            ("double-walled, per cent of the area", round(100 * self.double_walled), ""),
+            *(
+                [("double-walled, per cent of the area", round(100 * self.double_walled), "")]
+                if self.double_walled >= 0
+                else []
+            ),
             ("boundary loops", self.n_boundary_loops, f"lengths: {lengths}" if lengths else ""),
             *(
                 (what, len(getattr(self, name)), _where(getattr(self, name)))

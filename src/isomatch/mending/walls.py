@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from isomatch.errors import SettingError
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray
 
@@ -26,7 +27,12 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
     wall : float
         Thickness up to which walls count, in √area.
     turned : (n,) array of bool, optional
-        Faces that look inward.
+        Faces that look inward; those of components within the box around the largest one do so by right.
+
+    Raises
+    ------
+    SettingError
+        If the thickness is negative or not finite.
 
     Notes
     -----
@@ -41,10 +47,13 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
     >>> double_walled_share(cube), double_walled_share(cube.moved(corners * [1, 1, 0.01]))
     (0.0, 1.0)
     """
+    if not 0 <= wall < np.inf:
+        raise SettingError(f"wall = {wall!r} is not a thickness; give 0 or more, in √area")
     area = surface.area
     if not 0 < area < np.inf:
         return 0.0
     if turned is not None and turned.any():
+        turned = turned & ~_is_nested(surface)
         surface = Mesh(surface.vertices, np.where(turned[:, None], surface.faces[:, ::-1], surface.faces))
     points, normals = surface.vertices / np.sqrt(area), surface.vertex_normals
     until = np.cumsum(surface.vertex_areas)
@@ -63,3 +72,14 @@ def double_walled_share(surface: Mesh, wall: float = WALL, turned: BoolArray | N
         opposite = (normals[other] * away).sum(axis=1) < OPPOSITE
         found |= opposite & (behind > 0) & (behind <= wall) & (behind >= STEEP * along)
     return float(found.mean())
+
+
+def _is_nested(surface: Mesh) -> BoolArray:
+    """(n,) faces of components within the box around the largest one."""
+    component = surface.components[surface.faces[:, 0]]
+    sizes = np.bincount(component, surface.face_areas)
+    largest = surface.vertices[surface.faces[component == sizes.argmax()]].reshape(-1, 3)
+    corners = surface.vertices[surface.faces]
+    inside = ((corners > largest.min(axis=0)) & (corners < largest.max(axis=0))).all(axis=(1, 2))
+    outside = np.bincount(component, ~inside, len(sizes)) > 0
+    return np.asarray(~outside[component])

@@ -18,8 +18,8 @@ class SearchSettings(Settings):
     start_columns : int
         Leading columns that a few points determine.
     near_rigid : float
-        Mean distance in space, in √area, up to which shapes that are aligned there are matched from their poses too; see
-        `poses_between`. 0 does without.
+        Mean distance of positions and normals × 0.1, in √area, up to which shapes that are aligned in space are matched
+        from their poses too; see `poses_between`. 0 does without.
     off_diagonal : tuple of float
         Penalties on mixing columns, each tried for landmarks; extremities take the first. See `alignments_from_points`.
     ridge : float

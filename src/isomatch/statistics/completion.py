@@ -53,6 +53,10 @@ class Completion:
     rotation : (3, 3) array of float
     translation : (3,) array of float
         The motion from the model: ``x ↦ scale · rotation @ x + translation``.
+    n_points : int
+        How many points the shape rests on.
+    notes : tuple of str
+        What is in doubt.
 
     Examples
     --------
@@ -73,6 +77,8 @@ class Completion:
     scale: float
     rotation: FloatArray
     translation: FloatArray
+    n_points: int
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Completion({self.mesh!r}, error {self.error:.3g})"
@@ -119,7 +125,8 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     C = (Φᵀ Σ⁻¹ Φ + Λ⁻¹)⁻¹ around C Φᵀ Σ⁻¹ (x − m). A pose that is fitted is six or seven more modes, of turns, shifts and
     size, without a prior; as a turn is not linear, steps are repeated (Gauss–Newton), and uncertainty is that of the last
     step. Nearest points on a surface that was matched are renewed until the shape moves by less than 0.001 of its size,
-    30 times at most. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time a step; a few suffice.
+    30 times at most, after which a note says so. By a decomposition of the (3 q + k, k) matrix of q points: O(q k²) time
+    a step; a few suffice.
 
     Examples
     --------
@@ -138,8 +145,9 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
     n_values = 3.0 * (model.n_modes + 7) * (len(observations) + len(model.mean))
     require_memory(8 * 3 * n_values, "shape completion", "use a model of fewer vertices, or fewer points")
     found = _Fit.of(model, observations, is_free=pose == "fitted")
+    notes: tuple[str, ...] = ()
     if observations.surface:
-        found, observations = _settled(model, observations.surface, found, is_free=pose == "fitted")
+        found, observations, notes = _settled(model, observations.surface, found, is_free=pose == "fitted")
     motion, shape = found.motion, found.shape(model)
     columns = model.modes * model.deviations[:, None, None]
     if pose == "fitted":
@@ -156,6 +164,8 @@ def complete(model: ShapeModel, observations: Observations, *, pose: Pose = "fit
         motion.scale,
         motion.rotation,
         motion.translation,
+        len(observations),
+        notes,
     )
 
 
@@ -256,8 +266,8 @@ class _Motion:
 
 def _settled(
     model: ShapeModel, surface: SeenSurface, found: _Fit, is_free: bool
-) -> tuple[_Fit, Observations]:
-    """Let nearest points on the shape take the place of the images of a map, until the shape does not move."""
+) -> tuple[_Fit, Observations, tuple[str, ...]]:
+    """Let nearest points on the shape take the place of the images of a map, until it does not move; and notes."""
     before = found.motion.done(found.shape(model))
     for _ in range(MOST_ROUNDS):
         observations = surface.nearest(model.mesh().moved(before))
@@ -266,8 +276,9 @@ def _settled(
         moved = float(np.sqrt(model.weights @ ((after - before) ** 2).sum(axis=1)))
         before = after
         if moved <= SETTLED * found.size * found.motion.scale:
-            break
-    return found, observations
+            return found, observations, ()
+    note = f"nearest points still move after {MOST_ROUNDS} rounds, in the last one by {moved:.3g}: the shape is in doubt"
+    return found, observations, (note,)
 
 
 def _motions(points: FloatArray, centre: FloatArray, size: float, scaled: bool) -> FloatArray:

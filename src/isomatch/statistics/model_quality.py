@@ -8,6 +8,7 @@ import numpy as np
 
 from isomatch.runtime.threads import serial_blas
 from isomatch.statistics.shape_model import ShapeModel
+from isomatch.statistics.shapes import MIRRORED
 from isomatch.values.arrays import FloatArray
 from isomatch.values.settings import generator
 
@@ -68,7 +69,7 @@ def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
     Notes
     -----
     Davies, *Learning shape: optimal models for analysing natural variability*, 2002; Styner et al., IPMI 2003. Alignment
-    is not repeated without the shape left out.
+    is not repeated without the shape left out. Its mirror image (`CorrespondedShapes.mirrored`) is left out with it.
     """
     m = len(model.names)
     if m < 2:
@@ -77,9 +78,11 @@ def generalisation(model: ShapeModel, *, seed: int = 0) -> ModelCurve:
     if m > MOST_LEFT_OUT:
         chosen = np.sort(generator(seed).choice(m, MOST_LEFT_OUT, replace=False))
     rows = np.zeros((len(chosen), m - 1))
+    number = {name: i for i, name in enumerate(model.names)}
+    both = [sorted({i, number.get(_other_side(name), i)}) for name, i in number.items()]
     with serial_blas():
         for row, left_out in zip(rows, chosen):
-            others = np.delete(model.scores, left_out, axis=0)
+            others = np.delete(model.scores, both[left_out], axis=0)
             mean = others.mean(axis=0)
             _, values, axes = np.linalg.svd(others - mean, full_matrices=False)
             missed = model.scores[left_out] - mean
@@ -119,3 +122,8 @@ def specificity(model: ShapeModel, *, n_samples: int = N_SAMPLES, seed: int = 0)
         squares += drawn[:, None] * (drawn[:, None] - 2 * scores)  # (z − b)² instead of b²
         rows.append(np.sqrt(np.maximum(squares.min(axis=1), 0.0)))
     return ModelCurve.of_rows(np.array(rows).T)
+
+
+def _other_side(name: str) -> str:
+    """Name of the mirror image of a shape, or of the shape that it is the mirror image of."""
+    return name.removesuffix(MIRRORED) if name.endswith(MIRRORED) else name + MIRRORED

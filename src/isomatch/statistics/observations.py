@@ -129,8 +129,14 @@ class SeenSurface:
         points = nearest_on_surface(shape, self.mesh.vertices)
         normals = points.interpolated(shape.vertex_normals)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-        alike = (normals * self.mesh.vertex_normals).sum(axis=1) > FACING
-        rows = np.flatnonzero(alike & np.isfinite(self.noise))
+        cosines = (normals * self.mesh.vertex_normals).sum(axis=1)
+        if np.median(cosines) < 0:  # the surface is wound inside out
+            cosines = -cosines
+        rows = np.flatnonzero((cosines > FACING) & np.isfinite(self.noise))
+        if not len(rows):
+            raise InputError(
+                "no vertex of the part faces as the shape does where it is nearest; check the pose, and the part itself"
+            )
         there = PrecisePoints(points.corners[rows], points.barycentric[rows])
         return Observations(there, self.mesh.vertices[rows], self.noise[rows], normals[rows])
 
@@ -236,7 +242,10 @@ def observed_landmarks(
     twice = [name for name in shared if names[0].count(name) + names[1].count(name) > 2]
     if twice:
         raise LandmarkError(f"several landmarks are named {', '.join(twice)}; give each a name of its own")
-    rows = [[marks.names.index(name) for name in shared] for marks in (own, found)]
+    rows = [
+        [next(i for i in np.flatnonzero(marks.placed) if marks.names[i] == name) for name in shared]
+        for marks in (own, found)
+    ]
     points = nearest_on_surface(model.mesh(), own.positions[rows[0]])
     positions = found.positions[rows[1]]
     errors = np.nan_to_num(found.expected_error[rows[1]])
@@ -290,7 +299,9 @@ def observed_part(
     area = _scale(model, points, positions) ** 2 * mean.area
     with np.errstate(divide="ignore"):
         alone = _noise(noise, model, points, positions) / _counted(part.vertex_areas / area)
-    errors = np.broadcast_to(np.nan_to_num(np.asarray(expected_error)), part.n_vertices)[rows]
+    errors = np.broadcast_to(np.asarray(expected_error, dtype=np.float64), part.n_vertices)[rows]
+    known = np.isfinite(errors)
+    errors = np.where(known, errors, np.median(errors[known]) if known.any() else 0.0)
     mapped = np.sqrt(area) * errors / _counted(part.vertex_areas[rows] / area)
     notes = (f"{len(rows)} of {part.n_vertices} vertices were matched to the mean",)
     surface = SeenSurface(part, alone)

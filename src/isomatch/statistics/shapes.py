@@ -19,6 +19,8 @@ from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
 
+MIRRORED = "_mirrored"  # appended to the names of shapes that are mirror images
+
 T = TypeVar("T")
 MEASURED = "measured"  # attribute of the points of a file: 1 where the surface is that of the shape, else 0
 HEADER = 4096  # bytes at the beginning of a PLY file, in which its attributes are named
@@ -200,7 +202,7 @@ class CorrespondedShapes:
             )
         uniform = np.full(self.n_vertices, 1 / self.n_vertices)
         images = [aligned_to(shape, shape[other] * [-1.0, 1.0, 1.0], uniform) for shape in self.vertices]
-        names = (*self.names, *(f"{name}_mirrored" for name in self.names))
+        names = (*self.names, *(name + MIRRORED for name in self.names))
         known = None if self.measured is None else np.concatenate([self.measured, self.measured[:, other]])
         return CorrespondedShapes(
             names, np.concatenate([self.vertices, images]), self.faces, self.left_out, known

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, Literal, NamedTuple, NoReturn
 import numpy as np
 from numpy.lib import format as npy
 
-from isomatch.errors import FormatError, some
+from isomatch.errors import FormatError, MemoryBudgetError, some
 from isomatch.runtime.memory import require_memory, room_for
 from isomatch.storage.files import opened, replaced
 from isomatch.values.arrays import AnyArray
@@ -267,7 +267,10 @@ class Archive:
         """Read some arrays; `MemoryBudgetError` if they would exceed the memory budget together."""
         n_bytes = sum(self.header(name).n_bytes for name in names)
         if n_bytes > room_for(self._size):
-            self.refuse(f"its {self._size} bytes would become {n_bytes}")
+            raise MemoryBudgetError(
+                f"{self.path}: its {self._size} bytes would become {n_bytes}; if you trust it, write it again without "
+                "compression (numpy.savez)"
+            )
         require_memory(n_bytes, f"{self.path}: reading", "raise the budget if you trust this file")
         return {name: self.read(name) for name in names}
 

@@ -119,9 +119,10 @@ def write_report(
         landmarks=pairs,
     )
     titles = _title("source", names[0]), _title("target", names[1])
-    still = (
-        drawn(source, target, result.map, titles, WIDTH) if picture is None else Path(picture).read_bytes()
-    )
+    if picture is None:
+        still = png(drawn(source, target, result.map, titles, WIDTH))
+    else:
+        still = png(Path(picture).read_bytes()) if picture else ""
     helped = result.outcome in _HELPED_BY_LANDMARKS
     details = _template("details.html").substitute(
         regions=table_of_regions(result),
@@ -137,8 +138,10 @@ def write_report(
         colour=_COLOURS.get(result.outcome, _UNDECIDED),
         headline=escape(sentence(result.outcome.value)),
         advice=escape(_advice(result.outcome)),
-        picture=f'<img src="{png(still)}" alt="Source on the left, target on the right; points of the same colour '
-        'correspond.">',
+        picture=f'<img src="{still}" alt="Source on the left, target on the right; points of the same colour '
+        'correspond.">'
+        if still
+        else "",
         plain="Points of the same colour correspond.",
         maps="".join(f"<option>{escape(name)}</option>" for name in maps),
         remarks=paragraphs(_remarks(scene, result)),

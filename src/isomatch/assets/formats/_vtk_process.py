@@ -79,7 +79,9 @@ def grid_of(data: bytes, name: str, suffix: str) -> Grid:
 def _read_by(reader: str, data: bytes, name: str, suffix: str, what: str) -> dict[str, AnyArray]:
     what = f"a {suffix} file of {what}"
     with reading(name, what), on_disk(data, suffix) as path:
-        command = [sys.executable, "-m", _vtk_reader.__name__, reader, str(path), str(room_for(len(data)))]
+        room = str(room_for(len(data)))
+        # -P: nothing in the working folder is imported
+        command = [sys.executable, "-P", "-m", _vtk_reader.__name__, reader, str(path), room]
         modules = os.pathsep.join(filter(None, sys.path))
         ended = subprocess.run(
             command, env={**os.environ, "PYTHONPATH": modules}, capture_output=True, check=False

@@ -151,11 +151,16 @@ def _image(data: bytes, name: str) -> Any:
 
 def _require_room(data: bytes) -> None:
     """Raise `FormatError` if what is compressed is far larger than the file; nothing large is kept."""
-    room, words = Room(len(data)), list[str]()
+    room, words, encodings = Room(len(data)), list[str](), [""]
     parser = ParserCreate()
 
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if tag == "DataArray":
+            encodings[0] = attributes.get("Encoding", "")
+        words.clear()
+
     def end(tag: str) -> None:
-        if tag == "Data":
+        if tag == "Data" and "GZip" in encodings[0]:
             stream, rest = zlib.decompressobj(), base64.b64decode("".join(words))
             with suppress(zlib.error):  # what is not compressed, and what nibabel will refuse
                 while part := stream.decompress(rest, _PIECE):
@@ -163,7 +168,7 @@ def _require_room(data: bytes) -> None:
                     rest = stream.unconsumed_tail
         words.clear()
 
-    parser.StartElementHandler = lambda tag, attributes: words.clear()
+    parser.StartElementHandler = start
     parser.CharacterDataHandler = words.append
     parser.EndElementHandler = end
     parser.Parse(data, True)
