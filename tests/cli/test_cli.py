@@ -345,7 +345,7 @@ def test_an_interruption_has_its_own_exit_code(monkeypatch, capsys):
     ("said", "told"), [("", "no more is given"), ("Unable to allocate 75 GiB", "75 GiB")]
 )
 def test_memory_that_does_not_suffice_is_one_line(shapes, monkeypatch, capsys, said, told):
-    def too_much(*_):
+    def too_much(*_, **__):
         raise MemoryError(said)
 
     monkeypatch.setattr(isomatch, "check", too_much)

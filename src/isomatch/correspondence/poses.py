@@ -30,6 +30,11 @@ class Pose:
         Point of the target nearest to each of the source.
     distance : float
         Mean distance of the points of either surface from the nearest one of the other.
+
+    Examples
+    --------
+    >>> Pose(np.eye(3), 2.0, np.zeros(3), np.arange(5), distance=0.1).scale
+    2.0
     """
 
     rotation: FloatArray
