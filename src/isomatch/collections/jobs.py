@@ -25,6 +25,7 @@ from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
+from isomatch.storage.files import legible
 from isomatch.surfaces import Graph, Mesh, reflected
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
@@ -212,7 +213,7 @@ def row_of(work: Callable[[], Record]) -> Record:
         record = work()
         return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
     except Exception as error:  # whatever it is becomes a row with its reason; nothing ends a run
-        reason = f"{type(error).__name__}: {error}"
+        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
         return {
             "state": "failed",
             "time": time.time(),

@@ -46,6 +46,8 @@ _LOCKED = (
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Encodings by the bytes that a text begins with."""
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
+_HALF_LETTER = re.compile("[\ud800-\udfff]")  # what Python makes of bytes that are no UTF-8
+_HALF_LETTER_OR_PERCENT = re.compile("[%\ud800-\udfff]")
 logger = logging.getLogger(__name__)
 
 
@@ -227,6 +229,22 @@ def abandon_files() -> None:
     for path in reversed(_passed):
         with suppress(OSError):
             _remove(path)
+
+
+def legible(name: str) -> str:
+    r"""Return the name of a file as it is written in tables, pages and other names: with bytes that are no UTF-8 as %XX.
+
+    In such a name, ``%`` itself becomes ``%25``, so that `urllib.parse.unquote_to_bytes` gives the bytes again. All
+    other names stay as they are.
+
+    Examples
+    --------
+    >>> legible("Füße 5%"), legible("F\udcfc\udcdfe 5%")
+    ('Füße 5%', 'F%FC%DFe 5%25')
+    """
+    if not _HALF_LETTER.search(name):
+        return name
+    return _HALF_LETTER_OR_PERCENT.sub(lambda found: f"%{ord(found[0]) & 0xFF:02X}", name)
 
 
 def write_text(path: Path, text: str) -> None:
