@@ -23,7 +23,7 @@ from isomatch.collections.units import scales_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import MOST_WAYS, PlannedSurface, WrapJob
 from isomatch.statistics import doubtful_positions
-from isomatch.storage.files import claimed, read_csv, write_csv
+from isomatch.storage.files import claimed, read_csv, write_csv, writing
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -74,7 +74,8 @@ def finish(
     _remove(collection, set(kept), lines)
     if template is not None:
         for folder in ("corresponded", "thumbnails"):
-            (layout.folder / folder).mkdir(exist_ok=True)
+            with writing(layout.folder / folder):
+                (layout.folder / folder).mkdir(exist_ok=True)
         job = WrapJob(layout, _entry(collection, rows, template))
         todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
         tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]

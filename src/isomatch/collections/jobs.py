@@ -20,12 +20,12 @@ from isomatch.collections.map_file import SIDES, PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, UnwritableFileError
 from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
-from isomatch.storage.files import legible
+from isomatch.storage.files import is_of_one_file, legible
 from isomatch.surfaces import Graph, Mesh, reflected
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
@@ -207,12 +207,20 @@ def _unsureness(record: Record) -> tuple[int, float]:
 
 
 def row_of(work: Callable[[], Record]) -> Record:
-    """Run a job and return its row, with the time; a failure becomes a row with its reason."""
+    """Run a job and return its row, with the time; a failure becomes a row with its reason.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the disk is full, or cannot be written for any other reason that the next job would meet, too.
+    """
     start = time.perf_counter()
     try:
         record = work()
         return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
-    except Exception as error:  # whatever it is becomes a row with its reason; nothing ends a run
+    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise
         reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
         return {
             "state": "failed",

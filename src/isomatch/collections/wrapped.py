@@ -17,9 +17,9 @@ from isomatch.collections.map_file import Record, as_matched, maps_of_pair
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
-from isomatch.errors import IsomatchError
+from isomatch.errors import IsomatchError, UnwritableFileError
 from isomatch.statistics import MEASURED
-from isomatch.storage.files import replaced
+from isomatch.storage.files import is_of_one_file, replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
@@ -97,6 +97,8 @@ class WrapJob:
             write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+            if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+                raise  # as on a full disk: the shape is not to blame
             line["error"] = f"{type(error).__name__}: {error}"
         return line
 

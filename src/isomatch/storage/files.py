@@ -43,6 +43,12 @@ _LOCKED = (
     errno.EAGAIN,
     errno.EDEADLK,
 )  # what the systems say of a lock that another process holds
+_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
+_REMEDIES = {
+    errno.ENOSPC: "make room on its disk, and run again",
+    errno.EDQUOT: "make room within the quota, and run again",
+    errno.EIO: "check its disk, and run again",
+}
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Encodings by the bytes that a text begins with."""
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
@@ -352,13 +358,21 @@ def _locked(lock: Path, path: Path) -> BinaryIO:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name the file in the errors of the system."""
+    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
     try:
         yield
     except OSError as error:
         if isinstance(error, IsomatchError):
             raise
         reason = error.strerror or str(error) or type(error).__name__
-        raise UnwritableFileError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
-        ) from None
+        remedy = _REMEDIES.get(
+            error.errno or 0, "give a file in an existing, writable folder with free space"
+        )
+        unwritable = UnwritableFileError(f"{path}: cannot be written ({reason}); {remedy}")
+        unwritable.errno = error.errno
+        raise unwritable from None
+
+
+def is_of_one_file(error: UnwritableFileError) -> bool:
+    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
+    return error.errno in _OF_ONE_FILE
