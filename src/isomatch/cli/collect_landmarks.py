@@ -126,6 +126,8 @@ def write_all(
         collections.draw_landmarks(to / "landmarks.png", collection, found)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
+        if to.resolve() == collection.layout.landmarks.resolve():
+            collections.keep_files(collection.layout, (path for path in earlier if path.exists()))
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
     expected = {
         name: float(np.nanmedian(each.expected_error))

@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
+from isomatch import collections
 from isomatch.cli.complete import complete
 from isomatch.cli.group_table import read_groups
 from isomatch.cli.inputs import read_initial_map
@@ -82,6 +83,7 @@ def run(
     into = StatisticsFolder(output, pictures)
     with talk.progress() as tell, into.claimed(force):
         tell("reading", 0.0)
+        collections.require_unchanged(collections.Layout(folder), ["corresponded"])
         shapes = shape_statistics.read_shapes(folder)
         labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
         doubts = shape_statistics.doubtful_shapes(shapes)

@@ -8,6 +8,7 @@ from pathlib import Path
 from isomatch.assets import read_asset, write_asset
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
+from isomatch.collections.kept import require_unchanged
 from isomatch.collections.shapes import BETWEEN
 from isomatch.collections.tables import write_table
 from isomatch.errors import FormatError, InputError
@@ -44,7 +45,8 @@ def export(
     InputError
         If there is nothing to export, or the folder is that of the collection.
     FormatError
-        If the format of the meshes is unknown, or does not keep the order of vertices.
+        If the format of the meshes is unknown, or does not keep the order of vertices; or if files of the collection
+        were changed after they were written.
     UnwritableFileError
         If a file cannot be written, or there are files of an earlier export.
     """
@@ -55,6 +57,8 @@ def export(
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
+    folders = {"corresponded": meshes, "maps": maps}
+    require_unchanged(collection.layout, [folder for folder, suffix in folders.items() if suffix])
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 from isomatch.assets import Asset, Attribute, mesh_from, write_asset
+from isomatch.collections.kept import digest_of
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import Record, as_matched, maps_of_pair
 from isomatch.collections.pairs import Pair
@@ -95,6 +96,7 @@ class WrapJob:
                     marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
             mesh = mesh.moved(plan.scale * mesh.vertices)
             write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
+            line["file"] = digest_of(self.layout.corresponded(name))
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
             if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
