@@ -166,19 +166,48 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def staged(folder: Path, last: str) -> Iterator[Path]:
+def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     """Give a new folder inside another; its files move there when the block ends without an error.
 
-    Of earlier files, the one named ``last`` is removed first, and its successor moves last.
+    Of earlier files, the one named ``last`` is taken away first, and its successor moves last. If a file cannot be
+    moved, the earlier ones come back.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    last : str
+        Name of the file that vouches for the others.
+    gone : iterable of str
+        Earlier files that are removed, by their paths in the folder.
     """
-    with writing(folder), _passing(folder / UNFINISHED.format(token_hex(8))) as unfinished:
+    places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
+    with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
         with _changing:
-            unfinished.mkdir()
-        yield unfinished
+            new.mkdir()
+        yield new
         with _changing:
-            (folder / last).unlink(missing_ok=True)
-            for file in sorted(unfinished.iterdir(), key=lambda file: file.name == last):
-                file.replace(folder / file.name)
+            _exchange(folder, new, earlier, last, gone)
+
+
+def _exchange(folder: Path, new: Path, earlier: Path, last: str, gone: Iterable[str]) -> None:
+    """Move files into a folder, and those that were there to another; if one cannot be moved, move all back."""
+    names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
+    names.sort(key=lambda name: name == Path(last))
+    away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
+    moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
+    moves += [(new / name, folder / name) for name in names]
+    done: list[tuple[Path, Path]] = []
+    try:
+        for place, to in moves:
+            to.parent.mkdir(parents=True, exist_ok=True)
+            place.replace(to)
+            done.append((place, to))
+    except OSError:
+        for place, to in reversed(done):
+            with suppress(OSError):
+                to.replace(place)
+        raise
 
 
 @contextmanager
