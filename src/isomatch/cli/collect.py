@@ -311,4 +311,4 @@ def _write(
         again = f"; again, because {line['again']}" if "again" in line else ""
         tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
         if again:
-            complain(f"the surface of {line['name']} was written{again}")
+            complain(f"the surface of {line['name']} done again, because {line['again']}")
