@@ -167,7 +167,7 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
         if result["record"]["key"] != rows.pairs[pair]["key"]:
             continue  # by a run that was killed before it wrote the row, as the next one does
         saved = {"time": time.time(), **result["record"]}
-        if saved["file"] != rows.pairs[pair]["file"]:
+        if saved["file"] != rows.pairs[pair].get("file", saved["file"]):
             if saved.get("replaced_by") in (None, rows.pairs[pair].get("replaced_by")):
                 continue  # it was changed after it was written; the next run matches it again
             ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))  # likewise

@@ -247,9 +247,8 @@ def _loaded_if_whole(file: Path, config: Config) -> PreparedShape | None:
         return None
 
 
-_shapes = OrderedDict[
-    tuple[Path, int, Config], tuple[PreparedShape, int]
-]()  # of this process, last used last
+_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+"""Of this process, by file and time; last used last."""
 _taking = Lock()  # a worker of a cluster may have several threads
 
 

@@ -104,7 +104,7 @@ def _kept(layout: Layout, rows: Rows) -> Iterator[_Kept]:
 
 
 def _wrong(kept: _Kept) -> str:
-    with suppress(FormatError):
+    with suppress(FormatError, OSError):  # the second: the disk does not give it
         if digest_of(kept.path) == kept.row["file"] or (kept.pair and _was_just_replaced(kept)):
             return ""
     return CHANGED if kept.path.exists() else MISSING
