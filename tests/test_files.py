@@ -53,7 +53,7 @@ def test_a_file_appears_when_it_is_complete_and_otherwise_stays_as_it_was(tmp_pa
 def test_the_system_is_quoted(tmp_path):
     with (
         pytest.raises(
-            UnwritableFileError, match=r"file: cannot be written \(No space left on device\); give"
+            UnwritableFileError, match=r"file: cannot be written \(No space left on device\); make room"
         ),
         replaced(tmp_path / "file"),
     ):

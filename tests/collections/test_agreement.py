@@ -19,6 +19,7 @@ from isomatch.collections import reports as reports_module
 from isomatch.collections import run as run_module
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.cycles import CycleJob
+from isomatch.collections.kept import digest_of
 from isomatch.collections.ledger import writing_ledger
 from isomatch.collections.states import state_of
 from isomatch.collections.workers import Workers
@@ -197,7 +198,10 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
 def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
     sure = {**mirrored.record, "there": {**mirrored.record["there"], "outcome": "CONVERGED"}}
     sure["there"]["quality"] = {**sure["there"]["quality"], "misfit": 0.0}
-    replace(mirrored, record=sure).save(spoilt.layout.maps(WRONG))
+    file = spoilt.layout.maps(WRONG)
+    replace(mirrored, record=sure).save(file)
+    with writing_ledger(spoilt.layout.ledger()) as ledger:
+        ledger.put_pair(WRONG, {**ledger.rows.pairs[WRONG], "file": digest_of(file)})
     monkeypatch.setattr(agreement_module, "MOST_PATHS", 0)
     agreed(spoilt)
     assert agreement_of(spoilt.rows()).contradicted == [WRONG]

@@ -196,7 +196,7 @@ def test_a_number_of_reports_is_not_negative(copied):
 
 
 def test_a_map_that_was_contradicted_stays_so_when_its_match_fails(copied):
-    changed(copied, PAIR, state="failed", attempt=1, contradicted=True)
+    changed(copied, PAIR, state="failed", error="no luck", attempt=1, contradicted=True)
     assert copied.retry("failed") == [PAIR]
     assert copied.rows().pairs[PAIR]["contradicted"]
 

@@ -19,6 +19,7 @@ from isomatch.collections import (
     finish,
     landmarks_left_out,
 )
+from isomatch.collections.kept import digest_of
 from isomatch.collections.ledger import writing_ledger
 from isomatch.landmarks import Curve, nearest_on_surface
 from isomatch.view import camera_of
@@ -185,7 +186,10 @@ def test_over_the_template_expected_errors_add_up(small, marks, tmp_path):
 def test_maps_of_earlier_versions_have_no_expected_errors(copied, marks):
     for pair in copied.rows().pairs:
         maps = copied.maps(*pair)
-        replace(maps, there_error=None, back_error=None).save(copied.layout.maps(pair))
+        file = copied.layout.maps(pair)
+        replace(maps, there_error=None, back_error=None).save(file)
+        with writing_ledger(copied.layout.ledger()) as ledger:
+            ledger.put_pair(pair, {**ledger.rows.pairs[pair], "file": digest_of(file)})
     assert copied.maps("s0", "s1").there_error is None
     found = dict(collected_landmarks(copied, {"s0": marks / "s0.mrk.json"}))
     assert found["s1"].placed.all()

@@ -265,7 +265,9 @@ def test_a_damaged_plan_is_refused(copied, name, value):
 
 def test_failed_pairs_are_not_said_to_be_done(copied, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(("s1", "s3"), {"state": "failed", "time": 0.0, "error": "no luck"})
+        ledger.put_pair(
+            ("s1", "s3"), {**ledger.rows.pairs["s1", "s3"], "state": "failed", "error": "no luck"}
+        )
     assert main(["collect", "status", str(copied.folder)]) == 0
     assert f"{len(PAIRS) - 1} of {len(PAIRS)} pairs done, 1 failed" in capsys.readouterr().out
 
@@ -326,7 +328,9 @@ def test_two_shards_at_once(small, finished, tmp_path, capsys):
 
 def test_the_table_has_a_line_for_each_pair_worst_first(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
-        ledger.put_pair(("s1", "s3"), {"state": "failed", "time": 0.0, "error": "no luck"})
+        ledger.put_pair(
+            ("s1", "s3"), {**ledger.rows.pairs["s1", "s3"], "state": "failed", "error": "no luck"}
+        )
     write_table(copied.rows(), copied.layout.table)
     with copied.layout.table.open(newline="") as file:
         first, *others = csv.DictReader(file)

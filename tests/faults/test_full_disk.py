@@ -3,7 +3,9 @@
 import errno
 import io
 import json
+import os
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,13 @@ import pytest
 
 from isomatch import Correspondence, DistanceBasis, UnwritableFileError, read_mesh, write_mesh
 from isomatch.cli import main
+from isomatch.collections import Collection, workers
 from isomatch.geodesics import Sampling
 from isomatch.lab.evaluation.ledger import appending, read_rows
 from isomatch.storage.array_file import write_arrays
 from isomatch.storage.files import write_csv
 from shapes import icosphere
+from small_collections import arrays_of
 
 N = 600
 MESH = icosphere(2)
@@ -43,14 +47,14 @@ class SmallDisk:
     """Room for a number of bytes; the write that needs more stores a part and, if there is none, fails."""
 
     def __init__(self, monkeypatch):
-        self.room = 0
+        self.room, self.number = 0, errno.ENOSPC
         disk, usual = self, Path.open
 
         class Stored(io.FileIO):
             def write(self, data):
                 data = memoryview(data).cast("B")[: disk.room]
                 if not len(data):
-                    raise OSError(errno.ENOSPC, "No space left on device")
+                    raise OSError(disk.number, os.strerror(disk.number))
                 disk.room -= len(data)
                 return super().write(data)
 
@@ -104,6 +108,28 @@ def test_the_rows_of_a_benchmark_stay_readable(disk, tmp_path):
             for row in rows[3:]:
                 append(row)
         assert read_rows(tmp_path) == rows
+
+
+ROOMS = {20_000: "ENOSPC", 150_000: "EDQUOT", 700_000: "EIO", 600_000: "ENOSPC", 100_000: "EDQUOT"}
+
+
+def test_a_full_disk_is_no_failure_of_a_shape(small, finished, disk, tmp_path, monkeypatch, capsys):
+    """Whatever there is room for, nothing is called failed, and the last run completes what the others began."""
+    monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
+    argv = f"collect {small.shapes} -o {tmp_path} --pairs all --config {small.settings} --jobs 1 --reports 1"
+    for disk.room, name in ROOMS.items():
+        disk.number = getattr(errno, name)
+        assert main(argv.split()) == 1
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert f"cannot be written ({os.strerror(disk.number)}); " in said
+        assert said.endswith("and run again\n")
+        rows = Collection.open(tmp_path).rows()
+        assert {row["state"] for row in (*rows.shapes.values(), *rows.pairs.values())} <= {"done"}
+    assert (tmp_path / "maps" / "s0__s1.npz").exists()
+    disk.room = 10**9
+    assert main(argv.split()) == 0
+    assert arrays_of(tmp_path) == arrays_of(finished)
 
 
 @pytest.fixture

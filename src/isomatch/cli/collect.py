@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 import isomatch
 from isomatch import collections
 from isomatch.cli.collect_landmarks import landmark_files, landmarks, say_landmarks, write_all
-from isomatch.cli.collect_status import status_of, tell_status, told
+from isomatch.cli.collect_status import reasons_of, status_of, tell_status, told
 from isomatch.cli.inputs import read_config
 from isomatch.cli.outputs import require_writable
 from isomatch.cli.terminal import TALK, Talk, Tell, complain, say
@@ -113,10 +113,16 @@ def run(
     carried: dict[str, Any] = {}
     end = None if time_limit is None else time.monotonic() + time_limit
     with talk.progress() as tell:
+        for where in collection.rows().damaged:
+            complain(f"{where} is no row of a collection, and is ignored")
+        again = Counter[tuple[str, str]]()
         for event in collection.run(executor, jobs, part, time_limit):
             tell(*told(event))
+            again.update((event.what, reason) for reason in reasons_of(event))
             if event.what == "misfit":
                 complain(f"{event.name} {event.record['reason']}")
+        for (what, reason), count in again.items():
+            complain(f"{count} {what}{'s' * (count > 1)} done again, because {reason}")
         wanted = pairs == "all" if agree is None else agree
         if wanted and part[1] == 1 and "todo" not in status_of(collection)["pairs"]:
             tell("comparing maps with compositions of others", 1.0)
@@ -302,4 +308,7 @@ def _write(
             failed = f", failed: {row['error']}" if row["state"] == "failed" else ""
             tell(f"report of {' and '.join(pair)}{failed}", 1.0)
     for line in collections.finish(collection, executor, jobs, _until(end)):
-        tell(f"written in the topology of the template: {line['name']}", 1.0)
+        again = f"; again, because {line['again']}" if "again" in line else ""
+        tell(f"written in the topology of the template: {line['name']}{again}", 1.0)
+        if again:
+            complain(f"the surface of {line['name']} done again, because {line['again']}")

@@ -15,7 +15,7 @@ import isomatch.landmarks as shape_landmarks
 from isomatch import collections
 from isomatch.cli.terminal import TALK, Talk, Tell, say
 from isomatch.errors import InputError
-from isomatch.storage.files import claimed, made_folder, write_csv
+from isomatch.storage.files import claimed, legible, made_folder, write_csv
 
 SUFFIXES = (".mrk.json", ".json", ".fcsv", ".pp", ".csv", ".txt")
 ERRORS = ("specimen", "landmark", "expected_error", "spread", "error")  # columns of the table of errors
@@ -70,7 +70,7 @@ def landmark_files(marks: Path, collection: collections.Collection, template: st
         If there is none.
     """
     names = collection.names
-    present = {path.name: path for path in (marks.iterdir() if marks.is_dir() else [marks])}
+    present = {legible(path.name): path for path in (marks.iterdir() if marks.is_dir() else [marks])}
     found = {
         name: next((present[name + suffix] for suffix in SUFFIXES if name + suffix in present), None)
         for name in names
@@ -126,6 +126,8 @@ def write_all(
         collections.draw_landmarks(to / "landmarks.png", collection, found)
         for table in tables:
             shape_landmarks.write_specimens(table, alike)
+        if to.resolve() == collection.layout.landmarks.resolve():
+            collections.keep_files(collection.layout, (path for path in earlier if path.exists()))
     spread = {name: each.spread for name, each in found.items() if np.isfinite(each.spread).any()}
     expected = {
         name: float(np.nanmedian(each.expected_error))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from isomatch import collections
@@ -17,15 +17,18 @@ def tell_status(
     *,
     is_answer: bool = False,
 ) -> None:
-    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried."""
-    status = status_of(collection)
+    """Tell how far a collection is, in words or as JSON, with the landmarks that were carried.
+
+    As an answer, with all files that were damaged; a run has just compared most of them.
+    """
+    status = status_of(collection, collections.KEPT if is_answer else ("landmarks",))
     if landmarks:
         status["landmarks"] = landmarks
     talk.result(status, lambda: _say_status(status, collection.layout), is_answer=is_answer)
 
 
-def status_of(collection: collections.Collection) -> dict[str, Any]:
-    """Sum up how far a collection is, from the ledgers of all shards."""
+def status_of(collection: collections.Collection, folders: Iterable[str] = ()) -> dict[str, Any]:
+    """Sum up how far a collection is, from the ledgers of all shards, with the damaged files of some folders."""
     rows = collection.rows()
     pairs = collection.wanted_pairs(rows)
     states = Counter(collections.state_of(rows.pairs.get(pair, {"state": "todo"})) for pair in pairs)
@@ -34,6 +37,9 @@ def status_of(collection: collections.Collection) -> dict[str, Any]:
         for pair in pairs
         if rows.pairs.get(pair, {}).get("state") == "done"
     )
+    changed = collections.changed_files(collection.layout, rows, folders)
+    damaged = {str(path.relative_to(collection.folder)): what for path, what in changed.items()}
+    damaged |= dict.fromkeys(rows.damaged, "is no row of a collection, and was ignored")
     failures = {name: row["error"] for name, row in rows.shapes.items() if row["state"] == "failed"}
     failures |= {
         " and ".join(pair): row["error"] for pair, row in rows.pairs.items() if row["state"] == "failed"
@@ -52,6 +58,7 @@ def status_of(collection: collections.Collection) -> dict[str, Any]:
         },
         "misfits": [misfit._asdict() for misfit in collections.misfits(collection, rows)],
         "agreement": collections.agreement_of(rows)._asdict(),
+        "damaged": damaged,
         "failures": failures,
     }
 
@@ -80,6 +87,8 @@ def _say_status(status: dict[str, Any], layout: collections.Layout) -> None:
     for misfit in status["misfits"]:
         if misfit["kind"] != "broken" and misfit["name"] not in status["mirror_images"]:
             say(f"look at {misfit['name']}: it {misfit['reason']}", "bold red")
+    for name, what in status["damaged"].items():
+        say(f"{name} {what}; run isomatch collect again, which makes it again", "bold red")
     for name, error in status["failures"].items():
         say(f"failed: {name}: {error}", "bold red")
     say(f"in {status['folder']}: {layout.page.name}, {layout.table.name}")
@@ -111,7 +120,14 @@ def told(event: collections.Event) -> tuple[str, float]:
         "reflection": "reflected",
         "agreement": "compared",
     }[event.what]
-    return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}", event.done / event.of
+    reasons = reasons_of(event)
+    again = f"; again, because {'; '.join(reasons)}" if reasons else ""
+    return f"{what} {event.done} of {event.of}: {name}, {_ending(event.record)}{again}", event.done / event.of
+
+
+def reasons_of(event: collections.Event) -> list[str]:
+    """Return why a shape or a pair was done again, if it was."""
+    return event.record.get("again", []) if event.what in ("shape", "pair") else []
 
 
 def _ending(record: dict[str, Any]) -> str:

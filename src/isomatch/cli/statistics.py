@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 import isomatch
 import isomatch.statistics as shape_statistics
+from isomatch import collections
 from isomatch.cli.complete import complete
 from isomatch.cli.group_table import read_groups
 from isomatch.cli.inputs import read_initial_map
@@ -80,8 +81,9 @@ def run(
     if modes < 0:
         raise isomatch.SettingError(f"--modes {modes} is not a number of modes; give 0 or more")
     into = StatisticsFolder(output, pictures)
-    with talk.progress() as tell, into.claimed(force):
+    with talk.progress() as tell, into.claimed(force) as new:
         tell("reading", 0.0)
+        collections.require_unchanged(collections.Layout(folder), ["corresponded"])
         shapes = shape_statistics.read_shapes(folder)
         labels = read_groups(groups, shapes.names, shapes.left_out) if groups else {}
         doubts = shape_statistics.doubtful_shapes(shapes)
@@ -123,18 +125,17 @@ def run(
         )
         procrustes = shape_statistics.procrustes_distances(shapes.vertices, share, scale)
         tell("writing", 0.6)
-        into.clear()
-        into.model(model, shapes, modes, groups_of)
-        into.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
-        into.quality(model, seed)
+        new.model(model, shapes, modes, groups_of)
+        new.sizes(own, sizes, allometry, groups_of and groups_of[: len(own)])
+        new.quality(model, seed)
         if turned:
-            into.asymmetry(model, turned)
+            new.asymmetry(model, turned)
         if scored:
-            into.scored(scored)
+            new.scored(scored)
         if tested:
-            into.groups(model.mesh(), tested)
-        into.distances(shapes, geodesic, procrustes, groups_of)
-        notes += into.exports(shapes, model)
+            new.groups(model.mesh(), tested)
+        new.distances(shapes, geodesic, procrustes, groups_of)
+        notes += new.exports(shapes, model)
         record = {
             "isomatch": isomatch.__version__,
             "folder": str(folder),
@@ -155,8 +156,8 @@ def run(
             "doubts": [{**doubt._asdict(), "names": list(doubt.names)} for doubt in doubts],
             "notes": notes,
         }
-        into.page(record, _lines(record))
-        into.finish(record)
+        new.page(output.resolve().name, record, _lines(record))
+        new.finish(record)
         tell("done", 1.0)
 
     def summary() -> None:

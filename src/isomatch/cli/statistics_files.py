@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from isomatch.assets import Asset, Attribute, write_asset, write_mesh
 from isomatch.cli.statistics_page import page_of
 from isomatch.cli.terminal import json_text
 from isomatch.errors import MissingDependencyError
-from isomatch.storage.files import claimed, made_folder, write_csv, write_text
+from isomatch.storage.files import claimed, made_folder, staged, write_csv, write_text
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import FloatArray
 
@@ -44,19 +44,18 @@ class StatisticsFolder:
     written: list[str] = field(default_factory=list)
 
     @contextmanager
-    def claimed(self, force: bool) -> Iterator[None]:
-        """Create and claim the folder, see `isomatch.storage.files.claimed`; an earlier result has to be forced."""
-        record = self.folder / RECORD
-        with made_folder(self.folder), claimed(record, [] if force else [record]):
-            yield
+    def claimed(self, force: bool) -> Iterator[StatisticsFolder]:
+        """Create and claim the folder; give one whose files replace those of an earlier result when all are written.
 
-    def clear(self) -> None:
-        """Remove the files of an earlier result."""
+        An earlier result has to be forced. See `isomatch.storage.files.claimed` and `staged`.
+        """
         record = self.folder / RECORD
-        listed = _files_of(record)
-        record.unlink(missing_ok=True)
-        for name in listed:
-            (self.folder / name).unlink(missing_ok=True)
+        with (
+            made_folder(self.folder),
+            claimed(record, [] if force else [record]),
+            staged(self.folder, RECORD, _files_of(record)) as new,
+        ):
+            yield replace(self, folder=new)
 
     def path(self, name: str) -> Path:
         """Return the path of a file that is about to be written."""
@@ -239,10 +238,10 @@ class StatisticsFolder:
         self.written.append("model.h5")
         return []
 
-    def page(self, record: Mapping[str, Any], told: Sequence[str]) -> None:
+    def page(self, title: str, record: Mapping[str, Any], told: Sequence[str]) -> None:
         """Write the page with all pictures, and what the command tells."""
         pictures = [name for name in self.written if name.endswith(f".{self.pictures}")]
-        text = page_of(self.folder.resolve().name, record, told, pictures, self.written)
+        text = page_of(title, record, told, pictures, self.written)
         write_text(self.path("index.html"), text)
 
     def finish(self, record: Mapping[str, object]) -> None:

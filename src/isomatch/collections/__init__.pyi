@@ -3,6 +3,7 @@ from isomatch.collections.cohort import Misfit, misfits
 from isomatch.collections.collection import Collection
 from isomatch.collections.export import export
 from isomatch.collections.finish import finish, surfaces_written
+from isomatch.collections.kept import KEPT, changed_files, keep_files, require_unchanged
 from isomatch.collections.landmark_sheet import draw_landmarks
 from isomatch.collections.landmarks import LeftOut, collected_landmarks, landmarks_left_out
 from isomatch.collections.layout import Layout
@@ -17,6 +18,7 @@ from isomatch.collections.tables import write_table
 from isomatch.collections.units import scales_of
 
 __all__ = [
+    "KEPT",
     "Agreement",
     "Collection",
     "Entry",
@@ -28,13 +30,16 @@ __all__ = [
     "Rows",
     "agree",
     "agreement_of",
+    "changed_files",
     "collected_landmarks",
     "draw_landmarks",
     "export",
     "finish",
+    "keep_files",
     "landmarks_left_out",
     "mirror_images",
     "misfits",
+    "require_unchanged",
     "scales_of",
     "state_of",
     "surfaces_written",

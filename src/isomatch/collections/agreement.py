@@ -166,11 +166,13 @@ def _measured(job: CycleJob, ledger: Ledger, workers: Workers, late: Callable[[]
             continue  # the next run matches it again
         if result["record"]["key"] != rows.pairs[pair]["key"]:
             continue  # by a run that was killed before it wrote the row, as the next one does
+        saved = {"time": time.time(), **result["record"]}
+        if saved["file"] != rows.pairs[pair].get("file", saved["file"]):
+            if saved.get("replaced_by") in (None, rows.pairs[pair].get("replaced_by")):
+                continue  # it was changed after it was written; the next run matches it again
+            ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))  # likewise
         a, b = (number[name] for name in pair)
         images[a, b], images[b, a] = result["images"]
-        saved = {"time": time.time(), **result["record"]}
-        if saved.get("replaced_by", []) != rows.pairs[pair].get("replaced_by", []):  # likewise
-            ledger.put_pair(pair, _after(rows.pairs[pair], saved, len(names)))
     readings = np.full((len(names),) * 3, np.nan)
     side = max(1, -(-len(names) // workers.count()))  # the images travel with each task
     tasks = [

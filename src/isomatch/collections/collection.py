@@ -24,6 +24,8 @@ from isomatch.settings import Config
 from isomatch.storage.files import write_text
 from isomatch.values.settings import generator
 
+KNOWN = ("source_hash", "target_hash", "reflected", "made_with")  # of a pair that is to be matched again
+
 
 @dataclass(frozen=True)
 class Collection(Plan):
@@ -268,10 +270,12 @@ class Collection(Plan):
         """
         again = {
             pair: {
+                **{name: record[name] for name in KNOWN if name in record},
                 "state": "todo",
                 "time": time.time(),
                 "attempt": record["attempt"] + (which == "low"),
                 "contradicted": was_contradicted(record),
+                "again": [f"it was asked for by retry {which}"],
             }
             for pair, record in self.rows().pairs.items()
             if state_of(record) == which

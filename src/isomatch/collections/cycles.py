@@ -12,6 +12,7 @@ import numpy as np
 from isomatch.collections.collection import Collection
 from isomatch.collections.consistency import CONTRADICTED
 from isomatch.collections.jobs import loaded_shape, row_of
+from isomatch.collections.kept import digest_of
 from isomatch.collections.map_file import PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.correspondence import UNMATCHED
@@ -100,7 +101,10 @@ class CycleJob:
             correspondence.vertices[self._samples(name)]
             for correspondence, name in zip((maps.there, maps.back), pair)
         ]
-        return {"images": images, "record": maps.record}
+        return {
+            "images": images,
+            "record": {**maps.record, "file": digest_of(self.collection.layout.maps(pair))},
+        }
 
     def _readings(self, images: IntArray, target: str) -> Record:
         names = list(self.prepared)
@@ -174,8 +178,9 @@ class CycleJob:
             "memory": peak_memory(),
             "replaced_by": [pair[0], over, pair[1]],
         }
-        PairMaps.of(results[0], results[1], record).save(self.collection.layout.maps(pair))
-        return record
+        file = self.collection.layout.maps(pair)
+        PairMaps.of(results[0], results[1], record).save(file)
+        return {**record, "file": digest_of(file)}
 
     def _paths(self, ends: Pair, middles: Sequence[str]) -> IntArray:
         """Image of each vertex (q, n) of the first of two shapes under the maps over each of q others."""

@@ -8,10 +8,11 @@ from pathlib import Path
 from isomatch.assets import read_asset, write_asset
 from isomatch.collections.collection import Collection
 from isomatch.collections.finish import surfaces_written
+from isomatch.collections.kept import require_unchanged
 from isomatch.collections.shapes import BETWEEN
 from isomatch.collections.tables import write_table
 from isomatch.errors import FormatError, InputError
-from isomatch.storage.files import claimed, made_folder
+from isomatch.storage.files import claimed, made_folder, staged
 
 
 def export(
@@ -37,14 +38,16 @@ def export(
         Suffix of the maps, see `Correspondence.save`: ".npz" for all arrays, ".txt" for a target vertex on each line;
         None for none.
     force : bool
-        Whether to write over files of an earlier export; others in the folder stay.
+        Whether to write over files of an earlier export; others in the folder stay. All are replaced once the last one
+        is written.
 
     Raises
     ------
     InputError
         If there is nothing to export, or the folder is that of the collection.
     FormatError
-        If the format of the meshes is unknown, or does not keep the order of vertices.
+        If the format of the meshes is unknown, or does not keep the order of vertices; or if files of the collection
+        were changed after they were written.
     UnwritableFileError
         If a file cannot be written, or there are files of an earlier export.
     """
@@ -55,6 +58,8 @@ def export(
     rows, last = collection.rows(), Path(folder) / "pairs.csv"
     if last.parent.resolve() == collection.folder.resolve():
         raise InputError(f"{folder}: is the folder of the collection itself; give another one")
+    folders = {"corresponded": meshes, "maps": maps}
+    require_unchanged(collection.layout, [folder for folder, suffix in folders.items() if suffix])
     names = surfaces_written(collection) if meshes else []
     pairs = [pair for pair in rows.pairs if rows.is_current(pair)] if maps else []
     if not names and not pairs:
@@ -62,18 +67,22 @@ def export(
             f"{collection.folder}: nothing to export; run isomatch collect to its end, or see shapes.csv"
         )
     earlier = [last, *(file for kind in ("meshes", "maps") for file in sorted(last.parent.glob(f"{kind}/*")))]
-    with made_folder(last.parent), claimed(last, [] if force else earlier):
+    with (
+        made_folder(last.parent),
+        claimed(last, [] if force else earlier),
+        staged(last.parent, last.name) as new,
+    ):
         for kind in ("meshes", "maps"):
-            (last.parent / kind).mkdir(exist_ok=True)
+            (new / kind).mkdir()
         for name in names:
-            path = last.parent / "meshes" / f"{name}{meshes}"
+            path = new / "meshes" / f"{name}{meshes}"
             write_asset(path, read_asset(collection.layout.corresponded(name)))
-            yield path
+            yield last.parent / path.relative_to(new)
         for pair in pairs:
             pair_maps = collection.maps(*pair)
             for ends, correspondence in ((pair, pair_maps.there), (pair[::-1], pair_maps.back)):
-                path = last.parent / "maps" / f"{BETWEEN.join(ends)}{maps}"
+                path = new / "maps" / f"{BETWEEN.join(ends)}{maps}"
                 correspondence.save(path)
-                yield path
-        write_table(rows, last)
-        yield last
+                yield last.parent / path.relative_to(new)
+        write_table(rows, new / last.name)
+    yield last

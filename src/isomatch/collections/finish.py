@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from concurrent.futures import Executor
 from hashlib import blake2b
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ import numpy as np
 from isomatch.assets import read_mesh
 from isomatch.collections.cohort import NOT_UNLIKE
 from isomatch.collections.collection import Collection
+from isomatch.collections.kept import changed_files, put_files
 from isomatch.collections.layout import Layout
-from isomatch.collections.ledger import Rows, read_ledgers
+from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.mirror_images import mirror_images
 from isomatch.collections.page import write_page
 from isomatch.collections.shapes import Entry
@@ -23,7 +25,7 @@ from isomatch.collections.units import scales_of
 from isomatch.collections.workers import Task, late_after, workers_of
 from isomatch.collections.wrapped import MOST_WAYS, PlannedSurface, WrapJob
 from isomatch.statistics import doubtful_positions
-from isomatch.storage.files import claimed, read_csv, write_csv
+from isomatch.storage.files import claimed, read_csv, write_csv, writing
 
 OWN = ("name", "key", "turned", "stretch", "distance", "extended", "error")  # columns of the work itself
 COLUMNS = (*OWN, "ways", "scale", "reflected", "mirror_image", "unlike")
@@ -45,7 +47,8 @@ def finish(
     before. Often it is also matched with shapes that are matched with the template, as in a collection of all pairs. Then
     the images of the template's vertices by all these ways are combined: their median on the surface, see `median_map`.
     Doubtful maps are no such ways. Vertices for which it has nothing are placed by those around them; see
-    `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed.
+    `isomatch.wrap`. Files of shapes that were taken out, or are not matched any more, are removed. A file that was
+    changed after it was written is written again.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ def finish(
     ------
     dict
         For each surface that is written: its name, the key of the map, and the measures of `WrapQuality`; or the error
-        that prevented it.
+        that prevented it. ``again``: what was wrong with the file that was there.
     """
     late = late_after(time_limit)
     layout, rows = collection.layout, collection.rows()
@@ -71,25 +74,37 @@ def finish(
     lines = _lines_of_table(collection)
     plans = [] if template is None else _planned(collection, rows, template)
     kept = collection.names if template is None else [plan.entry.name for plan in plans]
-    _remove(collection, set(kept), lines)
-    if template is not None:
-        for folder in ("corresponded", "thumbnails"):
-            (layout.folder / folder).mkdir(exist_ok=True)
-        job = WrapJob(layout, _entry(collection, rows, template))
-        todo = [plan for plan in plans if not _is_written(layout, plan, lines)]
-        tasks = [Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)]
-        saved = time.monotonic()
-        with claimed(layout.shapes_table), workers_of(executor, jobs) as workers:
-            for plan, line in workers.completed(tasks, late):
-                name = plan.entry.name
-                lines[name] = line if isinstance(line, dict) else {"name": name, "error": str(line)}
-                if time.monotonic() > saved + SAVED:
-                    write_csv(layout.shapes_table, lines.values(), COLUMNS)
-                    saved = time.monotonic()
-                yield lines[name]
+    with claimed(layout.shapes_table), writing_ledger(layout.ledger()) as ledger:
+        _remove(collection, set(kept), lines, ledger)
+        if template is not None:
+            for folder in ("corresponded", "thumbnails"):
+                with writing(layout.folder / folder):
+                    (layout.folder / folder).mkdir(exist_ok=True)
+            changed = changed_files(layout, rows, ["corresponded"])
+            whole = _whole(layout, rows, changed)
+            job = WrapJob(layout, _entry(collection, rows, template))
+            todo = [plan for plan in plans if not _is_written(plan, lines, whole)]
+            tasks = [
+                Task(tuple(todo[i : i + AT_ONCE]), job.wrap_shapes) for i in range(0, len(todo), AT_ONCE)
+            ]
+            saved = time.monotonic()
+            with workers_of(executor, jobs) as workers:
+                for plan, line in workers.completed(tasks, late):
+                    name, file = plan.entry.name, layout.corresponded(plan.entry.name)
+                    lines[name] = line if isinstance(line, dict) else {"name": name, "error": str(line)}
+                    if digest := lines[name].pop("file", None):
+                        put_files(ledger, layout, {file: digest})
+                        whole.add(name)
+                    if time.monotonic() > saved + SAVED:
+                        write_csv(layout.shapes_table, lines.values(), COLUMNS)
+                        saved = time.monotonic()
+                    yield {
+                        **lines[name],
+                        **({"again": f"its file {changed[file]}"} if file in changed else {}),
+                    }
             _tell_sides(collection, rows, lines)
             _tell_unlike(
-                layout, [plan.entry.name for plan in plans if _is_written(layout, plan, lines)], lines
+                layout, [plan.entry.name for plan in plans if _is_written(plan, lines, whole)], lines
             )
             write_csv(layout.shapes_table, lines.values(), COLUMNS)
     write_table(rows, layout.table)
@@ -103,7 +118,8 @@ def surfaces_written(collection: Collection) -> list[str]:
     if template is None:
         return []
     plans, lines = _planned(collection, rows, template), _lines_of_table(collection)
-    return [plan.entry.name for plan in plans if _is_written(collection.layout, plan, lines)]
+    whole = _whole(collection.layout, rows, changed_files(collection.layout, rows, ["corresponded"]))
+    return [plan.entry.name for plan in plans if _is_written(plan, lines, whole)]
 
 
 def _planned(collection: Collection, rows: Rows, template: str) -> list[PlannedSurface]:
@@ -142,13 +158,18 @@ def _entry(collection: Collection, rows: Rows, name: str) -> Entry:
     return Entry(name, collection.paths[name], bool(rows.reflected([name])))
 
 
-def _is_written(layout: Layout, plan: PlannedSurface, lines: dict[str, Any]) -> bool:
+def _whole(layout: Layout, rows: Rows, changed: Container[Path]) -> set[str]:
+    """Names of the surfaces that are as they were written."""
+    files = [layout.folder / name for name in rows.files]
+    return {file.stem for file in files if file.parent.name == "corresponded" and file not in changed}
+
+
+def _is_written(plan: PlannedSurface, lines: dict[str, Any], whole: Container[str]) -> bool:
     line = lines.get(plan.entry.name, {})
-    up_to_date = line.get("key") == plan.key and not line.get("error")
-    return up_to_date and layout.corresponded(plan.entry.name).exists()
+    return line.get("key") == plan.key and not line.get("error") and plan.entry.name in whole
 
 
-def _remove(collection: Collection, kept: set[str], lines: dict[str, Any]) -> None:
+def _remove(collection: Collection, kept: set[str], lines: dict[str, Any], ledger: Ledger) -> None:
     """Remove the files and lines of shapes that are not written any more, and reports of pairs that are no more."""
     layout, everything = collection.layout, read_ledgers(collection.layout.ledgers())
     gone = {*lines, *everything.shapes} - kept
@@ -156,6 +177,7 @@ def _remove(collection: Collection, kept: set[str], lines: dict[str, Any]) -> No
         landmarks = layout.landmarks / f"{name}.mrk.json"
         for file in (layout.corresponded(name), layout.thumbnail(name), landmarks):
             file.unlink(missing_ok=True)
+            ledger.forget_file(file.relative_to(layout.folder).as_posix())
         if lines.pop(name, None):  # the others are compared again, without it
             for line in lines.values():
                 line.pop("unlike", None)

@@ -14,17 +14,19 @@ from typing import NamedTuple
 
 from isomatch.assets import surface_from
 from isomatch.collections.cohort import holes_of
+from isomatch.collections.kept import digest_of
 from isomatch.collections.layout import Layout, identity_of, key_of
 from isomatch.collections.likeness import likeness_of
 from isomatch.collections.map_file import SIDES, PairMaps, Record
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.collections.template import features_of
-from isomatch.errors import FormatError
+from isomatch.errors import FormatError, MissingFileError, UnwritableFileError
 from isomatch.matching import MatchResult, Outcome, match_both
 from isomatch.runtime.limits import peak_memory
 from isomatch.settings import Config
 from isomatch.shapes import PreparedShape, prepare
+from isomatch.storage.files import is_of_one_file, legible
 from isomatch.surfaces import Graph, Mesh, reflected
 
 LOADED = 256 * 2**20  # bytes of files of prepared shapes that a worker keeps; a match itself needs more
@@ -133,6 +135,7 @@ class Job:
             "hash": surface.content_hash,
             "reflected": entry.reflected,
             "bytes": file.stat().st_size,
+            "file": digest_of(file),
             "n_vertices": surface.n_vertices,
             "area": float(surface.vertex_areas.sum()),
             "features": features_of(shape),
@@ -145,7 +148,7 @@ class Job:
         file = self.layout.maps(plan.pair)
         earlier = _maps_if_whole(file)
         if earlier and earlier.record["key"] == plan.key:
-            return earlier.record
+            return {**earlier.record, "file": digest_of(file)}
         maps = self._new_maps(plan)
         if (
             earlier
@@ -156,7 +159,7 @@ class Job:
         ):
             maps = replace(earlier, record={**earlier.record, "key": plan.key})
         maps.save(file)
-        return maps.record
+        return {**maps.record, "file": digest_of(file)}
 
     def _reflected(self, reflection: Reflection) -> Record:
         entry, plan = reflection
@@ -172,7 +175,8 @@ class Job:
                 doubts = min(outcomes, key=lambda outcome: outcome.sureness)
                 return {"refused": f"the other way round, the match ends with {doubts.value}"}
             maps.save(file)
-        return {"shape": shape, "pair": {"state": "done", "time": time.time(), **maps.record}}
+        pair = {"state": "done", "time": time.time(), **maps.record, "file": digest_of(file)}
+        return {"shape": shape, "pair": pair}
 
     def _new_maps(self, plan: PlannedPair) -> PairMaps:
         start = time.perf_counter()
@@ -206,13 +210,21 @@ def _unsureness(record: Record) -> tuple[int, float]:
 
 
 def row_of(work: Callable[[], Record]) -> Record:
-    """Run a job and return its row, with the time; a failure becomes a row with its reason."""
+    """Run a job and return its row, with the time; a failure becomes a row with its reason.
+
+    Raises
+    ------
+    UnwritableFileError
+        If the disk is full, or cannot be written for any other reason that the next job would meet, too.
+    """
     start = time.perf_counter()
     try:
         record = work()
         return {"state": "done", "time": time.time(), "seconds": time.perf_counter() - start, **record}
-    except Exception as error:  # whatever it is becomes a row with its reason; nothing ends a run
-        reason = f"{type(error).__name__}: {error}"
+    except Exception as error:  # whatever else it is becomes a row with its reason; nothing ends a run
+        if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+            raise
+        reason = legible(f"{type(error).__name__}: {error}")  # it may name a file
         return {
             "state": "failed",
             "time": time.time(),
@@ -235,15 +247,22 @@ def _loaded_if_whole(file: Path, config: Config) -> PreparedShape | None:
         return None
 
 
-_shapes = OrderedDict[tuple[Path, Config], tuple[PreparedShape, int]]()  # of this process, last used last
+_shapes = OrderedDict[tuple[Path, int, Config], tuple[PreparedShape, int]]()
+"""Of this process, by file and time; last used last."""
 _taking = Lock()  # a worker of a cluster may have several threads
 
 
 def loaded_shape(file: Path, config: Config) -> PreparedShape:
     """Read a prepared shape, or take it from memory, from which the least recently used shapes are dropped."""
     with _taking:
-        held = _shapes.pop((file, config), None) or (PreparedShape.load(file, config), file.stat().st_size)
-        _shapes[file, config] = held
+        if not file.exists():
+            raise MissingFileError(
+                f"{file}: no such prepared shape; run isomatch collect again, which makes it"
+            )
+        stat = file.stat()
+        key = file, stat.st_mtime_ns, config
+        held = _shapes.pop(key, None) or (PreparedShape.load(file, config), stat.st_size)
+        _shapes[key] = held
         while sum(size for _, size in _shapes.values()) > LOADED and len(_shapes) > 2:
             _shapes.popitem(last=False)
     return held[0]

@@ -11,6 +11,7 @@ import numpy as np
 
 from isomatch.assets import read_mesh
 from isomatch.collections.collection import Collection
+from isomatch.collections.kept import require_unchanged
 from isomatch.correspondence import Correspondence
 from isomatch.errors import InputError
 from isomatch.landmarks import Landmarks, median_landmarks
@@ -64,7 +65,7 @@ def collected_landmarks(
     InputError
         If a name is no shape of the collection, or there is no template.
     FormatError, LandmarkError
-        If a file cannot be read, or its landmarks are not on the shape.
+        If a file cannot be read, its landmarks are not on the shape, or maps were changed after they were written.
     """
     templates = _Templates(collection, files, curve_points)
     for name in collection.names:
@@ -124,6 +125,7 @@ class _Templates:
             )
         if not files:
             raise InputError("no landmarks; give a file for one shape of the collection or more")
+        require_unchanged(collection.layout, ["maps"])
         self._collection, self._curve_points = collection, curve_points
         self._rows = collection.rows()
         self._centre = collection.chosen_template(self._rows)

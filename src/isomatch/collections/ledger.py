@@ -1,17 +1,19 @@
-"""The ledger of a collection: a row for each shape and each pair, in SQLite, written by the one process that runs it."""
+"""The ledger of a collection: rows of shapes, pairs and files, in SQLite, written by the one process that runs it."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from isomatch.collections.map_file import SIDES, Record
 from isomatch.collections.pairs import Pair
+from isomatch.collections.row_kinds import OF_FILES, OF_ORIGINS, OF_PAIRS, OF_SHAPES, Kinds, record_of
 from isomatch.errors import FormatError, UnwritableFileError
 from isomatch.matching import Outcome
 from isomatch.storage.files import claimed
@@ -21,16 +23,33 @@ _TABLES = """
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS shapes (name TEXT PRIMARY KEY, record TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS pairs (source TEXT, target TEXT, record TEXT NOT NULL, PRIMARY KEY (source, target));
+CREATE TABLE IF NOT EXISTS files (name TEXT PRIMARY KEY, record TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS origins (name TEXT PRIMARY KEY, record TEXT NOT NULL);
 COMMIT;
 """
 
 
 @dataclass
 class Rows:
-    """The rows of the shapes and of the pairs of a collection, by name."""
+    """The rows of a collection.
+
+    Parameters
+    ----------
+    shapes, pairs : dict
+        Of shapes and pairs, by name.
+    files : dict of str to dict
+        Of files without such a row: their ``file``, the digest of their bytes, by their path in the folder.
+    origins : dict of str to dict
+        The version and the settings that rows were ``made_with``.
+    damaged : list of str
+        Where rows were that cannot be used, such as "the row of a and b in ledger.sqlite".
+    """
 
     shapes: dict[str, Record] = field(default_factory=dict)
     pairs: dict[Pair, Record] = field(default_factory=dict)
+    files: dict[str, Record] = field(default_factory=dict)
+    origins: dict[str, Record] = field(default_factory=dict)
+    damaged: list[str] = field(default_factory=list)
 
     def merge(self, other: Rows) -> None:
         """Add rows; of two for the same shape or pair, one that is done counts, and otherwise the later one.
@@ -39,6 +58,9 @@ class Rows:
         """
         _merge(self.shapes, other.shapes)
         _merge(self.pairs, other.pairs)
+        _merge(self.files, other.files)
+        self.origins |= other.origins
+        self.damaged += other.damaged
 
     def reflected(self, names: Iterable[str]) -> list[str]:
         """Return those of some shapes that are matched as their mirror images."""
@@ -58,12 +80,19 @@ class Rows:
             Outcome[self.pairs[pair][side]["outcome"]].is_doubtful for side in SIDES
         )
 
+    def of_pairs(self, pairs: Iterable[Pair]) -> Rows:
+        """Return the same with some of its pairs."""
+        return replace(self, pairs={pair: self.pairs[pair] for pair in pairs if pair in self.pairs})
+
     def of(self, names: Iterable[str]) -> Rows:
         """Return the rows of some shapes, and of the pairs of these."""
         kept = set(names)
         return Rows(
             {name: row for name, row in self.shapes.items() if name in kept},
             {pair: row for pair, row in self.pairs.items() if kept.issuperset(pair)},
+            self.files,
+            self.origins,
+            self.damaged,
         )
 
 
@@ -98,6 +127,22 @@ class Ledger:
         """Write the row of a pair."""
         self.rows.pairs[pair] = record
         self._put("INSERT OR REPLACE INTO pairs VALUES (?, ?, ?)", *pair, record)
+
+    def put_file(self, name: str, record: Record) -> None:
+        """Write the row of a file, by its path in the folder."""
+        self.rows.files[name] = record
+        self._put("INSERT OR REPLACE INTO files VALUES (?, ?)", name, record)
+
+    def forget_file(self, name: str) -> None:
+        """Remove the row of a file, if there is one."""
+        if self.rows.files.pop(name, None):
+            self._execute("DELETE FROM files WHERE name = ?", name)
+
+    def put_origin(self, name: str, made_with: Record) -> None:
+        """Write a version and settings, by the name that rows have for them."""
+        if name not in self.rows.origins:
+            self.rows.origins[name] = {"state": "done", "time": time.time(), "made_with": made_with}
+            self._put("INSERT OR REPLACE INTO origins VALUES (?, ?)", name, self.rows.origins[name])
 
     def forget_failed_shapes(self) -> None:
         """Remove the rows of shapes that could not be prepared."""
@@ -204,17 +249,22 @@ def read_ledgers(paths: Iterable[Path]) -> Rows:
 
 
 def _rows(connection: sqlite3.Connection, path: Path) -> Rows:
-    if connection.execute("SELECT name FROM sqlite_master").fetchone() is None:
-        return Rows()  # another process has just begun it
-    try:
+    present = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+    rows = Rows()
+    tables: dict[str, tuple[dict[Any, Record], Kinds]] = {
+        "shapes": (rows.shapes, OF_SHAPES),
+        "pairs": (rows.pairs, OF_PAIRS),
+        "files": (rows.files, OF_FILES),
+        "origins": (rows.origins, OF_ORIGINS),
+    }
+    for table, (into, kinds) in tables.items():
+        if table not in present:  # another process has just begun it, or it is of an earlier version
+            continue
         # all at once: while rows are read, nobody can write them
-        of_shapes, of_pairs = (
-            connection.execute(f"SELECT * FROM {name}").fetchall() for name in ("shapes", "pairs")
-        )
-        shapes = {name: json.loads(record) for name, record in of_shapes}
-        pairs = {(a, b): json.loads(record) for a, b, record in of_pairs}
-    except ValueError as error:
-        raise FormatError(
-            f"{path}: a row is damaged ({error}); move the ledger away, and run again"
-        ) from None
-    return Rows(shapes, pairs)
+        for *names, text in connection.execute(f"SELECT * FROM {table}").fetchall():
+            record = record_of(text, kinds)
+            if record is None:
+                rows.damaged.append(f"the row of {' and '.join(map(str, names))} in {path.name}")
+            else:
+                into[names[0] if len(names) == 1 else tuple(names)] = record
+    return rows

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Container, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
+from isomatch.collections.again import made_with, why_again
 from isomatch.collections.cohort import OF_SHAPES, misfits
 from isomatch.collections.jobs import LOADED, Job, PlannedPair, Reflection
+from isomatch.collections.kept import changed_files
 from isomatch.collections.layout import identity_of, key_of
 from isomatch.collections.ledger import Ledger, Rows, read_ledgers, writing_ledger
 from isomatch.collections.map_file import Record
@@ -23,6 +27,7 @@ from isomatch.storage.files import writing
 
 MOST_PAIRS = 64  # of a tile, whose rows come when all of it is done
 TILES_PER_WORKER = 4  # so that the last ones end at about the same time
+logger = logging.getLogger(__name__)
 
 
 class Event(NamedTuple):
@@ -61,6 +66,7 @@ class Run:
             layout.remove_unfinished(self.shard)
             own = layout.ledger(self.shard)
             ledger.rows.merge(read_ledgers(path for path in layout.ledgers() if path != own))
+            ledger.put_origin(*self._made_with)
             yield from self._prepared_shapes(job, workers, ledger)
             yield from self._misfits(ledger.rows)
             tried: set[str] = set()
@@ -74,10 +80,14 @@ class Run:
 
     def _prepared_shapes(self, job: Job, workers: Workers, ledger: Ledger) -> Iterator[Event]:
         """Prepare the shapes that are not prepared yet."""
+        wrong = self._removed_if_changed("prepared", ledger.rows)
         todo = [entry for entry in self._entries(ledger.rows) if not self._is_prepared(entry, ledger.rows)]
         tasks = [Task((entry,), job.prepare_shapes) for entry in todo]
         for count, (entry, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-            row = _row_of(record)
+            old = ledger.rows.shapes.get(entry.name)
+            file = self.collection.layout.prepared(old.get("key", "")) if old else None
+            why = wrong.get(file) if file else None
+            row = self._explained(_row_of(record), old, {"hash": entry.name}, why, ledger.rows)
             ledger.put_shape(entry.name, row)
             yield Event("shape", entry.name, row, count, len(todo))
 
@@ -93,6 +103,7 @@ class Run:
         usable = {name for name, record in rows.shapes.items() if record["state"] == "done"}
         pairs = [pair for pair in self.pairs_of_shard(rows) if usable.issuperset(pair)]
         plans = [self._planned(pair, rows) for pair in pairs]
+        wrong = self._removed_if_changed("maps", rows.of_pairs(pairs))
         files = {path.name for path in (self.collection.layout.folder / "maps").iterdir()}
         missing = {
             plan.pair: plan for plan in plans if not self._is_matched(plan, rows.pairs.get(plan.pair), files)
@@ -102,9 +113,11 @@ class Run:
         tiles = tiles_of(list(missing), self.collection.names, max(1, LOADED // (2 * largest)), most)
         tasks = [Task(tuple(missing[pair] for pair in tile), job.match_pairs) for tile in tiles]
         for count, (plan, record) in enumerate(workers.completed(tasks, job.is_late), 1):
-            row = {**_row_of(record), "key": plan.key, "attempt": plan.attempt}
+            row = {**_of_plan(plan), **_row_of(record), "key": plan.key}
             if row["state"] == "failed":  # the map that was there before is judged as before
                 row["contradicted"] = plan.contradicted
+            file = self.collection.layout.maps(plan.pair)
+            row = self._explained(row, rows.pairs.get(plan.pair), _contents(plan), wrong.get(file), rows)
             ledger.put_pair(plan.pair, row)
             yield Event("pair", plan.pair, row, count, len(missing))
 
@@ -119,8 +132,11 @@ class Run:
                 refused = {entry.name: made.get("refused") or made["error"]}
                 row = {**ledger.rows.pairs[plan.pair], "not_reflected": refused, "time": time.time()}
             else:  # the shape first: it says whether a pair is still to be matched
-                ledger.put_shape(entry.name, result["shape"])
-                row = {**result["pair"], "attempt": plan.attempt}
+                rows = ledger.rows
+                contents, old = {"hash": entry.name}, rows.shapes[entry.name]
+                ledger.put_shape(entry.name, self._explained(result["shape"], old, contents, None, rows))
+                row = {**_of_plan(plan), **result["pair"]}
+                row = self._explained(row, rows.pairs[plan.pair], _contents(plan), None, rows)
             ledger.put_pair(plan.pair, row)
             yield Event("reflection", entry.name, row, count, len(reflections))
 
@@ -172,6 +188,8 @@ class Run:
             return False
         if record["state"] == "failed":
             return True
+        if "file" not in record:  # of an earlier version; the file is looked at, and taken if it is whole
+            return False
         key = self._key(identity_of(record["hash"], entry.reflected))
         return bool(record["key"] == key) and self.collection.layout.prepared(key).exists()
 
@@ -188,13 +206,54 @@ class Run:
             pair, self._key(*surfaces, attempt=attempt), keys, hashes, turned, attempt, contradicted
         )
 
+    @property
+    def _made_with(self) -> tuple[str, Record]:
+        return made_with(self.collection.config, self.collection.seed)
+
+    def _removed_if_changed(self, folder: str, rows: Rows) -> dict[Path, str]:
+        """Remove files that are not as they were written, so that no job takes them; return what was wrong."""
+        found = changed_files(self.collection.layout, rows, [folder])
+        for path in found:
+            with writing(path):
+                path.unlink(missing_ok=True)
+        return found
+
+    def _explained(
+        self, row: Record, old: Record | None, contents: dict[str, str], wrong: str | None, rows: Rows
+    ) -> Record:
+        """Return a new row that tells what it was made with and, if it is not the first, ``again``: why it was made."""
+        row["made_with"] = self._made_with[0]
+        if old is not None:
+            of_file = [f"its file {wrong}"] if wrong else []
+            if reasons := of_file + why_again(old, row, contents, rows.origins):
+                row["again"] = reasons
+                logger.info("%s: again, because %s", " and ".join(contents.values()), "; ".join(reasons))
+        return row
+
     def _key(self, *surfaces: str, attempt: int = 0) -> str:
         return key_of(self.collection.config, self.collection.seed + attempt, *surfaces)
 
     def _is_matched(self, plan: PlannedPair, row: Record | None, files: Container[str]) -> bool:
         if row is None or row["state"] == "todo" or row["key"] != plan.key:
             return False
-        return row["state"] == "failed" or self.collection.layout.maps(plan.pair).name in files
+        return row["state"] == "failed" or (
+            "file" in row and self.collection.layout.maps(plan.pair).name in files
+        )
+
+
+def _of_plan(plan: PlannedPair) -> Record:
+    """Return what is known of a pair before it is matched."""
+    source_hash, target_hash = plan.hashes
+    return {
+        "source_hash": source_hash,
+        "target_hash": target_hash,
+        "reflected": list(plan.reflected),
+        "attempt": plan.attempt,
+    }
+
+
+def _contents(plan: PlannedPair) -> dict[str, str]:
+    return dict(zip(("source_hash", "target_hash"), plan.pair))
 
 
 def _row_of(record: Record | Exception) -> Record:

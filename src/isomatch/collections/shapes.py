@@ -10,7 +10,7 @@ from pathlib import Path
 
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
-from isomatch.storage.files import read_csv
+from isomatch.storage.files import legible, read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
 
@@ -46,7 +46,8 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
     Returns
     -------
     tuple of Entry
-        In the order of their names, or of the list. By default a shape has the name of its file without the suffix.
+        In the order of their names, or of the list. By default a shape has the name of its file without the suffix, see
+        `isomatch.storage.files.legible`.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def entries_of(shapes: str | Path | Iterable[str | Path]) -> tuple[Entry, ...]:
     if isinstance(shapes, str | Path):
         entries = _listed(Path(shapes)) if str(shapes).endswith(".csv") else _in_folder(str(shapes))
     else:
-        entries = [Entry(Path(path).stem, Path(path)) for path in shapes]
+        entries = [Entry(legible(Path(path).stem), Path(path)) for path in shapes]
     if not entries:
         raise InputError(
             f"{shapes}: no shapes that can be read; give a folder, a quoted pattern or a list.csv"
@@ -90,7 +91,9 @@ def _in_folder(where: str) -> list[Entry]:
     folder = Path(where)
     paths = folder.iterdir() if folder.is_dir() else map(Path, glob(where))
     return [
-        Entry(path.stem, path) for path in sorted(paths) if path.is_file() and path.suffix.lower() in FORMATS
+        Entry(legible(path.stem), path)
+        for path in sorted(paths)
+        if path.is_file() and path.suffix.lower() in FORMATS
     ]
 
 
@@ -99,4 +102,4 @@ def _listed(path: Path) -> list[Entry]:
     if rows and "path" not in rows[0]:
         raise InputError(f"{path}: has no column 'path'; its first line names the columns, such as name,path")
     files = [path.parent / row["path"] for row in rows]
-    return [Entry(row.get("name") or file.stem, file) for row, file in zip(rows, files)]
+    return [Entry(row.get("name") or legible(file.stem), file) for row, file in zip(rows, files)]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
-from isomatch.errors import InputError
+from isomatch.errors import InputError, UnwritableFileError
 from isomatch.loading.packages import package
 from isomatch.runtime.threads import n_threads
 from isomatch.runtime.workers import begin_worker, worker_processes
@@ -92,6 +92,8 @@ class Workers:
         ------
         InputError
             If no worker stays alive, whatever it does, or the cluster gives the tasks up.
+        UnwritableFileError
+            If a job says so, as on a full disk.
         """
         waiting, suspects = deque(tasks), deque[Task]()
         while (waiting or suspects) and not late():
@@ -142,12 +144,12 @@ class Workers:
                     self._renew()
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                try:
-                    error = (
-                        future.exception()
-                    )  # jobs return their own failures, so this one is the death of a worker
+                try:  # jobs return their own failures, so any other error is the death of a worker
+                    error = future.exception()
                 except CancelledError:
                     raise InputError(LOST) from None
+                if isinstance(error, UnwritableFileError):
+                    raise error from None
                 broken = broken or isinstance(error, BrokenExecutor)
                 yield running.pop(future), error or future.result()
 

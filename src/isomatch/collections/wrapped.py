@@ -12,14 +12,15 @@ import numpy as np
 from matplotlib.image import imsave
 
 from isomatch.assets import Asset, Attribute, mesh_from, write_asset
+from isomatch.collections.kept import digest_of
 from isomatch.collections.layout import Layout
 from isomatch.collections.map_file import Record, as_matched, maps_of_pair
 from isomatch.collections.pairs import Pair
 from isomatch.collections.shapes import Entry
 from isomatch.correspondence import Correspondence, WrapQuality, median_map, wrap
-from isomatch.errors import IsomatchError
+from isomatch.errors import IsomatchError, UnwritableFileError
 from isomatch.statistics import MEASURED
-from isomatch.storage.files import replaced
+from isomatch.storage.files import is_of_one_file, replaced
 from isomatch.surfaces import Mesh, reflected
 from isomatch.view import camera_of, position_colours, surface_image, to_screen, turn_to_target
 
@@ -95,8 +96,11 @@ class WrapJob:
                     marks = [Attribute(MEASURED, "point", "label", (~wrapped.extended).astype(np.uint8))]
             mesh = mesh.moved(plan.scale * mesh.vertices)
             write_asset(self.layout.corresponded(name), Asset.of_mesh(mesh, marks))
+            line["file"] = digest_of(self.layout.corresponded(name))
             _draw(template, mesh, self.layout.thumbnail(name))
         except (IsomatchError, OSError, ValueError, ArithmeticError) as error:
+            if isinstance(error, UnwritableFileError) and not is_of_one_file(error):
+                raise  # as on a full disk: the shape is not to blame
             line["error"] = f"{type(error).__name__}: {error}"
         return line
 

@@ -14,7 +14,7 @@ import numpy as np
 from isomatch.assets import FORMATS, read_asset, read_mesh
 from isomatch.errors import FormatError, MeshError, MissingFileError, some
 from isomatch.statistics.procrustes import aligned_to
-from isomatch.storage.files import opened
+from isomatch.storage.files import legible, opened
 from isomatch.surfaces import Mesh
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from isomatch.values.cached import cached_property
@@ -241,11 +241,11 @@ def read_shapes(source: str | Path | Iterable[str | Path]) -> CorrespondedShapes
         If no shape is left.
     """
     files = _files_of(Path(source)) if isinstance(source, str | Path) else [Path(path) for path in source]
-    twice = [name for name, count in Counter(file.stem for file in files).items() if count > 1]
+    twice = [name for name, count in Counter(legible(file.stem) for file in files).items() if count > 1]
     if twice:
         raise FormatError(f"{source}: several files are named {', '.join(twice)}; keep one of each")
-    measured = {file.stem: known for file in files if (known := read_measured(file)) is not None}
-    return CorrespondedShapes.of_meshes({file.stem: read_mesh(file) for file in files}, measured)
+    measured = {legible(file.stem): known for file in files if (known := read_measured(file)) is not None}
+    return CorrespondedShapes.of_meshes({legible(file.stem): read_mesh(file) for file in files}, measured)
 
 
 def read_measured(file: str | Path) -> BoolArray | None:

@@ -43,9 +43,17 @@ _LOCKED = (
     errno.EAGAIN,
     errno.EDEADLK,
 )  # what the systems say of a lock that another process holds
+_OF_ONE_FILE = (None, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)  # the first: it is no regular file
+_REMEDIES = {
+    errno.ENOSPC: "make room on its disk, and run again",
+    errno.EDQUOT: "make room within the quota, and run again",
+    errno.EIO: "check its disk, and run again",
+}
 MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Encodings by the bytes that a text begins with."""
 UNFINISHED = ".isomatch-{}.unfinished"  # name of a file or folder until it is complete
+_HALF_LETTER = re.compile("[\ud800-\udfff]")  # what Python makes of bytes that are no UTF-8
+_HALF_LETTER_OR_PERCENT = re.compile("[%\ud800-\udfff]")
 logger = logging.getLogger(__name__)
 
 
@@ -158,19 +166,48 @@ def replaced(path: Path) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def staged(folder: Path, last: str) -> Iterator[Path]:
+def staged(folder: Path, last: str, gone: Iterable[str] = ()) -> Iterator[Path]:
     """Give a new folder inside another; its files move there when the block ends without an error.
 
-    Of earlier files, the one named ``last`` is removed first, and its successor moves last.
+    Of earlier files, the one named ``last`` is taken away first, and its successor moves last. If a file cannot be
+    moved, the earlier ones come back.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+    last : str
+        Name of the file that vouches for the others.
+    gone : iterable of str
+        Earlier files that are removed, by their paths in the folder.
     """
-    with writing(folder), _passing(folder / UNFINISHED.format(token_hex(8))) as unfinished:
+    places = [folder / UNFINISHED.format(token_hex(8)) for _ in range(2)]
+    with writing(folder), _passing(places[0]) as new, _passing(places[1]) as earlier:
         with _changing:
-            unfinished.mkdir()
-        yield unfinished
+            new.mkdir()
+        yield new
         with _changing:
-            (folder / last).unlink(missing_ok=True)
-            for file in sorted(unfinished.iterdir(), key=lambda file: file.name == last):
-                file.replace(folder / file.name)
+            _exchange(folder, new, earlier, last, gone)
+
+
+def _exchange(folder: Path, new: Path, earlier: Path, last: str, gone: Iterable[str]) -> None:
+    """Move files into a folder, and those that were there to another; if one cannot be moved, move all back."""
+    names = [file.relative_to(new) for file in new.rglob("*") if not file.is_dir()]
+    names.sort(key=lambda name: name == Path(last))
+    away = dict.fromkeys([Path(last), *names, *map(Path, gone)])
+    moves = [(folder / name, earlier / name) for name in away if os.path.lexists(folder / name)]
+    moves += [(new / name, folder / name) for name in names]
+    done: list[tuple[Path, Path]] = []
+    try:
+        for place, to in moves:
+            to.parent.mkdir(parents=True, exist_ok=True)
+            place.replace(to)
+            done.append((place, to))
+    except OSError:
+        for place, to in reversed(done):
+            with suppress(OSError):
+                to.replace(place)
+        raise
 
 
 @contextmanager
@@ -227,6 +264,22 @@ def abandon_files() -> None:
     for path in reversed(_passed):
         with suppress(OSError):
             _remove(path)
+
+
+def legible(name: str) -> str:
+    r"""Return the name of a file as it is written in tables, pages and other names: with bytes that are no UTF-8 as %XX.
+
+    In such a name, ``%`` itself becomes ``%25``, so that `urllib.parse.unquote_to_bytes` gives the bytes again. All
+    other names stay as they are.
+
+    Examples
+    --------
+    >>> legible("Füße 5%"), legible("F\udcfc\udcdfe 5%")
+    ('Füße 5%', 'F%FC%DFe 5%25')
+    """
+    if not _HALF_LETTER.search(name):
+        return name
+    return _HALF_LETTER_OR_PERCENT.sub(lambda found: f"%{ord(found[0]) & 0xFF:02X}", name)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -334,13 +387,21 @@ def _locked(lock: Path, path: Path) -> BinaryIO:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Name the file in the errors of the system."""
+    """Name the file in the errors of the system, of which `UnwritableFileError` keeps the ``errno``."""
     try:
         yield
     except OSError as error:
         if isinstance(error, IsomatchError):
             raise
         reason = error.strerror or str(error) or type(error).__name__
-        raise UnwritableFileError(
-            f"{path}: cannot be written ({reason}); give a file in an existing, writable folder with free space"
-        ) from None
+        remedy = _REMEDIES.get(
+            error.errno or 0, "give a file in an existing, writable folder with free space"
+        )
+        unwritable = UnwritableFileError(f"{path}: cannot be written ({reason}); {remedy}")
+        unwritable.errno = error.errno
+        raise unwritable from None
+
+
+def is_of_one_file(error: UnwritableFileError) -> bool:
+    """Whether a file cannot be written for what it is or how it is named, and not as on a full disk, like any other."""
+    return error.errno in _OF_ONE_FILE
