@@ -12,12 +12,12 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from isomatch.errors import SettingError
+from isomatch.mending.report import OPENING
 from isomatch.runtime.memory import require_memory
 from isomatch.surfaces import Mesh, meetings
 from isomatch.values.arrays import BoolArray, FloatArray, IntArray
 
 T = TypeVar("T", FloatArray, IntArray, BoolArray)
-OPENING = 0.1  # √area: six mouse skulls are open by 0.08 to 0.1; docs/notes/double_walls.md
 CELLS = 4.0  # of the grid to the radius of the ball: a wall is then closed, and a hole known to an eighth
 MARGIN = 1.5  # cells: a ball touches the surface up to this far
 NARROWER = 0.25  # cells by which the places become narrower to which what is known spreads

@@ -11,10 +11,9 @@ from isomatch.assets import Asset, Renumbering, SurfaceLike, asset_from, mesh_fr
 from isomatch.errors import FormatError, SettingError
 from isomatch.mending._attributes import goes_to_corners, kept_at_corners, turned_over, welded_apart
 from isomatch.mending._winding import faces_to_rewind
-from isomatch.mending.outer import OPENING, inner_faces
-from isomatch.mending.report import MeshReport
+from isomatch.mending.report import OPENING, MeshReport
 from isomatch.surfaces import Mesh, PointCloud, first_equal, unsound_faces
-from isomatch.values.arrays import IntArray
+from isomatch.values.arrays import BoolArray, IntArray
 
 MENDED = (
     "non_finite_vertices",
@@ -178,7 +177,7 @@ def repair(
         mended = Mesh(mended.vertices, faces)
 
     chambers: tuple[str, ...] = ()
-    if outer and (inner := inner_faces(mended, opening)).any():
+    if outer and (inner := _inner_faces(mended, opening)).any():
         share = float(mended.face_areas[inner].sum() / mended.area)
         chambers = (f"removed {_count(int(inner.sum()), 'face')} of chambers, {share:.1%} of the area",)
         lined = np.setdiff1d(mended.faces[inner], mended.faces[~inner])
@@ -237,3 +236,9 @@ def _told(asset: Asset, name: str, n: int) -> str:
 def _count(number: int, noun: str) -> str:
     plural = {"vertex": "vertices", "face": "faces", "welded vertex": "welded vertices"}
     return f"{number} {noun if number == 1 else plural[noun]}"
+
+
+def _inner_faces(mesh: Mesh, opening: float) -> BoolArray:
+    from isomatch.mending.outer import inner_faces  # imports scipy.ndimage, which is slow
+
+    return inner_faces(mesh, opening)
