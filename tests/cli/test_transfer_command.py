@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from corresponded import wrapped_as
 from isomatch import Asset, Correspondence, Mesh, match, read_asset, read_mesh, write_asset
@@ -15,6 +17,10 @@ from isomatch.cli.outputs import write_wrapped
 from isomatch.datasets import example_pair
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
+
+_STREAM = BytesIO()
+Image.new("RGB", (2, 2), "red").save(_STREAM, "PNG")
+PICTURE = _STREAM.getvalue()
 
 
 @pytest.fixture
@@ -110,7 +116,7 @@ def scan(tmp_path, monkeypatch):
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nusemtl skin\nf 1/1 2/1 3/1\nf 1/1 3/1 4/1\n"
     (tmp_path / "a.obj").write_text(text)
     (tmp_path / "a.mtl").write_text("newmtl skin\nmap_Kd b_skin.png\n")
-    (tmp_path / "b_skin.png").write_bytes(b"picture")
+    (tmp_path / "b_skin.png").write_bytes(PICTURE)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "b_skin.png").write_bytes(b"another")
     return tmp_path
@@ -129,7 +135,7 @@ def test_repair_names_the_files_beside(scan, capsys):
     assert main(["repair", "a.obj", "-o", str(Path("out/b.obj")), "--force"]) == 0
     names = ("b.obj", "b_skin.png", "a.mtl", "b.index.npz")
     assert f"wrote {', '.join(str(Path('out') / name) for name in names)}\n" in capsys.readouterr().out
-    assert (scan / "out" / "b_skin.png").read_bytes() == b"picture"
+    assert (scan / "out" / "b_skin.png").read_bytes() == PICTURE
 
 
 def test_a_target_that_cannot_be_read_is_refused_before_the_match(scan, capsys):

@@ -13,6 +13,7 @@ import pytest
 from isomatch import Correspondence, InputError, Mesh, read_asset, read_mesh, write_mesh
 from isomatch.cli import main
 from isomatch.collections import Collection, Rows, export, finish, misfits, scales_of
+from isomatch.collections.kept import keep_files
 from isomatch.collections.likeness import alike_shapes, likeness_of
 from isomatch.correspondence import UNMATCHED
 from isomatch.statistics import ShapeModel, read_shapes
@@ -246,6 +247,7 @@ def test_a_shape_unlike_the_others(plain, tmp_path):
     surface = collection.layout.corresponded("good5")
     mesh = read_mesh(surface)
     write_mesh(surface, mesh.moved(np.random.default_rng(0).permutation(mesh.vertices)))
+    keep_files(collection.layout, [surface])
     table = collection.layout.shapes_table
     table.write_text(re.sub("(?m)^good4,[^,]*,", "good4,of an earlier map,", table.read_text()))
     assert finished(collection) == ["good4"]
