@@ -22,6 +22,7 @@ from isomatch.matching.result import MatchResult
 from isomatch.matching.search import HINT_STEPS
 from isomatch.matching.solve import part_role, solve_complete, solve_touching
 from isomatch.matching.stages import Refinement, Relation, Stages, Start
+from isomatch.matching.windings import side_to_turn
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer, two_arguments
 from isomatch.runtime.threads import serial_blas
@@ -111,7 +112,7 @@ def _both(
     searched = hints is not None and not hints.any and pair.config.hypotheses == "all"
     searched = searched and stages.relation is None
     found: IsometricMatch | None = None
-    if hints is None or not searched or part_role(pair, hints, stages):
+    if hints is None or not searched or part_role(pair, hints, stages) or side_to_turn(pair):
         solution_there = solve_prepared(pair, user_hints, stages, timer)
     else:
         relation = Isometry().on(pair, hints, stages)

@@ -22,8 +22,8 @@ from isomatch.matching.judge import Evidence, Solution, measured_evidence, outco
 from isomatch.matching.outcome import Outcome
 from isomatch.matching.pair import ShapePair
 from isomatch.matching.quality import measure_quality
-from isomatch.matching.solve import solve
 from isomatch.matching.stages import Stages
+from isomatch.matching.windings import solve_either_winding
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
 from isomatch.shapes import PreparedShape, components_of
@@ -168,7 +168,9 @@ class _Components:
         pair = ShapePair(self.sources[i], self.targets[j], self.pair.config, self.pair.functions)
         hints = self.hints.on(pair)
         if carrier is None or hints.any:
-            return ComponentMatch(solve(pair, hints, self.stages, self.timer), hinted=hints.any)
+            return ComponentMatch(
+                solve_either_winding(pair, hints, self.stages, self.timer), hinted=hints.any
+            )
         return self._carried(pair, carrier)
 
     def _carried(self, pair: ShapePair, carrier: Carrier) -> ComponentMatch:
@@ -186,7 +188,7 @@ class _Components:
             return ComponentMatch(turned, "nothing near it tells how it is turned")
         carried = replace(pair, config=replace(pair.config, hypotheses="given", start="auto", part="none"))
         hints = Hints.of(carried, None, carrier.image(pair.source, pair.target), None)
-        solution = replace(solve(carried, hints, self.stages, self.timer), pair=pair)
+        solution = replace(solve_either_winding(carried, hints, self.stages, self.timer), pair=pair)
         if solution.outcome is Outcome.HINTS_CONTRADICTED:
             doubted = replace(solution, evidence=(Evidence(poor=True),))
             return ComponentMatch(doubted, "its map does not agree with its place")

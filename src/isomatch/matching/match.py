@@ -18,8 +18,8 @@ from isomatch.matching.pair import ShapePair, prepare_pair
 from isomatch.matching.pins import pinned
 from isomatch.matching.refinements import REFINEMENTS
 from isomatch.matching.result import MatchResult
-from isomatch.matching.solve import solve
 from isomatch.matching.stages import Refinement, Relation, Stages, Start, name_of
+from isomatch.matching.windings import solve_either_winding
 from isomatch.runtime.interruption import in_background
 from isomatch.runtime.stage_timer import Progress, StageTimer
 from isomatch.runtime.threads import serial_blas
@@ -157,7 +157,7 @@ def solve_prepared(
     if pair.oriented and (pair.source.others or pair.target.others):
         solution = match_components(pair, *user_hints, stages, timer)
     else:
-        solution = solve(pair, Hints.of(pair, *user_hints), stages, timer)
+        solution = solve_either_winding(pair, Hints.of(pair, *user_hints), stages, timer)
     if tolerance is None or landmarks is None:
         return solution
     timer.start("pins")

@@ -167,12 +167,12 @@ def _limbs_apart(solution: Solution, hints: Hints, stages: Stages, timer: StageT
     apart = replace(pair, source=opened)
     with suppress(NotConvergedError):
         found = Part("source").on(apart, hints, stages).solution(timer)
-        if _look_apart(pair, found) < _look_apart(pair, solution):
+        if looks_apart(pair, found) < looks_apart(pair, solution):
             return replace(found, pair=pair).with_evidence(Evidence(poor=True))
     return None
 
 
-def _look_apart(pair: ShapePair, solution: Solution) -> float:
+def looks_apart(pair: ShapePair, solution: Solution) -> float:
     """How differently the bodies look around vertices and their images, on average, both as they are."""
     image = solution.map.vertices[pair.source.user_vertex]
     matched = image >= 0

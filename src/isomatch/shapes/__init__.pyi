@@ -8,6 +8,7 @@ from isomatch.shapes.derived import (
     mirror_image,
     opened_shape,
     region_of,
+    turned_over,
 )
 from isomatch.shapes.orientation import orientation_of
 from isomatch.shapes.prepare import prepare
@@ -38,4 +39,5 @@ __all__ = [
     "orientation_of",
     "prepare",
     "region_of",
+    "turned_over",
 ]

@@ -15,7 +15,7 @@ from isomatch.settings import Config
 from isomatch.shapes.body import LEFT_UNMATCHED, sound_body
 from isomatch.shapes.prepare import prepared_body
 from isomatch.shapes.prepared_shape import PreparedShape
-from isomatch.surfaces import Mesh, reflected
+from isomatch.surfaces import Mesh, Surface, reflected
 from isomatch.values.arrays import BoolArray, IntArray
 from isomatch.values.cached import cached_method
 
@@ -167,6 +167,17 @@ def mirror_image(shape: PreparedShape) -> PreparedShape:
     kept = (*OF_BODY, "points", "balls", "symmetries")
     found.__dict__.update({name: value for name, value in vars(shape).items() if name in kept})
     return found
+
+
+@cached_method
+def turned_over(shape: PreparedShape) -> PreparedShape:
+    """Return a mesh with the corners of its faces reversed, so that inside and outside change places."""
+
+    def rewound(surface: Surface) -> Surface:
+        return Mesh(surface.vertices, surface.faces[:, ::-1]) if isinstance(surface, Mesh) else surface
+
+    finer = shape.finer and replace(shape.finer, surface=rewound(shape.finer.surface))
+    return replace(shape, body=rewound(shape.body), finer=finer)
 
 
 @cached_method

@@ -19,7 +19,7 @@ from isomatch.descriptors import (
 )
 from isomatch.errors import SettingError
 from isomatch.geodesics import distance_along_edges_to_nearest
-from isomatch.mending import check, handles
+from isomatch.mending import check, handles, seems_inside_out
 from isomatch.resolution import Prolongation
 from isomatch.settings import Config
 from isomatch.shapes.body import Body
@@ -205,6 +205,11 @@ class PreparedShape(SmoothShape):
     def one_sided(self) -> bool:
         """Whether the body has no inside, like a Möbius strip: some edge of two faces has them wound alike."""
         return self.triangles is not None and len(check(self.triangles, wall=0.0).inconsistent_edges) > 0
+
+    @cached_property
+    def seems_inside_out(self) -> bool:
+        """Whether the body looks inward, though its openings are too large to be sure; see `seems_inside_out`."""
+        return self.triangles is not None and seems_inside_out(self.triangles)
 
     @cached_property
     def polishable(self) -> SmoothShape:

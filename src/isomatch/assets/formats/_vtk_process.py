@@ -12,10 +12,16 @@ import numpy as np
 
 from isomatch.assets.formats import _vtk_reader
 from isomatch.assets.formats._reading import damaged, on_disk, reading
-from isomatch.assets.formats._vtk_reader import ARRAYS, ENDED, PROBLEM
+from isomatch.assets.formats._vtk_reader import ARRAYS, DISK, ENDED, PROBLEM
+from isomatch.errors import UnwritableFileError
 from isomatch.loading.packages import package
 from isomatch.runtime.memory import room_for
 from isomatch.values.arrays import AnyArray
+
+SECONDS = 60.0
+BYTES_A_SECOND = 1e6
+"""Time that a file may take to be read, and more of it for large ones; readers take a hundredth of that."""
+FREE_DISK = "make room on its disk, or set TMPDIR to a folder with more"
 
 
 @dataclass
@@ -83,9 +89,16 @@ def _read_by(reader: str, data: bytes, name: str, suffix: str, what: str) -> dic
         # -P: nothing in the working folder is imported
         command = [sys.executable, "-P", "-m", _vtk_reader.__name__, reader, str(path), room]
         modules = os.pathsep.join(filter(None, sys.path))
-        ended = subprocess.run(
-            command, env={**os.environ, "PYTHONPATH": modules}, capture_output=True, check=False
-        )
+        environment = {**os.environ, "PYTHONPATH": modules}
+        limit = SECONDS + len(data) / BYTES_A_SECOND
+        try:
+            ended = subprocess.run(command, env=environment, capture_output=True, check=False, timeout=limit)
+        except subprocess.TimeoutExpired:
+            raise damaged(name, what, f"the reader was not done with it after {limit:.0f} s") from None
+        if ended.returncode == DISK:
+            raise UnwritableFileError(
+                f"{path.parent}: what {name} holds cannot be written there; {FREE_DISK}"
+            )
         problem = path.with_name(PROBLEM)
         if problem.exists() or ended.returncode:
             raise damaged(name, what, problem.read_text(encoding="utf-8") if problem.exists() else ENDED)

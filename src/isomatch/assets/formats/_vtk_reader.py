@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from isomatch.values.arrays import AnyArray
 
 ARRAYS, PROBLEM = "arrays.npz", "problem.txt"
 """Files that it leaves beside the one that it reads."""
+DISK = 74
+"""Exit code, that of sysexits for input and output, where they cannot be written."""
 ENDED = "the reader came to an end over it, as where more is declared than the file holds"
 
 
@@ -25,14 +28,25 @@ def _main(reader: str, path: Path, room: int) -> None:
     """Read a file; write beside it the arrays that it holds, or what is wrong with it."""
     try:
         arrays = (_by_vtk if reader == "vtk" else _by_meshio)(path, room)
-        np.savez(path.with_name(ARRAYS), **arrays)  # type: ignore[arg-type]
+        with _disk():
+            np.savez(path.with_name(ARRAYS), **arrays)  # type: ignore[arg-type]
     except MemoryError:
         problem = ENDED
     except Exception as error:
         problem = f"{type(error).__name__}: {error}".partition("\n")[0]
     else:
         return
-    path.with_name(PROBLEM).write_text(problem, encoding="utf-8")
+    with _disk():
+        path.with_name(PROBLEM).write_text(problem, encoding="utf-8")
+
+
+@contextmanager
+def _disk() -> Iterator[None]:
+    """End the process where something cannot be written: that is no fault of the file that is read."""
+    try:
+        yield
+    except OSError:
+        sys.exit(DISK)
 
 
 def _by_vtk(path: Path, room: int) -> dict[str, object]:
