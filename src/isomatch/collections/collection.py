@@ -16,7 +16,7 @@ from isomatch.collections.map_file import PairMaps, maps_of_pair
 from isomatch.collections.pairs import PATTERNS, Pair, pairs_of
 from isomatch.collections.plan import Plan
 from isomatch.collections.run import Event, Run
-from isomatch.collections.shapes import Entry, entries_of, unusable_names
+from isomatch.collections.shapes import Entry, entries_of, require_files_of_their_own, unusable_names
 from isomatch.collections.states import state_of, was_contradicted
 from isomatch.collections.units import OTHERS, checked_units
 from isomatch.errors import FormatError, InputError, SettingError
@@ -119,6 +119,7 @@ class Collection(Plan):
         entries = tuple(Entry(entry.name, entry.path.resolve()) for entry in entries_of(shapes))
         layout = Layout(Path(folder).absolute())
         names = [entry.name for entry in entries]
+        require_files_of_their_own(names, layout.folder)
         if template is not None and template not in names:
             by_file = {entry.path: entry.name for entry in entries}
             named = by_file.get(Path(template).resolve())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,9 +11,10 @@ from pathlib import Path
 
 from isomatch.assets import FORMATS
 from isomatch.errors import InputError
-from isomatch.storage.files import legible, read_csv
+from isomatch.storage.files import ignores_case, legible, read_csv
 
 BETWEEN = "__"  # of two names, in the name of the file of their maps
+_OF_DEVICES = re.compile("con|prn|aux|nul|(com|lpt)[0-9]", re.IGNORECASE)  # on Windows, whatever the suffix
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,27 @@ def unusable_names(names: Iterable[str]) -> list[str]:
     return [
         name
         for name in names
-        if not name or BETWEEN in name or (mixed and name.endswith("_")) or set(name) & set('/\\:*?"<>|')
+        if not name
+        or BETWEEN in name
+        or (mixed and name.endswith("_"))
+        or set(name) & set('/\\:*?"<>|')
+        or _OF_DEVICES.fullmatch(name)
     ]
+
+
+def require_files_of_their_own(names: Iterable[str], folder: Path) -> None:
+    """Raise `InputError` if files of two names would be the same one in a folder that ignores case."""
+    if not ignores_case(folder):
+        return
+    alike: dict[str, list[str]] = {}
+    for name in names:
+        alike.setdefault(name.casefold(), []).append(name)
+    for same in alike.values():
+        if len(same) > 1:
+            raise InputError(
+                f"{folder}: has one file for the shapes {' and '.join(same)}, as it ignores case; give a list.csv with "
+                "columns name and path"
+            )
 
 
 def _in_folder(where: str) -> list[Entry]:

@@ -91,9 +91,9 @@ def _machine_memory() -> float:
 
 def peak_memory() -> int | None:
     """Return the most bytes that this process has used so far; None where the system does not tell."""
-    if sys.platform == "win32":
+    try:
+        import resource
+    except ImportError:  # Windows
         return None
-    import resource
-
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -7,7 +7,6 @@ import errno
 import logging
 import os
 import re
-import sys
 import time
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -26,16 +25,16 @@ from isomatch.errors import FormatError, IsomatchError, MissingFileError, Unwrit
 from isomatch.storage.cells import joined, unescaped
 from isomatch.values.arrays import IntArray
 
-if sys.platform == "win32":
-    import msvcrt
+try:
+    from fcntl import LOCK_EX, LOCK_NB, flock
 
     def _lock(file: BinaryIO) -> None:
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-else:
-    import fcntl
+        flock(file, LOCK_EX | LOCK_NB)
+except ImportError:  # Windows
+    from msvcrt import LK_NBLCK, locking  # type: ignore[attr-defined]
 
     def _lock(file: BinaryIO) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        locking(file.fileno(), LK_NBLCK, 1)
 
 
 _LOCKED = (
@@ -280,6 +279,15 @@ def legible(name: str) -> str:
     if not _HALF_LETTER.search(name):
         return name
     return _HALF_LETTER_OR_PERCENT.sub(lambda found: f"%{ord(found[0]) & 0xFF:02X}", name)
+
+
+def ignores_case(folder: Path) -> bool:
+    """Whether files whose names differ only in case are the same in a folder, which need not exist yet."""
+    for place in (folder, *folder.parents):
+        other = place.parent / place.name.swapcase()
+        if other != place and place.exists():
+            return other.exists() and other.samefile(place)
+    return False
 
 
 def write_text(path: Path, text: str) -> None:

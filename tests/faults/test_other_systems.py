@@ -1,0 +1,120 @@
+"""Systems on which these tests do not run: what they lack or refuse is taken away here, and nothing else changes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import isomatch
+from isomatch.cli import main
+from isomatch.collections import Collection, shapes
+from isomatch.storage import files
+from small_collections import arrays_of
+
+LIKE_WINDOWS = Path(__file__).parent / "like_windows"
+COMMANDS = """
+match {0}/s0.ply {0}/s1.ply -o match --config {1}
+match {0}/s0.ply {0}/s1.ply -o match --config {1} --force
+transfer match/map.npz {0}/s0.ply {0}/s1.ply -o carried.obj
+transfer match/map.npz {0}/s0.ply {0}/s1.ply -o carried.obj --force
+collect {0} -o all --pairs all --config {1} --jobs 2 --no-agree --reports none
+collect {0} -o all --pairs all --config {1} --jobs 2 --no-agree --reports none
+collect export all export
+collect export all export --force
+check {0}/s0.ply
+"""
+PROGRAM = """
+import sys
+from isomatch.cli import main
+
+if __name__ == "__main__":
+    for line in sys.argv[1].strip().splitlines():
+        code = main(line.split())
+        if code:
+            sys.exit(f"{line}: {code}")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what is simulated is found in /proc")
+def test_commands_where_open_files_stay_and_posix_is_missing(small, finished, tmp_path):
+    """Each command twice, so that files are replaced, and resumed by two spawned workers: the maps are the same."""
+    (tmp_path / "program.py").write_text(PROGRAM)
+    modules = os.pathsep.join([str(LIKE_WINDOWS), str(Path(isomatch.__file__).parents[1])])
+    ended = subprocess.run(
+        [sys.executable, "program.py", COMMANDS.format(small.shapes, small.settings)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": modules},
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+    )
+    assert ended.returncode == 0, ended.stderr[-2000:]
+    assert arrays_of(tmp_path / "all") == arrays_of(finished)
+    assert {path.name for path in tmp_path.iterdir()} >= {"match", "carried.obj", "all", "export"}
+    assert not [path for path in tmp_path.rglob("*") if path.suffix in (".unfinished", ".lock")]
+    for text in tmp_path.rglob("*.json"):
+        assert b"\r" not in text.read_bytes()
+
+
+def test_the_simulation_refuses_what_windows_does(tmp_path):
+    """Otherwise the test above would show nothing."""
+    program = """
+import isomatch.storage.files as files, isomatch.runtime.limits as limits, os, signal, pathlib
+assert not hasattr(files, "flock") and limits.peak_memory() is None and not hasattr(signal, "SIGHUP")
+path = pathlib.Path("a"); held = path.open("w"); held.write("one\\n"); held.flush()
+pathlib.Path("b").write_text("two")
+assert path.read_bytes() == b"one\\r\\n"
+for refused in (path.unlink, lambda: path.replace("c"), lambda: pathlib.Path("b").replace(path)):
+    try:
+        refused()
+    except PermissionError:
+        continue
+    raise SystemExit("done")
+with files.claimed(pathlib.Path("c")):
+    try:
+        with files.claimed(pathlib.Path("c")):
+            raise SystemExit("claimed twice")
+    except files.UnwritableFileError as error:
+        assert "being written by another run" in str(error)
+assert not list(pathlib.Path().glob(".c*"))
+"""
+    modules = os.pathsep.join([str(LIKE_WINDOWS), str(Path(isomatch.__file__).parents[1])])
+    subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": modules},
+        check=True,
+        start_new_session=True,
+    )
+
+
+def test_names_that_differ_only_in_case(small, tmp_path, monkeypatch, capsys):
+    """They are different files on Linux; where they are not, no map may take the place of another."""
+    folder = tmp_path / "shapes"
+    folder.mkdir()
+    for name, number in (("Cat", 0), ("cat", 1)):
+        (folder / f"{name}.ply").write_bytes((small.shapes / f"s{number}.ply").read_bytes())
+    Collection.create(tmp_path / "apart", folder)
+    monkeypatch.setattr(shapes, "ignores_case", lambda _: True)
+    assert main(["collect", str(folder), "-o", str(tmp_path / "mixed")]) == 1
+    assert "Cat and cat" in capsys.readouterr().err
+    assert not (tmp_path / "mixed").exists()
+
+
+def test_whether_case_is_ignored(tmp_path):
+    """As far as this system tells: of a folder, and of one that is yet to be made."""
+    (tmp_path / "Mixed").mkdir()
+    assert not files.ignores_case(tmp_path / "Mixed")
+    assert not files.ignores_case(tmp_path / "Mixed" / "new" / "newer")
+    (tmp_path / "mIXED").symlink_to("Mixed")
+    assert files.ignores_case(tmp_path / "Mixed" / "new")
+
+
+@pytest.mark.parametrize("name", ["con", "NUL", "com1", "lpt9"])
+def test_names_of_devices(small, tmp_path, name):
+    path = tmp_path / f"{name}.ply"
+    path.write_bytes((small.shapes / "s0.ply").read_bytes())
+    with pytest.raises(isomatch.InputError, match=f"{name} cannot be names of shapes"):
+        Collection.create(tmp_path / "all", [path, small.shapes / "s1.ply"])
