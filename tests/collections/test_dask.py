@@ -1,6 +1,7 @@
 """A Dask cluster: the same maps as local workers make, also if one of its workers dies."""
 
 import os
+import random
 import signal
 import threading
 import time
@@ -39,6 +40,45 @@ def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
     while threading.active_count() > before + 1 and time.monotonic() < limit:
         time.sleep(0.05)
     assert threading.active_count() <= before + 1
+
+
+class Deaths(threading.Thread):
+    """Kills a worker, drawn by chance, every few seconds; only one that has finished something since the last death.
+
+    A cluster whose workers all die before they can do anything gets nothing done, whoever asks.
+    """
+
+    def __init__(self, cluster, seed, seconds):
+        super().__init__()
+        self.cluster, self.seconds, self.killed = cluster, seconds, 0
+        self.draws, self.over, self.progress = random.Random(seed), threading.Event(), threading.Event()
+
+    def run(self):
+        while not self.over.wait(self.draws.uniform(*self.seconds)):
+            self.progress.wait(5)
+            victim = self.draws.choice([*self.cluster.workers.values()])
+            process = victim.process and victim.process.process
+            if process and process.is_alive():
+                self.progress.clear()
+                os.kill(process.pid, signal.SIGKILL)
+                self.killed += 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_workers_that_die_at_random_during_a_whole_run(cluster, small, finished, tmp_path):
+    collection = Collection.create(tmp_path, small.shapes, pairs="all", config=small.config)
+    deaths = Deaths(cluster, seed=0, seconds=(0.2, 1.0))
+    deaths.start()
+    try:
+        for _ in collection.run(f"dask:{cluster.scheduler_address}"):
+            deaths.progress.set()
+    finally:
+        deaths.over.set()
+        deaths.progress.set()
+        deaths.join()
+    assert deaths.killed >= 3
+    assert {row["state"] for row in collection.rows().pairs.values()} == {"done"}
+    assert arrays_of(tmp_path) == arrays_of(finished)
 
 
 @pytest.mark.parametrize("address", ["nonsense://x", "tcp://"])

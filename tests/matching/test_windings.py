@@ -1,0 +1,75 @@
+"""A scan that seems to be inside out is matched with both windings, and the one that fits is told."""
+
+import numpy as np
+import pytest
+
+from isomatch import Mesh, Outcome, match, prepare
+from isomatch.datasets import example_pair
+from isomatch.matching import match_both
+from isomatch.resolution import decimate
+from isomatch.shapes import turned_over
+
+NOTE = "seems to be inside out; of both windings of its faces, the map fits better with them"
+
+
+def half(mesh):
+    """The upper half, without its bottom."""
+    height = mesh.vertices[mesh.faces].mean(axis=1)[:, 2]
+    kept, number = np.unique(mesh.faces[height > np.median(height)], return_inverse=True)
+    return Mesh(mesh.vertices[kept], number.reshape(-1, 3))
+
+
+def inside_out(mesh):
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return prepare(decimate(example_pair()[1].mesh, 900).mesh)
+
+
+@pytest.fixture(scope="module")
+def part():
+    return half(decimate(example_pair()[0].mesh, 900).mesh)
+
+
+@pytest.fixture(scope="module")
+def sound(part, whole):
+    """Both maps between the part and the whole."""
+    return match_both(part, whole)
+
+
+def test_the_map_of_a_part_is_that_of_the_part_turned_over(part, whole, sound):
+    reversed_part = prepare(inside_out(part))
+    assert reversed_part.seems_inside_out
+    assert not prepare(part).seems_inside_out
+    there, back = match_both(reversed_part, whole)
+    assert sound.there.outcome is Outcome.PARTIAL
+    for found, expected in ((there, sound.there), (back, sound.back)):
+        assert any(f"{NOTE} turned over" in note for note in found.notes)
+        assert not any(NOTE in note for note in expected.notes)
+        assert found.outcome is expected.outcome
+        assert np.array_equal(found.map.vertices, expected.map.vertices)
+    points = (result.map.barycentric for result in (there, sound.there))
+    np.testing.assert_allclose(*points, atol=1e-6)
+
+
+def test_what_only_seems_so_stays_as_it_is(part, whole, sound):
+    doubted = prepare(part)
+    vars(doubted)["seems_inside_out"] = True
+    found = match(doubted, whole)
+    assert any(f"{NOTE} as they are" in note for note in found.notes)
+    assert np.array_equal(found.map.vertices, sound.there.map.vertices)
+
+
+def test_two_that_seem_so_agree_with_each_other(part):
+    reversed_part = prepare(inside_out(part))
+    assert not any(NOTE in note for note in match(reversed_part, reversed_part).notes)
+
+
+def test_turned_over_twice_is_the_same(part):
+    shape = prepare(part)
+    turned = turned_over(turned_over(shape))
+    assert np.array_equal(turned.mesh_body.faces, shape.mesh_body.faces)
+    normals = (each.mesh_body.vertex_normals for each in (turned_over(shape), shape))
+    np.testing.assert_allclose(next(normals), -next(normals), atol=1e-12)
