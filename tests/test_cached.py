@@ -56,6 +56,7 @@ def shapes_of(share):
     return [prepare(mesh) for mesh in pair]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("function", "share"),
     [
@@ -74,6 +75,7 @@ def test_a_match_keeps_no_shape(function, share):
     assert [each() for each in gone] == [None, None]
 
 
+@pytest.mark.long
 def test_a_pair_of_a_benchmark_goes_when_the_next_one_comes():
     subject = Subject(BenchmarkRun("example"), BenchmarkRun("example").chosen_pairs()[0])
     method = METHODS["isomatch_5pt"]

@@ -22,6 +22,7 @@ from isomatch.assets import Attribute, Polygons, with_texture
 from isomatch.cli import main
 from isomatch.datasets import creature, example_pair
 from isomatch.resolution import decimate
+from later import some_later
 
 pytestmark = pytest.mark.usefixtures("prepared_once", "small_pictures")
 ROOT = Path(__file__).parents[1]
@@ -167,7 +168,13 @@ def test_no_block_is_overlooked(page):
     assert len(fences) == len(RUN[page.relative_to(ROOT).as_posix()]), "a block is indented or not closed"
 
 
-@pytest.mark.parametrize("page", [page for page, found in RUN.items() if any(not b.mark for b in found)])
+@pytest.mark.parametrize(
+    "page",
+    some_later(
+        [page for page, found in RUN.items() if any(not b.mark for b in found)],
+        lambda page: page == "README.md",
+    ),
+)
 def test_blocks_run(page, shapes, tmp_path, monkeypatch):
     shutil.copytree(shapes, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)

@@ -124,6 +124,7 @@ def test_a_full_disk_is_noted_once(loaded, monkeypatch, caplog):
     assert [record.message for record in caplog.records] == [COMPILING, UNCACHED]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="the folders that cannot be written are made the POSIX way")
 def test_every_command_works_without_any_folder_for_the_cache(tmp_path):
     """A file where numba wants a folder stops even the superuser."""

@@ -231,6 +231,7 @@ def test_npz_that_zipfile_does_not_read(tmp_path, precise, offset, value):
         Correspondence.load(tmp_path / "map.npz")
 
 
+@pytest.mark.long
 @given(st.data())
 @settings(max_examples=300, deadline=None)
 def test_a_damaged_npz_gives_the_map_or_a_named_error(tmp_path_factory, data):

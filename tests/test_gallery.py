@@ -6,25 +6,19 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 
+from later import some_later
+
 pytestmark = pytest.mark.usefixtures("prepared_once")
 EXAMPLES = sorted(Path(__file__).parents[1].glob("examples/*/*.py"))
 WITHOUT_PICTURES = ("prepare_once", "save_and_load")
 
 
-QUICK = (
-    "match_two_meshes",
-    "canonical_form",
-    "distances_without_matrix",
-    "own_engine",
-    "save_and_load",
-    "from_another_map",
-    "one_topology",
-)
+QUICK = "canonical_form", "distances_without_matrix"
 
 
 @pytest.mark.parametrize(
     "example",
-    [pytest.param(path, marks=[] if path.stem in QUICK else pytest.mark.long) for path in EXAMPLES],
+    some_later(EXAMPLES, lambda path: path.stem in QUICK),
     ids=[path.stem for path in EXAMPLES],
 )
 def test_an_example_runs(example, tmp_path, monkeypatch):

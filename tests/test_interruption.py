@@ -13,6 +13,7 @@ from isomatch import match, match_both, prepare
 from isomatch.runtime.interruption import Abandoned, in_background, stop_if_abandoned, tell
 from isomatch.runtime.stage_timer import StageTimer
 from isomatch.runtime.threads import parallel_map
+from later import some_later
 
 
 def spin(until, ended):
@@ -110,7 +111,7 @@ class Enough(Exception):
     """The caller's own."""
 
 
-@pytest.mark.parametrize("run", [match, match_both])
+@pytest.mark.parametrize("run", some_later([match, match_both], lambda run: run is match))
 def test_progress_rises_from_0_to_1(run, example):
     seen = []
     run(*(made.mesh for made in example), progress=lambda stage, share: seen.append((stage, share)))
@@ -145,7 +146,9 @@ def test_progress_of_a_preparation(example):
     assert (seen[0], seen[-1]) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("last", ["prepare", "prepare: functions", "refinement"])
+@pytest.mark.parametrize(
+    "last", some_later(["prepare", "prepare: functions", "refinement"], lambda stage: stage != "refinement")
+)
 def test_progress_cancels_by_raising(last, example):
     """A function of one argument; its exception is the caller's, and no thread goes on."""
     before, stages = threading.active_count(), []
@@ -176,6 +179,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.long
 def test_a_script_that_is_interrupted_ends_at_once():
     """Python joins the threads of pools when it ends; ours do not keep it."""
     run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60)

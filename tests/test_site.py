@@ -88,6 +88,7 @@ def test_every_example_has_a_place_and_a_title():
         assert len(line) == len(title), example
 
 
+@pytest.mark.long
 def test_the_house_is_drawn_from_the_imports():
     house = extension("house")
     assert house.PICTURE.read_text(encoding="utf-8") == house.drawing(house.imports()), (

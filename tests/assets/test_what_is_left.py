@@ -28,6 +28,7 @@ def carrying(*attributes):
     return Asset(POINTS, POLYGONS, attributes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".ply", ".vtp", ".vtu", ".vtk", ".glb", ".gii"])
 def test_names_of_labels_are_in_the_file_or_returned(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

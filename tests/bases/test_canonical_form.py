@@ -32,6 +32,7 @@ def test_centred_with_axes_of_decreasing_extent():
     assert form.values[0] > form.values[1] > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["nystrom", "fmds"])
 def test_low_rank_routes_agree_with_the_dense_one(method):
     mesh = creature(1500).mesh
@@ -39,6 +40,7 @@ def test_low_rank_routes_agree_with_the_dense_one(method):
     assert procrustes(dense, sampled)[2] < 1e-3
 
 
+@pytest.mark.long
 def test_stress_is_that_of_all_pairs():
     mesh = creature(1500).mesh
     form = canonical_form(mesh, 3, "exact", weights="uniform")

@@ -97,6 +97,7 @@ def test_nystrom_is_near_the_optimum_and_the_laplace_basis_is_not(mesh, bases, a
     assert projected > 1.5 * sampled, "even one-sided, with freely chosen coefficients"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["predicted", "nystrom", "fmds"])
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_more_columns_and_higher_rank_fit_better(mesh, all_distances, method, weights):
@@ -156,6 +157,7 @@ def test_truncated_basis_is_the_leading_part(bases):
     np.testing.assert_array_equal(part.values, basis.values[:7])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_relabelling_and_moving_give_the_same_distances(method, weights):

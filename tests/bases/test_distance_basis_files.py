@@ -78,6 +78,7 @@ def test_a_missing_file(tmp_path):
         DistanceBasis.load(tmp_path / "nowhere.npz")
 
 
+@pytest.mark.long
 @given(st.data())
 @settings(max_examples=300, deadline=None)
 def test_a_damaged_file_gives_a_basis_or_a_named_error(tmp_path_factory, data):

@@ -71,6 +71,7 @@ def test_nearest_are_a_disc_in_order(basis, all_distances):
     assert set(found) <= set(np.flatnonzero(all_distances[7] < radius + slack))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["predicted", "nystrom", "fmds"])
 @pytest.mark.parametrize("weights", ["area", "uniform"])
 def test_error_is_estimated_within_a_factor(mesh, all_distances, method, weights):

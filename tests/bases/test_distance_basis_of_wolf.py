@@ -42,6 +42,7 @@ def test_nystrom_on_a_tenth_of_the_rows(wolf):
     assert relative_error(basis.row(rows), geodesic_distances(wolf, rows)) < 0.0075
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("p", "error"), [(100, 0.0053), (200, 0.0046)])
 def test_predicted_on_a_tenth_of_the_rows(wolf, p, error):
     rows = np.arange(0, wolf.n_vertices, 10)

@@ -88,6 +88,7 @@ def test_shares_of_the_nodes_sum_to_the_weight(mesh, sampling):
     assert (shares > 0).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("weights", ["area", "uniform"])
 def test_predicted_is_nearest_to_the_optimum(mesh, weights):
     distances = geodesic_distances(mesh, np.arange(mesh.n_vertices))
@@ -107,6 +108,7 @@ def test_predicted_is_nearest_to_the_optimum(mesh, weights):
         assert predicted < nystrom
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "pose",
     ["wolf0", pytest.param("cat0", marks=pytest.mark.long), pytest.param("centaur0", marks=pytest.mark.long)],

@@ -55,6 +55,7 @@ def result(matched, tmp_path):
     return shutil.copytree(matched, tmp_path / "result")
 
 
+@pytest.mark.long
 def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, result, capsys):
     before = json.loads((result / "result.json").read_text())
     assert before["files"]["alternative_2"] == str(matched / "alternative_2.npz")
@@ -94,6 +95,7 @@ def test_choosing_again_tells_where_maps_came_from(result):
     assert origins == ["try 1", "the map before, try 0", first]
 
 
+@pytest.mark.long
 def test_landmarks_are_held_on_and_the_pose_no_longer_leads(shapes, tmp_path):
     truth = ground_truth(*example_pair()).vertices
     pairs = [(i, int(truth[i])) for i in range(0, len(truth), 600)]

@@ -148,6 +148,7 @@ def test_options_of_match_come_before_the_file_of_settings(shapes, tmp_path, cap
     assert "rough" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_match_holds_landmarks_marked_in_other_tools(shapes, tmp_path, capsys):
     meshes = [isomatch.read_mesh(shapes / f"{side}.ply") for side in ("source", "target")]
     pairs = np.array(true_pairs())
@@ -298,6 +299,7 @@ def test_match_names_the_file_that_it_refuses(shapes, tmp_path, capsys, side):
     assert f"isomatch: {side} {files[side]}: the largest component has 42 vertices" in one_line(capsys)
 
 
+@pytest.mark.long
 def test_match_starts_from_the_pose(tmp_path, capsys):
     isomatch.write_mesh(tmp_path / "strip.off", flat_grid(2, 60))
     file, out = str(tmp_path / "strip.off"), tmp_path / "out"

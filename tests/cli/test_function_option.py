@@ -31,6 +31,7 @@ def files(tmp_path, monkeypatch):
     return brick
 
 
+@pytest.mark.long
 def test_a_marked_corner_goes_to_the_marked_corner(files):
     assert (
         main(["match", "a.vtp", "b.vtp", "-o", "out", "--config", "quick.toml", "--function", "corner"]) == 0
@@ -43,6 +44,7 @@ def test_a_marked_corner_goes_to_the_marked_corner(files):
         assert "--function corner" in json.load(file)["match_again"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "told"), [("corners", "'corner'"), ("side", "no attribute"), ("number", "label")]
 )

@@ -53,6 +53,7 @@ def test_json_lines_give_stages_and_the_result(matching, tmp_path, capsys):
     assert result == json.loads((tmp_path / "out" / "result.json").read_text())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "command",
     [
@@ -84,6 +85,7 @@ def test_verbose_writes_the_log(matching, capsys):
     assert "ms  refinement" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("word", "code"), [("low-confidence,ambiguous", 1), ("contradicted", 0)])
 def test_an_outcome_can_fail_after_all_files_are_written(word, code, tmp_path, monkeypatch, capsys):
     """A ball has every symmetry."""
@@ -117,6 +119,7 @@ def test_both_directions(matching, tmp_path, capsys):
     assert back.shape == (record["n_target"], record["n_source"])
 
 
+@pytest.mark.long
 def test_files_of_an_earlier_result_do_not_stay(matching, tmp_path):
     assert matching("--both") == 0
     for name in ("alternative_3.npz", "picker.html"):
@@ -229,6 +232,7 @@ def test_evaluate_refuses_the_other_direction(shapes, monkeypatch, capsys):
     assert "outside the target's vertices 0…2967" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals of POSIX")
 def test_a_terminal_shows_stage_share_and_time(shapes, tmp_path):
     import pty
@@ -275,6 +279,7 @@ def test_quiet_commands_still_answer(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.long
 def test_points_without_faces_are_matched_and_drawn(tmp_path, monkeypatch, shapes, capsys):
     monkeypatch.chdir(tmp_path)
     for name in "ab":

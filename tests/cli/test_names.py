@@ -83,6 +83,7 @@ def test_a_complaint_is_one_printable_line(name, capsys):
     assert "\x1b" not in said
 
 
+@pytest.mark.long
 def test_match_writes_everything(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ends = [f"{NAMES['not UTF-8']}.ply", f"{NAMES['emoji']}{NAMES['newline']}{NAMES['formula']}.ply"]

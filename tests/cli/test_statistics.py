@@ -93,6 +93,7 @@ def test_everything(folder, tmp_path, capsys):
     assert set(printed["files"]) == here - {"statistics.json"}, "files of the earlier result are gone"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lengths", [[1.0], [1.0, 1.2], [1.0, 1.0, 1.0]])
 def test_few_shapes_and_equal_ones(lengths, tmp_path, capsys):
     folder = write(tmp_path / "shapes", ellipsoids(lengths))
@@ -100,6 +101,7 @@ def test_few_shapes_and_equal_ones(lengths, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["n_modes"] == (1 if len(set(lengths)) > 1 else 0)
 
 
+@pytest.mark.long
 def test_mirror_images_and_doubtful_maps(tmp_path, capsys):
     out = tmp_path / "collection"
     out.mkdir()
@@ -202,6 +204,7 @@ def test_a_shape_without_a_group_is_left_out_of_the_test(tmp_path):
     assert read_groups(tmp_path / "groups.csv", NAMES) == {"5": "x"}
 
 
+@pytest.mark.long
 def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
     shapes = random_shapes(6)
     vertices = shapes.vertices.copy()
@@ -221,6 +224,7 @@ def test_odd_shapes_are_named_before_anything_is_computed(tmp_path, capsys):
     ]
 
 
+@pytest.mark.long
 def test_sizes_scores_and_what_size_describes(tmp_path, capsys):
     """Shapes that grow taller as they grow larger."""
     base = random_shapes(9, spread=0.02)

@@ -199,6 +199,7 @@ def test_landmarks_are_carried_there_and_back(folder, capsys):
     assert "--curve-points needs --landmarks" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_file_of_a_match_tells_expected_errors(tmp_path, capsys):
     shapes = [made.mesh for made in example_pair()]
     for name, mesh in zip("ab", shapes):

@@ -47,12 +47,14 @@ def test_contents(small, copied, tmp_path, caplog):
     assert reasons(collection) == {}
 
 
+@pytest.mark.long
 def test_version(copied, other_version):
     found = reasons(copied)
     assert {*map(tuple, found.values())} == {(f"isomatch {isomatch.__version__} → 99.0",)}
     assert len(found) == 6
 
 
+@pytest.mark.long
 def test_settings_and_seed_by_name(copied):
     """A plan that was changed by hand, and a version with another default, are told alike."""
     search = replace(copied.config.search, flipped=2)
@@ -62,6 +64,7 @@ def test_settings_and_seed_by_name(copied):
     assert other.rows().shapes["s0"]["again"] == ["n_search 100 → 120", "search.flipped 1 → 2", "seed 0 → 1"]
 
 
+@pytest.mark.long
 def test_reflection(small, copied):
     turned = Collection.create(copied.folder, small.shapes, pairs="all", config=small.config, reflect=["s3"])
     pairs = [("s0", "s3"), ("s1", "s3"), ("s2", "s3")]
@@ -70,6 +73,7 @@ def test_reflection(small, copied):
     assert reasons(back) == {pair: ["s3 is not matched as its mirror image any more"] for pair in pairs}
 
 
+@pytest.mark.long
 def test_what_is_new_is_not_done_again(small, copied, tmp_path):
     isomatch.write_mesh(tmp_path / "new.ply", decimate(example_pair()[0].mesh, 250).mesh)
     shapes = [*sorted(small.shapes.iterdir()), tmp_path / "new.ply"]
@@ -77,6 +81,7 @@ def test_what_is_new_is_not_done_again(small, copied, tmp_path):
     assert reasons(grown) == dict.fromkeys([(f"s{i}", "new") for i in range(4)])
 
 
+@pytest.mark.long
 def test_the_command_tells_each_reason_once(small, copied, other_version, monkeypatch, capsys):
     monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))
     copied.layout.maps(("s0", "s1")).unlink()

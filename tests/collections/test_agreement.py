@@ -91,6 +91,7 @@ def error(creatures, collection, pair):
     return np.linalg.norm(points[found] - points[truth], axis=1).mean()
 
 
+@pytest.mark.long
 def test_right_maps_stay(right, tmp_path):
     shutil.copytree(right.folder, tmp_path / "all")
     copy = Collection.open(tmp_path / "all")
@@ -105,6 +106,7 @@ def test_right_maps_stay(right, tmp_path):
         }
 
 
+@pytest.mark.long
 def test_the_wrong_map_is_replaced(spoilt, right, creatures):
     assert error(creatures, spoilt, WRONG) > 0.1
     (event,) = agreed(spoilt)
@@ -139,6 +141,7 @@ def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     assert agreed(spoilt) == []
 
 
+@pytest.mark.long
 def test_shards_and_agreement_exclude_each_other(spoilt):
     shard = spoilt.layout.ledger((0, 2))
     with writing_ledger(shard), pytest.raises(UnwritableFileError, match="ledger_1_of_2"):
@@ -156,6 +159,7 @@ def test_low_confidence_is_tried_again_where_a_shard_has_the_row_too(spoilt, mon
     assert spoilt.retry("low") == []
 
 
+@pytest.mark.long
 def test_killed_before_the_row_was_written(spoilt):
     ledger, earlier = spoilt.layout.ledger(), spoilt.folder / "earlier"
     shutil.copy(ledger, earlier)
@@ -169,6 +173,7 @@ def test_killed_before_the_row_was_written(spoilt):
     assert row["there"] == replaced["there"]
 
 
+@pytest.mark.long
 def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
     """The map file has another key than the row, which says that its map was replaced: no reason for an error."""
     agreed(spoilt)
@@ -181,6 +186,7 @@ def test_killed_before_the_row_of_a_newer_version_was_written(spoilt):
         assert [event.name for event in spoilt.run(executor)] == [WRONG]
 
 
+@pytest.mark.long
 def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
     own = spoilt.rows().pairs[WRONG]["there"]["outcome"]
     assert own != "LOW_CONFIDENCE"
@@ -195,6 +201,7 @@ def test_what_stays_contradicted_has_low_confidence(spoilt, monkeypatch):
     assert spoilt.rows().pairs[WRONG]["there"]["outcome"] != "LOW_CONFIDENCE"
 
 
+@pytest.mark.long
 def test_a_contradicted_map_gives_way_when_it_is_tried_again(spoilt, mirrored, monkeypatch, creatures):
     sure = {**mirrored.record, "there": {**mirrored.record["there"], "outcome": "CONVERGED"}}
     sure["there"]["quality"] = {**sure["there"]["quality"], "misfit": 0.0}
@@ -282,6 +289,7 @@ def in_threads(monkeypatch, small_pictures):
         )
 
 
+@pytest.mark.long
 def test_jobs_travel_to_processes(right):
     job = CycleJob(right, {name: row["key"] for name, row in right.rows().shapes.items()})
     (here,) = job.images([WRONG])
@@ -295,6 +303,7 @@ def command_line(*words):
     command(*bound.args, **bound.kwargs)
 
 
+@pytest.mark.long
 def test_command_replaces_and_tells(spoilt, in_threads, capsys):
     command_line("agree", spoilt.folder, "--jobs", 1, "--json")
     said = json.loads(capsys.readouterr().out)["agreement"]

@@ -176,6 +176,7 @@ def test_a_shape_whose_file_breaks_leaves_too(plain, tmp_path, small):
     assert kinds(collection) == {"good5": {"broken"}}
 
 
+@pytest.mark.long
 def test_units_that_are_given_mend_it(troubled, small, tmp_path, capsys):
     """Without matching anything again; also from the command line."""
     folder = shutil.copytree(troubled.collection.folder, tmp_path / "out")
@@ -278,6 +279,7 @@ def alike(**surfaces):
     )
 
 
+@pytest.mark.long
 def test_what_a_specimen_lacks_is_missing_in_its_surface(plain, tmp_path):
     collection = Collection.open(shutil.copytree(plain.folder, tmp_path / "out"))
     maps = collection.maps("good0", "good3")

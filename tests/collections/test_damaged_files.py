@@ -198,6 +198,7 @@ def test_rows_of_the_wrong_kind_are_named_and_ignored(table, collection, capsys)
     assert arrays_of(collection.folder) == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("table", ["shapes", "pairs"])
 def test_no_value_of_a_row_ends_a_command(table, collection, capsys):
     """Each of the wrong kind in turn: its row is ignored, or the value does not matter."""

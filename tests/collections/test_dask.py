@@ -24,6 +24,7 @@ def cluster():
         yield cluster
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_a_worker_that_dies_is_replaced_and_the_maps_are_those_of_local_workers(
     cluster, small, finished, tmp_path

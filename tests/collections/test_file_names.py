@@ -27,6 +27,7 @@ def test_a_legible_name_gives_the_bytes_again_and_others_stay(raw):
         assert unquote_to_bytes(written) == raw
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names of files are Unicode")
 def test_shapes_with_names_that_are_not_utf8_go_through_collect(small, tmp_path, capsys):
     shapes, out = tmp_path / "shapes", tmp_path / "out"

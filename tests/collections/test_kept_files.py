@@ -137,6 +137,7 @@ with writing_ledger(Path(sys.argv[1]), one_host=sys.argv[2] == "True") as ledger
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize("one_host", [True, False])
 def test_a_ledger_whose_writer_was_killed_has_all_its_rows(one_host, tmp_path):

@@ -42,6 +42,7 @@ def marks(small, tmp_path):
     return folder
 
 
+@pytest.mark.long
 def test_every_shape_gets_landmarks_of_its_own(finished, small, marks):
     collection = Collection.open(finished)
     files = {name: marks / f"{name}.mrk.json" for name in ("s0", "s2")}
@@ -98,6 +99,7 @@ def test_doubtful_maps_and_those_of_earlier_files_are_not_used(copied, marks, tm
     assert not any("s3" in name for name in maps)
 
 
+@pytest.mark.long
 def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, capsys):
     with writing_ledger(copied.layout.ledger()) as ledger:
         ledger.put_shape("s0", {**ledger.rows.shapes["s0"], "reflected": True})
@@ -129,6 +131,7 @@ def test_other_curves_are_not_in_the_tables_and_what_a_format_lacks_is_told(
     assert "not written, because .fcsv has no place for them: curves" in said
 
 
+@pytest.mark.long
 def test_the_command_writes_files_and_tables(finished, marks, tmp_path, capsys):
     out = tmp_path / "out"
     argv = ["collect", "landmarks", str(finished), str(marks), str(out)]
@@ -173,6 +176,7 @@ def test_expected_errors_come_with_the_maps(finished, marks):
     np.testing.assert_allclose(found.expected_error[:3], size * maps.there_error[ROWS[:3]], rtol=1e-4)
 
 
+@pytest.mark.long
 def test_over_the_template_expected_errors_add_up(small, marks, tmp_path):
     collection = Collection.create(tmp_path / "star", small.shapes, template="s1", config=small.config)
     run(collection)
@@ -271,6 +275,7 @@ def test_what_is_wrong_with_landmarks_is_told_before_anything_is_matched(small, 
     assert not (tmp_path / "out" / "maps").exists()
 
 
+@pytest.mark.long
 def test_the_picture_has_a_dot_for_each_landmark_in_sight(finished, small, tmp_path):
     """With a disc of its expected error around it; none for one that is behind, or has no place."""
     collection = Collection.open(finished)

@@ -108,6 +108,7 @@ def sides(folder):
     ]
 
 
+@pytest.mark.long
 def test_what_seems_to_be_a_mirror_image_is_named_but_not_reflected(blobs, plain, capsys):
     collection = Collection.open(plain)
     found = {pair[1] for pair, outcome in outcomes(collection).items() if outcome == "MIRROR_IMAGE"}
@@ -182,6 +183,7 @@ def test_surfaces_in_one_topology_are_those_of_the_reflected_shapes(blobs, auto)
     assert {float(line["turned"]) for line in lines_of(auto / "shapes.csv")} == {0.0}
 
 
+@pytest.mark.long
 def test_statistics_know_what_was_reflected(auto, tmp_path, capsys):
     assert main(["statistics", str(auto), "-o", str(tmp_path / "model"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -189,6 +191,7 @@ def test_statistics_know_what_was_reflected(auto, tmp_path, capsys):
     assert told["notes"][0] == "mirror images of the surfaces in their files: l0, l1"
 
 
+@pytest.mark.long
 def test_a_report_shows_the_reflected_shape(auto, tmp_path):
     collection = Collection.open(shutil.copytree(auto, tmp_path / "out"))
     with ThreadPoolExecutor(1) as executor:
@@ -198,6 +201,7 @@ def test_a_report_shows_the_reflected_shape(auto, tmp_path):
     assert "--orientation" not in collection.layout.report(("r0", "r1")).read_text()
 
 
+@pytest.mark.long
 def test_the_maps_do_not_depend_on_the_way(blobs, auto, tmp_path, work):
     """Found from the start, named from the start, in shards; each left blob is matched once if it is named."""
     expected = arrays_of(auto)
@@ -216,6 +220,7 @@ def test_the_maps_do_not_depend_on_the_way(blobs, auto, tmp_path, work):
     assert arrays_of(at_once.folder) == arrays_of(named.folder) == arrays_of(shards.folder) == expected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("written", [0, 1])
 def test_a_run_that_is_killed_while_it_reflects(blobs, plain, auto, tmp_path, work, monkeypatch, written):
     """Maps are whole on disk, the rows of shapes or pairs are not written; maps without a digest are made again."""
@@ -264,6 +269,7 @@ def test_a_match_that_fails_is_no_reflection(blobs, plain, tmp_path, monkeypatch
     assert collection.rows().reflected(NAMES) == []
 
 
+@pytest.mark.long
 def test_what_to_reflect_may_change_and_otherwise_stays(blobs, auto, tmp_path, work):
     folder = shutil.copytree(auto, tmp_path / "out")
     assert star(blobs, folder).reflect == Collection.open(folder).reflect == "auto"
@@ -292,6 +298,7 @@ def test_a_reflected_shape_whose_file_becomes_a_right_one_is_turned_back(blobs, 
     assert collection.rows().reflected(NAMES) == ["l1"]
 
 
+@pytest.mark.long
 def test_the_surer_map_of_the_reflected_shape_is_not_kept_for_the_shape_itself(blobs, plain, tmp_path):
     """Pairs that were tried again keep the surer map, but only one of the same surfaces."""
     folder = shutil.copytree(plain, tmp_path / "out")
@@ -319,6 +326,7 @@ def test_of_all_pairs_the_smaller_group_is_reflected(blobs, tmp_path, work):
     assert run(pairs) == []
 
 
+@pytest.mark.long
 def test_the_side_of_a_template_that_is_named_stays(blobs, tmp_path):
     chain = star(blobs, tmp_path, "auto", pairs="chain", template="l0")
     run(chain)
@@ -388,6 +396,7 @@ def test_the_command_takes_names_and_a_file_of_names(blobs, small, tmp_path, cap
     assert "r9 cannot be reflected" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["creature", "box"])
 def test_other_lopsided_shapes(kind, tmp_path):
     """Creatures in other poses, and a box with unlike corners; all moved and renumbered."""

@@ -89,6 +89,7 @@ def test_a_shape_that_changed_is_done_again_with_its_pairs_only(small, copied, w
     assert work == ["prepare", 0, 0, 0]
 
 
+@pytest.mark.long
 def test_a_shape_that_is_added(small, copied, work, tmp_path):
     isomatch.write_mesh(tmp_path / "new.ply", decimate(example_pair()[0].mesh, 250).mesh)
     shapes = [*sorted(small.shapes.iterdir()), tmp_path / "new.ply"]
@@ -97,6 +98,7 @@ def test_a_shape_that_is_added(small, copied, work, tmp_path):
     assert work == ["prepare", *[0] * len(N)]
 
 
+@pytest.mark.long
 def test_the_template_of_a_star_stays_when_shapes_are_added(small, tmp_path, monkeypatch):
     files = sorted(small.shapes.iterdir())
     few = Collection.create(tmp_path, files[:3], config=small.config)
@@ -178,6 +180,7 @@ def test_low_confidence_is_tried_with_another_seed_and_the_surer_map_is_kept(cop
     assert run(copied) == []
 
 
+@pytest.mark.long
 def test_the_map_of_a_shape_as_it_was_is_not_kept(small, copied, tmp_path):
     """Pairs that were tried again keep the surer map, but not one of a surface that has changed since."""
     shapes = [shutil.copy(path, tmp_path) for path in sorted(small.shapes.iterdir())]
@@ -207,6 +210,7 @@ def test_of_a_shape_that_was_removed_nothing_is_told(small, copied):
     assert set(rows.pairs) == {("s0", "s1"), ("s0", "s2"), ("s1", "s2")}
 
 
+@pytest.mark.long
 def test_a_collection_stays_where_it_is_when_the_working_directory_changes(small, tmp_path, monkeypatch):
     monkeypatch.chdir(small.folder)
     made = Collection.create("relative", "shapes/*.ply", pairs="chain", config=small.config)
@@ -219,6 +223,7 @@ def test_a_collection_stays_where_it_is_when_the_working_directory_changes(small
     assert len(opened.rows().pairs) == len(N) - 1
 
 
+@pytest.mark.long
 def test_a_tile_is_not_so_large_that_a_killed_run_loses_hours(small, tmp_path, monkeypatch):
     sizes = []
     monkeypatch.setattr(run_module, "MOST_PAIRS", 2)
@@ -285,6 +290,7 @@ def test_a_folder_with_other_settings_is_refused(small, copied):
             Collection.create(copied.folder, small.shapes, **given)
 
 
+@pytest.mark.long
 def test_a_time_limit_ends_between_pairs_and_the_next_run_continues(small, copied, work):
     for path in (copied.folder / "maps").iterdir():
         path.unlink()
@@ -296,6 +302,7 @@ def test_a_time_limit_ends_between_pairs_and_the_next_run_continues(small, copie
     assert work == [0] * len(PAIRS)
 
 
+@pytest.mark.long
 def test_shards_need_only_their_own_shapes_and_make_a_whole(small, finished, work, tmp_path):
     collection = Collection.create(
         tmp_path / "c", small.shapes, pairs="star", template="s0", config=small.config
@@ -342,6 +349,7 @@ def test_the_table_has_a_line_for_each_pair_worst_first(copied):
     assert parquet.read_table(copied.layout.table.with_suffix(".parquet")).num_rows == len(PAIRS)
 
 
+@pytest.mark.long
 def test_the_command_line_continues_tells_and_tries_again(small, copied, capsys):
     def said(*argv):
         assert main(["collect", *argv, "--json"]) == 0

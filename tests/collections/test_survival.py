@@ -63,6 +63,7 @@ def wait_for(folder, files, process):
         time.sleep(0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", TIMES)
 def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(times, small, finished, tmp_path):
     rng = random.Random(times)
@@ -92,6 +93,7 @@ def test_killed_at_any_moment_a_run_is_continued_and_repeats_nothing(times, smal
     assert not list(tmp_path.glob("**/.*"))
 
 
+@pytest.mark.long
 def test_an_interruption_ends_a_run_at_once_and_leaves_no_worker(small, tmp_path):
     """Workers inherit the standard output, so that its end means that they have ended."""
     with started(small, tmp_path) as process:

@@ -80,6 +80,7 @@ def through_template(surfaces, truth):
     return np.mean(errors)
 
 
+@pytest.mark.long
 def test_the_median_of_all_ways_is_nearer_to_the_truth_than_the_map_of_the_pair(cohort):
     meshes = {name: read_mesh(path) for name, path in cohort.paths.items()}
     truth = {name: mesh.vertices for name, mesh in meshes.items()}
@@ -123,6 +124,7 @@ def test_the_same_maps_give_the_same_files(copied):
     assert {name: copied.layout.corresponded(name).read_bytes() for name in NAMES} == before
 
 
+@pytest.mark.long
 def test_without_a_shape_the_others_are_made_again(copied):
     assert finished(copied) == []
     fewer = copied.of(NAMES[:-1])
@@ -131,6 +133,7 @@ def test_without_a_shape_the_others_are_made_again(copied):
     assert ways(fewer) == {"a": "1", **dict.fromkeys("bcde", "4")}
 
 
+@pytest.mark.long
 def test_doubtful_maps_are_no_ways(copied):
     with writing_ledger(copied.layout.ledger()) as ledger:
         for pair in (("a", "b"), ("c", "d")):

@@ -38,6 +38,7 @@ def deadly_once(items):
     return [item]
 
 
+@pytest.mark.long
 def test_a_job_that_kills_its_workers_fails_and_all_others_are_done():
     tiles = [Task(tuple(range(i, i + 4)), deadly) for i in range(0, 20, 4)]
     others = set(active_children())

@@ -43,6 +43,7 @@ def animal():
     return creature(1500).mesh
 
 
+@pytest.mark.long
 def test_a_relabelled_copy_gives_the_relabelling(animal):
     other = disguised(animal, seed=1)
     found = nearest_signatures(animal, other.mesh)

@@ -81,6 +81,7 @@ def test_messages_list_it(tmp_path, capsys):
     assert "toy_columns, toy_components" in said
 
 
+@pytest.mark.long
 def test_the_laws_of_all_engines_run_over_it(tmp_path):
     """The tests are collected in a process whose registry has the toys, and none of them is edited."""
     (tmp_path / "registration.py").write_text(

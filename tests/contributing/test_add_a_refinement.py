@@ -54,6 +54,7 @@ def test_it_finds_the_right_map(animals):
     assert mean_error(found.map, target, truth) < 0.02
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["source", "target"])
 def test_it_refines_the_map_of_a_part(animals, side):
     source, target, truth = animals
@@ -85,6 +86,7 @@ def test_it_refines_an_elastic_map(animals):
     assert pair.target.mean_distance(selection.winner.image, truth[relation.vertices]) < 0.04
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("relation", [Isometry(), Part()])
 @pytest.mark.parametrize("sizes", [{"final_sizes": ()}, {"final_sizes": (), "sizes_with_positions": ()}])
 def test_maps_are_measured_by_the_last_step_there_is(animals, relation, sizes):

@@ -37,6 +37,7 @@ def test_it_finds_the_right_map(animals, example_truth):
     assert off.mean() < 0.02 * np.sqrt(target.area)
 
 
+@pytest.mark.long
 def test_the_hook_scores_every_map(animals):
     pair = prepare_pair(*animals)
     for relation in (ByMisfit(), Isometry()):

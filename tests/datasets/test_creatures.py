@@ -147,6 +147,7 @@ def test_truth_to_itself_is_the_identity(resting):
     np.testing.assert_allclose(truth.points(resting.mesh), resting.mesh.vertices, atol=1e-12)
 
 
+@pytest.mark.long
 def test_truth_between_triangulations_is_as_exact_as_the_triangulations():
     gaps = []
     for n_vertices in (1500, 4500):
@@ -204,6 +205,7 @@ def test_default_creature_is_not_its_mirror_image(resting):
     assert mirror_gap(resting) > 0.2
 
 
+@pytest.mark.long
 def test_shipped_pair_needs_no_scikit_image_and_can_be_made_again(monkeypatch):
     fresh = make_example_pair()
     monkeypatch.setitem(sys.modules, "skimage.measure", None)
@@ -226,6 +228,7 @@ def test_without_scikit_image_the_error_says_what_to_install(monkeypatch):
         creature(2000)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -24,6 +24,7 @@ def edge_lengths(mesh):
     return np.linalg.norm(np.diff(mesh.vertices[mesh.edges], axis=1)[:, 0], axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", PLANS)
 def test_organs_are_connected_oriented_and_nearly_isometric_to_their_rest(kind):
     made = organ(kind, 1500, pose=1)
@@ -36,6 +37,7 @@ def test_organs_are_connected_oriented_and_nearly_isometric_to_their_rest(kind):
     assert 0.8 < low < high < 1.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("symmetry", ["mirror", "turn"])
 @pytest.mark.parametrize("kind", ["kidney", "face"])
 def test_symmetric_organs_go_onto_themselves_at_rest_and_bent(kind, symmetry):

@@ -190,6 +190,7 @@ def test_mismatch_counts_what_is_known_of_both(example):
     assert (deviation_of(found) >= 0.03).all()
 
 
+@pytest.mark.long
 def test_clouds_with_normals(example):
     mesh = example[0].mesh
     cloud = ball_signature(PointCloud(mesh.vertices), normals=mesh.vertex_normals)

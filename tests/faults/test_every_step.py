@@ -20,6 +20,7 @@ from isomatch.assets import Asset, Attribute, write_asset
 from isomatch.cli import main
 from isomatch.collections import Collection, changed_files, workers
 from isomatch.collections import ledger as ledger_module
+from later import some_later
 from small_collections import QUICK, arrays_of
 
 ALLOCATORS = ("empty", "zeros", "full", "array", "concatenate", "arange")
@@ -163,10 +164,10 @@ def steps(growth):
 
 
 def cases():
-    """All commands with all kinds; statistics, which take seconds, mostly in the long version."""
+    """All commands with all kinds; those that take seconds, mostly in the long version."""
     for command in COMMANDS:
         for kind in (*KINDS, "allocation"):
-            is_long = command == "statistics" and kind != "rename"
+            is_long = command == "statistics" or (command == "match" and kind != "rename")
             yield pytest.param(
                 command, kind, 4 if command == "statistics" else 2, marks=[pytest.mark.long] * is_long
             )
@@ -205,7 +206,7 @@ def test_old_or_new(command, kind, growth, prepared, faults, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("growth", GROWTH)
-@pytest.mark.parametrize("kind", [*KINDS, "row", "allocation"])
+@pytest.mark.parametrize("kind", some_later([*KINDS, "row", "allocation"], {"rename", "row"}.__contains__))
 def test_collect(kind, growth, prepared, small, faults, tmp_path, monkeypatch, capsys):
     """Of a collection in which a shape, a map and a surface have to be made again."""
     monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))

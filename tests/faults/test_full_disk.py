@@ -113,6 +113,7 @@ def test_the_rows_of_a_benchmark_stay_readable(disk, tmp_path):
 ROOMS = {20_000: "ENOSPC", 150_000: "EDQUOT", 700_000: "EIO", 600_000: "ENOSPC", 100_000: "EDQUOT"}
 
 
+@pytest.mark.long
 def test_a_full_disk_is_no_failure_of_a_shape(small, finished, disk, tmp_path, monkeypatch, capsys):
     """Whatever there is room for, nothing is called failed, and the last run completes what the others began."""
     monkeypatch.setattr(workers, "worker_processes", lambda _: ThreadPoolExecutor(1))

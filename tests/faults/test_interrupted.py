@@ -71,6 +71,7 @@ def test_a_signal_at_any_moment(name, times, folder):
         assert sorted(folder.rglob("*")) == before
 
 
+@pytest.mark.long
 def test_an_earlier_result_stays_as_it_is(folder, tmp_path):
     """Files replace earlier ones only when all are complete."""
     out = tmp_path / "out"

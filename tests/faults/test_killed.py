@@ -49,6 +49,7 @@ def wait_for(path, process):
         time.sleep(0.005)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", TIMES)
 def test_save(times, tmp_path):
     rng = random.Random(times)
@@ -62,6 +63,7 @@ def test_save(times, tmp_path):
         assert DistanceBasis.load(tmp_path / "basis.npz").rank == 9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", TIMES)
 def test_match(times, match_argv, pair, tmp_path):
     rng = random.Random(times)
@@ -92,6 +94,7 @@ def require_whole(folder, pair):
         assert names == {"map.npz", "map.txt", "map.png", "report.html", "result.json"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", [1, pytest.param(10, marks=pytest.mark.long)])
 def test_bench_is_resumed_and_its_workers_end(times, tmp_path):
     """Workers inherit the standard output, so that its end means that they have ended."""

@@ -35,6 +35,7 @@ def test_every_command_is_refused_while_another_writes(argv, main_file, tmp_path
     assert list((tmp_path / "out").iterdir()) == []
 
 
+@pytest.mark.long
 def test_of_two_matches_into_one_folder_the_second_is_refused(match_argv, tmp_path):
     out = tmp_path / "out"
     argv = [sys.executable, "-m", "isomatch", *match_argv(out)]

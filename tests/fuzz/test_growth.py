@@ -83,6 +83,7 @@ def seconds(name, data):
     return min(once() for _ in range(3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FILES)
 def test_time_is_linear(name):
     small, large = (FILES[name](n) for n in (20_000, TIMES * 20_000))

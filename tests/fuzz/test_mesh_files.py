@@ -98,6 +98,7 @@ def test_a_changed_file(suffix, seed, data):
         assert mesh.vertices.shape[1] == mesh.faces.shape[1] == 3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("suffix", "seed"), CASES)
 @fuzzed
 @given(data=st.data())

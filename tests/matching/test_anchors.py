@@ -33,6 +33,7 @@ def test_organs_are_matched(kind):
     assert error(target, found, truth) < 0.05
 
 
+@pytest.mark.long
 def test_half_a_turn_of_an_organ_is_found():
     source, target, _ = organ_pair("kidney", "turn")
     found = match(source, target)
@@ -40,6 +41,7 @@ def test_half_a_turn_of_an_organ_is_found():
     assert all("rotation" in each for each in found.symmetries)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mesh", [icosphere(2), cylinder(12, 10), mobius_strip(40, 6), flat_grid(7, 8)])
 def test_small_symmetric_surfaces_get_a_map_that_is_not_called_right(mesh):
     found = match(mesh, disguised(mesh, seed=1).mesh)
@@ -61,6 +63,7 @@ def test_one_of_the_starts_of_a_copy_is_the_identity():
     np.testing.assert_array_equal(slid(pair, rows), rows)
 
 
+@pytest.mark.long
 def test_the_pose_decides_where_the_shape_does_not():
     mesh = icosphere(3)
     found = match(mesh, mesh, config=Config(start="pose", hypotheses="given"))
@@ -68,12 +71,14 @@ def test_the_pose_decides_where_the_shape_does_not():
     assert (found.map.vertices == np.arange(mesh.n_vertices)).all()
 
 
+@pytest.mark.long
 def test_the_pose_is_one_hypothesis_among_others():
     source, target, truth = organ_pair("kidney")
     found = match(source, target, config=Config(start="pose"))
     assert error(target, found, truth) < 0.05, "the target is turned, so the pose misleads"
 
 
+@pytest.mark.long
 def test_points_have_a_pose_and_graphs_have_none():
     cloud = PointCloud(icosphere(3).vertices * [1.5, 1, 0.7])
     config = Config(start="pose", hypotheses="given")

@@ -24,6 +24,7 @@ def errors_of(example, found):
     return geodesic_errors(example[1].mesh, found.map, np.column_stack([np.arange(len(truth)), truth]), 200)
 
 
+@pytest.mark.long
 def test_the_map_there_is_that_of_match(both, prepared_example):
     alone = match(*prepared_example)
     np.testing.assert_array_equal(both.there.map.vertices, alone.map.vertices)
@@ -46,6 +47,7 @@ def test_the_result_says_what_was_done(both):
     assert "prepare" not in both.back.timings
 
 
+@pytest.mark.long
 def test_bad_hints_are_refused(prepared_example):
     with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
         match_both(*(each.surface for each in prepared_example), config=Config(pin=0))
@@ -53,6 +55,7 @@ def test_bad_hints_are_refused(prepared_example):
         match_both(*prepared_example, landmarks=[[1, 2], [3]])
 
 
+@pytest.mark.long
 def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
     source, target = (each.surface for each in prepared_example)
     moved = Mesh(target.vertices + 1, target.faces)
@@ -63,11 +66,13 @@ def test_a_map_of_other_shapes_is_no_initial_map(both, prepared_example):
     assert json.dumps(replace(both.there, alternatives=(unknown,)).to_dict(), allow_nan=False)
 
 
+@pytest.mark.long
 def test_a_symmetric_shape_is_ambiguous_in_both_directions():
     there, back = match_both(icosphere(3), icosphere(3))
     assert there.outcome is back.outcome is Outcome.SYMMETRY_AMBIGUOUS
 
 
+@pytest.mark.long
 def test_hints_are_turned_around(example, prepared_example):
     truth = ground_truth(*example).vertices
     landmarks = np.array([(i, truth[i]) for i in range(0, len(truth), 500)])

@@ -101,6 +101,7 @@ def led(parts, landmarks, prepared_once):
     return match(*parts[:2], landmarks=landmarks, config=GIVEN, relation=BothParts())
 
 
+@pytest.mark.long
 def test_landmarks_lead(parts, led):
     error, overlap = error_and_overlap(led.map.vertices, parts)
     assert error < 0.06
@@ -110,6 +111,7 @@ def test_landmarks_lead(parts, led):
     assert led.quality.landmark_error < 0.1
 
 
+@pytest.mark.long
 def test_labels_and_place_do_not_matter(parts, landmarks, led):
     turned, new = relabelled(Mesh(parts[1].vertices[:, [1, 2, 0]] + 3, parts[1].faces), 4)
     pairs = np.column_stack([landmarks[:, 0], new[landmarks[:, 1]]])
@@ -134,6 +136,7 @@ def test_a_map_that_is_given_around_some_vertex_is_grown(parts):
     assert overlap > 0.6
 
 
+@pytest.mark.long
 def test_parts_of_two_animals_are_no_sure_match(parts):
     other = cut(creature(1500, kind="biped").mesh, 0.4, seed=0).mesh
     assert match(parts[0], other, config=FEW, relation=BothParts()).outcome is Outcome.LOW_CONFIDENCE

@@ -29,6 +29,7 @@ def matched():
     return relation, match.selection, mixed, list(rows)
 
 
+@pytest.mark.long
 def test_a_winner_without_rival_that_fits_well_is_sure(matched):
     relation, selection, mixed, _ = matched
     assert is_sure(relation, selection)

@@ -116,6 +116,7 @@ def test_what_symmetry_leaves_open_is_decided_by_the_place(found):
     assert sum("it moves along rigidly" in note for note in found[3].notes) >= 2
 
 
+@pytest.mark.long
 def test_components_without_partner_are_named(creatures):
     source, target = Dressed.of(creatures[0], "left", "hat"), Dressed.of(creatures[1], "right")
     result = match(source.mesh, target.mesh)
@@ -139,6 +140,7 @@ def trousers(made):
     return together(made.mesh, Mesh(vertices, cloth.faces)), below
 
 
+@pytest.mark.long
 def test_clothes_bend(creatures):
     (here, below), (there, below_there) = map(trousers, creatures)
     n, m = (made.mesh.n_vertices for made in creatures)
@@ -152,6 +154,7 @@ def test_clothes_bend(creatures):
     assert apart.mean() < 0.02 * np.sqrt(target.area)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("height", "outcome"), [(1.0, "CONVERGED"), (2.7, "SYMMETRY_AMBIGUOUS")])
 def test_a_large_ball_is_sure_only_where_it_is_held(creatures, height, outcome):
     turns = Rotation.random(2, 0).as_matrix()
@@ -161,6 +164,7 @@ def test_a_large_ball_is_sure_only_where_it_is_held(creatures, height, outcome):
     assert result.outcome.name == outcome
 
 
+@pytest.mark.long
 def test_a_thing_that_is_another_is_no_sure_match(creatures):
     """A bar where the other shape has a sheet of as much area, larger than a hand: the outcome tells."""
     sheet = flat_grid(30, 30)
@@ -203,6 +207,7 @@ def placed(mesh, size, at):
     return Mesh(size * (mesh.vertices - mesh.vertices.mean(axis=0)) + at, mesh.faces)
 
 
+@pytest.mark.long
 def test_boxes_beside_a_body(creatures):
     """Boxes of different size go to their like, wherever they stand in the file."""
     pairs = []
@@ -220,6 +225,7 @@ def test_boxes_beside_a_body(creatures):
     np.testing.assert_array_equal(result.map.vertices[-n:] // n, 0)
 
 
+@pytest.mark.long
 def test_nothing_tells_two_equal_balls_apart():
     balls = together(placed(BALL, 1, (0, 0, 0)), placed(BALL, 1, (3, 0, 0)))
     result = match(balls, disguised(balls, 1).mesh)
@@ -227,6 +233,7 @@ def test_nothing_tells_two_equal_balls_apart():
     assert any("may as well be exchanged" in note for note in result.notes)
 
 
+@pytest.mark.long
 def test_landmarks_join_components(creatures):
     """Landmarks on an eye make it the partner of the other eye, which place alone would not."""
     source, target = Dressed.of(creatures[0], "left"), Dressed.of(creatures[1], "right")
@@ -262,6 +269,7 @@ def test_prepared_components_are_kept(found):
     assert len(components_of(only)) == 1
 
 
+@pytest.mark.long
 def test_a_rigid_motion_is_carried_exactly(creatures):
     """Beside a body that moves rigidly and grows, everything does."""
     dressed = Dressed.of(creatures[0], "hat").mesh

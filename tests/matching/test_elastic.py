@@ -84,6 +84,7 @@ def test_landmarks_lead_the_map(species):
     assert mean_error(target, led.map.vertices, truth) < 0.07
 
 
+@pytest.mark.long
 def test_a_result_given_back_does_not_become_worse(species, found):
     source, target, truth = species
     again = match(source, target, initial_map=found.map)
@@ -103,6 +104,7 @@ def test_the_truth_given_does_not_end_worse_than_without_it(species, found, shar
     assert after < 1.02 * before + 0.001
 
 
+@pytest.mark.long
 def test_a_wrong_initial_map_does_not_win(species, found):
     source, target, truth = species
     wrong = np.random.default_rng(0).permutation(truth)
@@ -148,6 +150,7 @@ def test_only_shapes_that_fit_badly_are_far_from_isometric(animals, species, fou
         assert not far(poor, replace(pair, config=config))
 
 
+@pytest.mark.long
 def test_a_map_that_fits_and_keeps_lengths_stays_what_it_was(animals):
     """Although one was sought that lets limbs stretch."""
     moved, _ = relabelled(creature(2000, pose=1, triangulation=3).mesh, 0)

@@ -65,6 +65,7 @@ def test_fused_hands_are_cut_off(source, target):
     assert error < 0.03
 
 
+@pytest.mark.long
 def test_cutting_can_be_turned_off():
     """And then hands that are fused on different sides mislead."""
     uncut, error = matched("right", "left", UNCUT)
@@ -201,6 +202,7 @@ def test_a_body_that_is_cut_knows_where_its_vertices_came_from():
     assert cut_shape(shape, 2) is cut
 
 
+@pytest.mark.long
 def test_shapes_with_more_handles_than_limbs_are_not_cut():
     few = Config(preparation=PreparationSettings(most_contacts=0))
     assert was_cut(matched("right", "left")[0])

@@ -28,6 +28,7 @@ def mean_error(found, target, truth):
     return off.mean() / np.sqrt(target.area)
 
 
+@pytest.mark.long
 @RELATIONS
 def test_where_only_hints_may_win_no_start_is_asked(bodies, relation):
     source, target, truth = bodies
@@ -44,6 +45,7 @@ def test_where_only_hints_may_win_no_start_is_asked(bodies, relation):
     assert mean_error(found, target, truth) < 0.04
 
 
+@pytest.mark.long
 @RELATIONS
 def test_an_initial_map_contends_whatever_starts_are_handed_in(bodies, relation):
     source, target, truth = bodies
@@ -52,6 +54,7 @@ def test_an_initial_map_contends_whatever_starts_are_handed_in(bodies, relation)
     assert mean_error(found, target, truth) < 0.04
 
 
+@pytest.mark.long
 @SOME_LONG
 def test_landmarks_contend_whatever_starts_are_handed_in(bodies, relation):
     source, target, truth = bodies
@@ -108,6 +111,7 @@ def test_relations_of_meshes_say_so(bodies, relation):
         match(PointCloud(source.vertices), target, relation=relation)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("relation", [Part(), pytest.param(Elastic(), marks=pytest.mark.long)])
 def test_a_relation_is_claimed_of_each_two_partners(bodies, relation):
     source, target, truth = bodies

@@ -39,6 +39,7 @@ def animals():
     return source.mesh, target.mesh, dict(zip(SIDES, both))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", SIDES)
 def test_a_given_map_wins_a_tie(kidneys, side):
     source, target, truth = kidneys
@@ -49,6 +50,7 @@ def test_a_given_map_wins_a_tie(kidneys, side):
     assert found.quality.rival >= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", SIDES)
 def test_a_given_map_may_mirror_also_at_a_coarser_level(animals, side):
     source, target, truth = animals
@@ -58,6 +60,7 @@ def test_a_given_map_may_mirror_also_at_a_coarser_level(animals, side):
     assert found.outcome is (Outcome.CONVERGED if side == "direct" else Outcome.SYMMETRY_AMBIGUOUS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", OTHER_SIDE)
 def test_a_given_map_of_a_few_vertices_wins_a_tie(kidneys, side):
     source, target, truth = kidneys
@@ -74,6 +77,7 @@ def test_landmarks_win_a_tie(kidneys, side):
     assert error(target, found.map.vertices, truth[side]) < 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("part_of", "side"), [("source", "direct"), pytest.param("target", "other", marks=pytest.mark.long)]
 )
@@ -90,6 +94,7 @@ def test_a_given_map_of_a_part_wins_a_tie(kidneys, part_of, side):
     assert found.outcome is not Outcome.HINTS_CONTRADICTED
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", OTHER_SIDE)
 def test_a_given_map_of_components_wins_a_tie(kidneys, side):
     source, target, truth = kidneys
@@ -106,6 +111,7 @@ def test_a_given_map_of_components_wins_a_tie(kidneys, side):
     assert found.origin == "initial map"
 
 
+@pytest.mark.long
 def test_a_mirrored_map_of_an_asymmetric_animal_does_not_win(example, example_truth, prepared_example):
     """Its sides differ: the map that keeps the orientation fits better."""
     rest = example[0].rest
@@ -114,6 +120,7 @@ def test_a_mirrored_map_of_an_asymmetric_animal_does_not_win(example, example_tr
     assert found.outcome is Outcome.HINTS_CONTRADICTED
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "turned"),
     [
@@ -137,6 +144,7 @@ def test_the_pose_wins_a_tie(kind, turned):
     assert not any("aligned" in note for note in found.notes)
 
 
+@pytest.mark.long
 def test_a_pose_that_misleads_is_told(example, prepared_example):
     over = Mesh(example[1].mesh.vertices @ np.diag([1.0, -1, -1]), example[1].mesh.faces)
     found = match(prepared_example[0], over, config=Config(start="pose"))

@@ -37,6 +37,7 @@ def test_a_marked_corner_tells_the_turns_of_a_brick_apart(brick):
     assert min(clearness) > match(brick, target.mesh).quality.rival
 
 
+@pytest.mark.long
 def test_a_part_is_found_by_what_is_known_of_it():
     """The same spot on the left leg of a symmetric body, of which half is missing, in both directions."""
     body = creature(2500, pose=1, symmetric=True)
@@ -85,6 +86,7 @@ def test_unknown_values_come_from_the_nearest_vertex_of_the_surface(brick):
     np.testing.assert_array_equal(known[-4:], 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "functions",
     [

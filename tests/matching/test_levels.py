@@ -191,6 +191,7 @@ def test_without_polishing_none_is_told(made, truth, shapes):
     assert not any("polished" in note for note in plain.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("resolution", ["auto", later("fast"), later("full")])
 def test_a_shape_finds_its_copy(made, resolution):
     config = Config.from_dict({"levels": LEVELS, "resolution": resolution})
@@ -237,6 +238,7 @@ def test_small_shapes_are_matched_in_full(made, found_in_full):
     assert by_default.notes == found_in_full.notes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("large", ["source", later("target")])
 def test_only_one_shape_is_large(made, truth, large, found_in_full):
     small = creature(1500, triangulation=5, pose=1 if large == "target" else 2)
@@ -251,6 +253,7 @@ def test_only_one_shape_is_large(made, truth, large, found_in_full):
     assert mean_error(one, ground_truth(*both).vertices, both[1].mesh) < 0.015
 
 
+@pytest.mark.long
 def test_landmarks_are_obeyed(made, truth, shapes):
     """Among them neighbours, which become one vertex of the coarse body."""
     source, target = (each.mesh for each in made)
@@ -272,6 +275,7 @@ def test_landmarks_that_become_one_vertex_are_too_few(shapes):
         match(*shapes, landmarks=np.column_stack(of_largest))
 
 
+@pytest.mark.long
 def test_wrong_landmarks_are_named_as_they_were_given(shapes, truth):
     chosen = np.flatnonzero(~np.isin(np.arange(len(truth)), shapes[0].user_vertex))
     chosen = chosen[np.isin(chosen, shapes[0].finer.user_vertex)][::150]
@@ -369,6 +373,7 @@ def together(*meshes):
     return Mesh(np.vstack([mesh.vertices for mesh in meshes]), np.vstack(faces))
 
 
+@pytest.mark.long
 def test_what_is_off_the_body_has_no_image(made, truth):
     """Debris, vertices in no face, and a component without a partner."""
     source, target = (each.mesh for each in made)
@@ -416,6 +421,7 @@ def opened_along_seams(mesh, seed=0):
     return Mesh(np.vstack([mesh.vertices, mesh.vertices[seam]]), faces), seam
 
 
+@pytest.mark.long
 def test_seams_of_duplicate_vertices(made, truth, found):
     """A map of the welded bodies, in the vertices of the files."""
     (source, seam), (target, _) = (opened_along_seams(each.mesh) for each in made)
@@ -465,6 +471,7 @@ def test_with_holes_closed_the_body_is_as_coarse(opened):
     assert closed.balls.to_boundary[on_rim].max(initial=0.0) < 0.1, "what looks at a cap does not count"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["points", later("graph")])
 def test_a_large_mesh_and_its_own_points(made, shapes, kind):
     mesh, shape = made[1].mesh, shapes[1]
@@ -527,6 +534,7 @@ def bar(folded):
     return Mesh(points, block.faces), z
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("folded", ["source", later("target")])
 def test_neighbouring_sheets_do_not_exchange_images(folded):
     """Neither when maps are carried from a coarse mesh that is folded, nor to it."""

@@ -45,6 +45,7 @@ def test_example_pair(example, example_truth, prepared_example):
     assert found.quality.matched == 1
 
 
+@pytest.mark.long
 def test_refinement_improves_the_plain_method(example, example_truth, prepared_example):
     landmarks = prepared_example[0].user_vertex[prepared_example[0].column_vertices[:5]]
     pairs = np.column_stack([landmarks, example_truth[landmarks]])
@@ -56,6 +57,7 @@ def test_refinement_improves_the_plain_method(example, example_truth, prepared_e
     assert mean["joint"] < mean["laplace_icp"] < mean["none"] < 0.05, mean
 
 
+@pytest.mark.long
 def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, prepared_example):
     source, target = prepared_example
     points = target.body.vertices
@@ -72,6 +74,7 @@ def test_post_processing_heals_what_is_wrong_in_places(example, example_truth, p
     assert after < min(0.2 * before, 0.012)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n_functions", [20, *(pytest.param(n, marks=pytest.mark.long) for n in (33, 50))])
 def test_post_processing_with_few_functions(n_functions):
     source, target = (creature(1500, pose=i, triangulation=i) for i in (1, 2))
@@ -88,6 +91,7 @@ def test_true_initial_map_is_kept(example, example_truth, prepared_example):
     assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
 
 
+@pytest.mark.long
 def test_initial_map_of_a_few_vertices(example, example_truth, prepared_example):
     sparse = np.full(len(example_truth), -1)
     sparse[::40] = example_truth[::40]
@@ -95,6 +99,7 @@ def test_initial_map_of_a_few_vertices(example, example_truth, prepared_example)
     assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["true functions", "signatures"])
 def test_initial_descriptors(example, example_truth, prepared_example, kind):
     if kind == "true functions":
@@ -112,6 +117,7 @@ def test_initial_descriptors(example, example_truth, prepared_example, kind):
         assert errors(found.map.vertices, example_truth, example[1].mesh).mean() < 0.015
 
 
+@pytest.mark.long
 def test_orientation_chooses_between_a_map_and_its_mirror_image():
     source = creature(1500, symmetric=True, triangulation=1)
     target = creature(1500, symmetric=True, triangulation=2, pose=2)
@@ -124,6 +130,7 @@ def test_orientation_chooses_between_a_map_and_its_mirror_image():
         assert (found.quality.orientation > 0) == (orientation == "preserve")
 
 
+@pytest.mark.long
 def test_landmarks_choose_the_mirror_image_against_the_orientation():
     """What the user says outweighs what the program prefers."""
     source = creature(1500, symmetric=True, triangulation=1)
@@ -139,6 +146,7 @@ def test_landmarks_choose_the_mirror_image_against_the_orientation():
     )
 
 
+@pytest.mark.long
 def test_a_symmetric_shape_is_ambiguous_where_either_side_is_allowed():
     """The poses alone may make one side fit better; that must not be taken for knowledge."""
     shapes = [prepare(creature(1500, symmetric=True, triangulation=i, pose=i).mesh) for i in (1, 4)]
@@ -148,6 +156,7 @@ def test_a_symmetric_shape_is_ambiguous_where_either_side_is_allowed():
     assert match(*shapes).outcome is Outcome.CONVERGED, "orientation decides"
 
 
+@pytest.mark.long
 def test_an_asymmetric_shape_is_told_from_its_mirror_image():
     shapes = [prepare(creature(1500, triangulation=i, pose=i).mesh) for i in (1, 4)]
     found = match(*shapes, config=Config(orientation="any"))
@@ -185,6 +194,7 @@ def test_result_is_told_in_plain_values(prepared_example):
     assert set(told["timings"]) == {*stages, "total"}
 
 
+@pytest.mark.long
 def test_alternatives_are_other_maps(prepared_example):
     found = match(*prepared_example)
     assert 1 <= len(found.alternatives) <= 2
@@ -211,6 +221,7 @@ def wolves():
     return source, other, np.column_stack([landmarks, other.new_vertex[landmarks]])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("refinement", "bound"), [later("none", 0.011), ("laplace_icp", 0.003), later("joint", 0.003)]
 )
@@ -241,6 +252,7 @@ def test_given_needs_something_given():
         match(source.mesh, target.mesh, config=Config(hypotheses="given"))
 
 
+@pytest.mark.long
 def test_a_wrong_given_map_is_not_called_converged():
     """The map that turns the animal around is given as the only one: the right one is found beside it."""
     source, target = example_pair()
@@ -257,6 +269,7 @@ def test_a_wrong_given_map_is_not_called_converged():
     assert found.quality.rival < 1.05
 
 
+@pytest.mark.long
 def test_another_animal_is_not_called_converged():
     """A quadruped and a biped: no right map exists."""
     source = example_pair()[0].mesh
@@ -283,6 +296,7 @@ def test_contradicted_landmarks_are_told(example, example_truth, prepared_exampl
     assert match(*prepared_example, landmarks=right).outcome is Outcome.CONVERGED
 
 
+@pytest.mark.long
 def test_a_noisy_initial_map_is_not_contradicted_but_a_random_one_is(
     example, example_truth, prepared_example
 ):

@@ -51,22 +51,26 @@ def test_target_relabelled_moved_and_scaled(example, prepared_example, plain, as
         assert getattr(found.quality, name) == pytest.approx(getattr(plain.quality, name), rel=0.01)
 
 
+@pytest.mark.long
 def test_source_relabelled_moved_and_scaled(example, prepared_example, assert_same_map):
     other = disguised(example[0].mesh, seed=6, scale=0.01)
     found = match(prepare(other.mesh), prepared_example[1])
     assert_same_map(found.map.vertices[other.new_vertex])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_signs_of_eigenvectors(prepared_example, assert_same_map, seed):
     flipped = (with_flipped_signs(shape, seed + i) for i, shape in enumerate(prepared_example))
     assert_same_map(match(*flipped).map.vertices)
 
 
+@pytest.mark.long
 def test_seed(example, prepared_example, assert_same_map):
     assert_same_map(match(*(prepare(made.mesh, seed=3) for made in example)).map.vertices)
 
 
+@pytest.mark.long
 def test_meshes_or_prepared_shapes_and_any_number_of_threads(example, plain, monkeypatch):
     for threads in ("1", "2"):
         monkeypatch.setenv("ISOMATCH_NUM_THREADS", threads)

@@ -7,6 +7,7 @@ from isomatch import Config, Outcome, match
 from isomatch.datasets import creature
 from isomatch.lab.damage import cut
 from isomatch.surfaces import reflected
+from later import some_later
 from shapes import disguised
 
 
@@ -14,7 +15,7 @@ def lopsided(pose, **changes):
     return creature(2000, pose=pose, style=3, **changes).mesh
 
 
-@pytest.mark.parametrize("kind", ["quadruped", "biped"])
+@pytest.mark.parametrize("kind", some_later(["quadruped", "biped"], lambda kind: kind == "quadruped"))
 def test_a_lopsided_body_and_its_mirror_image(kind):
     """Poses differ, the mirror image is renumbered and turned, and its faces keep their orientation."""
     source, posed = lopsided(1, kind=kind), lopsided(2, kind=kind)
@@ -32,6 +33,7 @@ def test_a_lopsided_body_and_its_mirror_image(kind):
     assert match(source, posed, config=Config(orientation="reverse")).outcome is Outcome.MIRROR_IMAGE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["quadruped", "biped"])
 def test_a_body_with_two_like_sides_is_its_own_mirror_image(kind):
     source, target = lopsided(1, kind=kind, symmetric=True), lopsided(2, kind=kind, symmetric=True)
@@ -39,6 +41,7 @@ def test_a_body_with_two_like_sides_is_its_own_mirror_image(kind):
     assert result.outcome in (Outcome.CONVERGED, Outcome.SYMMETRY_AMBIGUOUS)
 
 
+@pytest.mark.long
 def test_a_part_of_a_mirror_image():
     """Its holes are closed on the way; the same part of the body itself is found, and nothing is said of mirrors."""
     whole, part = lopsided(1), cut(lopsided(2), 0.3, seed=1).mesh

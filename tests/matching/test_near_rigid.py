@@ -49,6 +49,7 @@ def test_mirror_images_are_found_if_asked_for():
     assert min(errors("preserve")) > 0.1
 
 
+@pytest.mark.long
 def test_other_poses_and_shapes_without_triangles_have_none():
     source, target = example_pair()
     pair = prepare_pair(source.mesh, target.mesh)

@@ -61,6 +61,7 @@ def mean_error(whole, images, truth):
     return whole.mean_distance(whole.body_vertex[images], whole.body_vertex[truth])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("damage", "share", "covered"),
     [(cut, 0.3, 0.85), pytest.param(holes, 0.15, 1.01, marks=pytest.mark.long)],
@@ -82,6 +83,7 @@ def found(bodies, prepared):
     return part, match_part(prepare(part.mesh), prepared, Config())
 
 
+@pytest.mark.long
 def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
     """Its lengths are kept where they may be, and it lies where it should."""
     part, best = found
@@ -93,6 +95,7 @@ def test_a_part_is_bent_onto_the_whole(found, bodies, prepared):
     assert prepared.mean_distance(best.bent.images[rows], truth[rows]) < 0.025
 
 
+@pytest.mark.long
 def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     part, best = found
     unsettled = match_part(prepare(part.mesh), prepared, Config(parts=PartSettings(n_settled=0)))
@@ -152,6 +155,7 @@ def test_wrong_maps_bend_badly(found):
     assert min(fit.bent.misfit for fit in wrong) > 1.5 * best.bent.misfit
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("close", [pytest.param(True, marks=pytest.mark.long), False])
 def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
     """The map is that of a part both times."""
@@ -163,6 +167,7 @@ def test_a_part_in_doubt_is_not_sure(bodies, prepared, close):
     assert any("the map is not sure, for it fits badly" in note for note in found.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("poor_doubt", "outcome"),
     [(0.0, Outcome.LOW_CONFIDENCE), pytest.param(1.0, Outcome.PARTIAL, marks=pytest.mark.long)],
@@ -175,6 +180,7 @@ def test_with_the_holes_closed_the_evidence_is_that_of_a_part(bodies, prepared, 
     assert found.outcome is outcome
 
 
+@pytest.mark.long
 def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
     """The longest piece of the boundary decides, not its length in all."""
     footless = limb_removed(bodies[0], 0.03, seed=1).mesh
@@ -186,6 +192,7 @@ def test_a_body_without_a_foot_is_a_part_but_not_one_with_small_holes(bodies):
     assert prepare(pierced).boundary_length > prepare(footless).boundary_length
 
 
+@pytest.mark.long
 def test_a_given_map_of_a_part_stays_one(bodies, prepared):
     part = holes(bodies[0], 0.15, seed=4)
     truth = bodies[2][part.original]
@@ -195,6 +202,7 @@ def test_a_given_map_of_a_part_stays_one(bodies, prepared):
     assert mean_error(prepared, found.map.vertices, truth) < 0.05
 
 
+@pytest.mark.long
 def test_a_whole_is_mapped_to_a_part_and_the_rest_is_unmatched(bodies):
     source, target, truth = bodies
     part = cut(target, 0.3, seed=2)
@@ -227,6 +235,7 @@ def test_what_is_left_out_of_the_whole_shifts_nothing(bodies, prepared):
     assert mean_error(prepared, found.map.vertices - 5, bodies[2][part.original]) < 0.03
 
 
+@pytest.mark.long
 def test_a_shape_is_a_part_of_itself():
     """Its map onto itself costs nothing, so that scores have no ratio unless there is a least one."""
     shape = creature(1500).mesh
@@ -260,6 +269,7 @@ def test_landmarks_lead_a_part(bodies, prepared):
     assert found.origin == "landmarks"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("factor", "scale"),
     [
@@ -292,6 +302,7 @@ def test_units_that_are_fixed_stay(bodies, prepared):
 NOT_OVERLAPPING = PartSettings(sure_common=np.inf)  # two parts are never sure as overlapping ones
 
 
+@pytest.mark.long
 def test_two_parts_are_matched_with_their_holes_closed(bodies):
     source, target, truth = bodies
     here, there = holes(source, 0.15, seed=1), holes(target, 0.15, seed=2)
@@ -322,6 +333,7 @@ def doubted(two_parts, prepared_once):
     return match(*two_parts, config=STRICT)
 
 
+@pytest.mark.long
 def test_two_parts_that_caps_put_in_doubt_are_judged_without(doubted):
     assert doubted.outcome is Outcome.PARTIAL
 
@@ -332,6 +344,7 @@ def test_two_parts_that_caps_put_in_doubt_may_stay_so(two_parts):
     assert match(*two_parts, config=config).outcome is Outcome.LOW_CONFIDENCE
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [pytest.param(0.001, marks=pytest.mark.long), 1000.0])
 def test_the_doubt_of_two_parts_does_not_depend_on_their_unit(two_parts, doubted, scale):
     """In kilometres and in millimetres."""
@@ -350,6 +363,7 @@ def roles(source, target, **options):
     return part_of(pair, Hints.of(pair, None, None, None))
 
 
+@pytest.mark.long
 def test_roles_are_found(bodies):
     whole, other, _ = bodies
     part = cut(whole, 0.3, seed=4).mesh

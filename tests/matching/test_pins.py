@@ -59,6 +59,7 @@ def test_held_landmarks_are_exact_and_the_map_follows(hearts):
     assert stretch_around(source, target, overwritten, rows) > 3
 
 
+@pytest.mark.long
 def test_far_from_the_landmarks_nothing_changes(bodies):
     source, target, truth = bodies
     rows = np.linalg.norm(source.vertices - source.vertices[0], axis=1).argsort()[:400:100]
@@ -71,6 +72,7 @@ def test_far_from_the_landmarks_nothing_changes(bodies):
     assert changed.mean() < 0.5
 
 
+@pytest.mark.long
 def test_within_the_tolerance_nothing_moves(hearts):
     source, target, _, pairs = hearts
     led = match(source, target, landmarks=pairs)
@@ -87,6 +89,7 @@ def test_within_the_tolerance_nothing_moves(hearts):
     assert any("5 landmarks are held, 2 of them by bending" in note for note in held.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tolerance", [pytest.param(0.0, marks=pytest.mark.long), 0.03])
 def test_landmarks_side_by_side_move_the_map_no_farther_than_they_are_off(hearts, tolerance):
     source, target, truth, _ = hearts
@@ -108,6 +111,7 @@ def larger():
     return tuple(creature(3500, pose=i, triangulation=i) for i in (3, 4))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("resolution", [pytest.param("full", marks=pytest.mark.long), "fast"])
 def test_landmarks_are_held_at_every_resolution(larger, resolution):
     source, target = larger
@@ -121,6 +125,7 @@ def test_landmarks_are_held_at_every_resolution(larger, resolution):
     assert held.timings["pins"] > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", [pytest.param("source", marks=pytest.mark.long), "target"])
 def test_landmarks_of_parts_are_held(bodies, part):
     source, target, truth = bodies
@@ -137,6 +142,7 @@ def test_landmarks_of_parts_are_held(bodies, part):
     assert held.outcome is Outcome.PARTIAL
 
 
+@pytest.mark.long
 def test_landmarks_of_components_are_held(bodies):
     source, target, truth = bodies
     ball = icosphere(2)
@@ -154,6 +160,7 @@ def test_landmarks_of_components_are_held(bodies):
     assert any(f"source vertices {crossed[0]} lie on nothing" in note for note in held.notes)
 
 
+@pytest.mark.long
 def test_a_landmark_that_holds_alone_is_matched(bodies):
     source, target, truth = bodies
     alone = source.n_vertices
@@ -177,6 +184,7 @@ def edges_of(mesh):
     return Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", [points_of, pytest.param(edges_of, marks=pytest.mark.long)])
 def test_landmarks_of_points_and_graphs_are_held(bodies, made):
     source, target, truth = bodies
@@ -186,6 +194,7 @@ def test_landmarks_of_points_and_graphs_are_held(bodies, made):
     assert (found.map.vertices[rows] == truth[rows]).all()
 
 
+@pytest.mark.long
 def test_landmarks_that_contradict_the_map_are_named(bodies):
     source, target, truth = bodies
     rows = prepare(source).column_vertices[:6]

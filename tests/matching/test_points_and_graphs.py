@@ -46,6 +46,7 @@ def graph(relabelled):
     return Graph(relabelled.n_vertices, relabelled.edges, 0.1 * relabelled.edge_lengths)
 
 
+@pytest.mark.long
 def test_a_mesh_finds_itself_in_its_own_points(mesh, cloud, relabelled, truth):
     found = match(mesh, cloud)
     assert 100 * geodesic_errors(relabelled, found.map, truth).mean() < 0.5
@@ -54,6 +55,7 @@ def test_a_mesh_finds_itself_in_its_own_points(mesh, cloud, relabelled, truth):
     assert found.quality.stretch == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_points_find_themselves_in_their_mesh(cloud, relabelled):
     found = match(cloud, relabelled)
     same = np.column_stack([np.arange(cloud.n_vertices)] * 2)
@@ -75,6 +77,7 @@ def test_relabelled_graphs_match_exactly(mesh, graph, truth):
     np.testing.assert_array_equal(found.map.vertices, truth[:, 1])
 
 
+@pytest.mark.long
 def test_the_smaller_part_of_a_graph_is_left_unmatched(graph):
     n = graph.n_vertices
     edges = np.vstack([graph.edges, [[n, n + 1], [n + 1, n + 2]]])

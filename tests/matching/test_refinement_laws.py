@@ -46,6 +46,7 @@ def test_a_refinement_that_does_nothing_keeps_them():
     check_refinement(Changed(unchanged))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "message"),
     [

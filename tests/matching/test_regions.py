@@ -171,6 +171,7 @@ def test_a_symmetric_shape_is_doubtful_nearly_everywhere(result):
     assert 0.8 < sum(region.area for region in result.regions) < 1.001
 
 
+@pytest.mark.long
 def test_a_limb_that_another_one_has_replaced_is_doubtful():
     """The head of one shape is swollen to a ball: the map is right, but there is no telling."""
     here, there = (creature(2000, pose=pose, triangulation=pose) for pose in (0, 1))

@@ -101,6 +101,7 @@ def test_settings_are_only_those_of_methods(tmp_path, result):
         MatchResult.load(tmp_path / "nothing.npz")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "config", [Config(), Config(levels=LevelSettings(matched=1000, polished=2000))], ids=["full", "levels"]
 )
@@ -127,6 +128,7 @@ def test_points_and_graphs_in_files(tmp_path):
         assert PreparedShape.load(tmp_path / "shape.npz").surface.content_hash == surface.content_hash
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "row", "value", "message"),
     [

@@ -45,6 +45,7 @@ def test_the_body_of_a_welded_shape_is_that_of_the_whole(pair, welded):
     np.testing.assert_array_equal(welded.user_vertex[welded.body_vertex], np.arange(n))
 
 
+@pytest.mark.long
 def test_welds_do_not_matter(pair, welded):
     source = prepare(pair.given.source)
     found = match(source, welded)

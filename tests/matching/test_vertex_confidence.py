@@ -69,6 +69,7 @@ def test_a_patch_mapped_wrongly_is_what_is_trusted_least(onto_itself):
     assert means == sorted(means)
 
 
+@pytest.mark.long
 def test_the_vertices_trusted_least_contain_half_of_the_error_of_the_worst(example, prepared_example):
     """On a shape whose limbs grew by up to 45 %."""
     source, target = (made.mesh for made in example)
@@ -157,6 +158,7 @@ def test_of_baselines_and_graphs(example, name):
     assert_known_where_matched(match(graph, target))
 
 
+@pytest.mark.long
 def test_errors_at_a_coarse_level_are_interpolated(prepared_example, example):
     config = prepared_example[0].requested
     coarse = replace(config, levels=replace(config.levels, matched=1000, polished=2000))

@@ -54,6 +54,7 @@ def test_the_map_of_a_part_is_that_of_the_part_turned_over(part, whole, sound):
     np.testing.assert_allclose(*points, atol=1e-6)
 
 
+@pytest.mark.long
 def test_what_only_seems_so_stays_as_it_is(part, whole, sound):
     doubted = prepare(part)
     vars(doubted)["seems_inside_out"] = True

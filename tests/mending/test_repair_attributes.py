@@ -143,6 +143,7 @@ def test_a_sound_asset_is_the_same_object():
     assert repair(SOUND).asset is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".vtp", ".vtu", ".gii"])
 def test_files_keep_what_their_format_holds(tmp_path, suffix, capsys):
     """Through the command: the same as the asset repaired in memory."""

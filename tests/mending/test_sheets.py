@@ -71,6 +71,7 @@ def test_laws_on_anything(mesh, least):
     assert set(copied) == {int(v) for seam in found.seams for v in seam}
 
 
+@pytest.mark.long
 def test_welded_limbs_come_apart(welded):
     assert check(welded.mesh).euler_number < 2
     found = separate_sheets(welded.mesh)

@@ -155,6 +155,7 @@ def test_half_a_body_tells_of_the_other_half():
     assert np.mean(inside) > 0.95
 
 
+@pytest.mark.long
 def test_a_part_of_other_triangles_is_matched_to_the_mean():
     base, shapes, m = bodies()
     body = base.moved(shapes[0] @ TURN.T + 3)

@@ -47,6 +47,7 @@ def test_a_model_without_modes_has_a_picture(tmp_path):
     assert (imread(tmp_path / "modes.png")[..., 0] < 0.9).any()
 
 
+@pytest.mark.long
 def test_the_others_are_drawn_for_few_shapes_and_many(tmp_path):
     for count in (1, 2, 12):
         shapes = random_shapes(count)
@@ -123,6 +124,7 @@ def test_one_mode_is_drawn_alone_and_none_is_refused(tmp_path):
         draw_scores(tmp_path / "scores.png", ShapeModel.fit(random_shapes(4)), modes=(0, 5))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
 def test_formats_and_that_a_picture_is_the_same_again(tmp_path, kind):
     shapes = random_shapes(6)

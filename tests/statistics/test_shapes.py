@@ -123,6 +123,7 @@ def test_bad_left_right_maps():
         shapes.mirrored(np.full(162, -1))
 
 
+@pytest.mark.long
 def test_the_left_right_map_is_found():
     body = creature(1500, symmetric=True).mesh
     apart = body.vertices[left_right_map(body)] * [-1, 1, 1] - body.vertices
@@ -131,6 +132,7 @@ def test_the_left_right_map_is_found():
         left_right_map(icosphere(2))
 
 
+@pytest.mark.long
 def test_a_shape_tells_left_and_right_where_the_mean_does_not():
     ball = icosphere(2)
     points, radius = ball.vertices, np.ones(ball.n_vertices)

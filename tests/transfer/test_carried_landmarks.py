@@ -183,6 +183,7 @@ def test_points_without_faces():
     np.testing.assert_array_equal(back.positions, cloud.vertices[[5, 9]])
 
 
+@pytest.mark.long
 def test_the_expected_error_is_that_of_the_result_in_the_units_of_the_shape_that_receives():
     source, target = (made.mesh for made in example_pair())
     result = match(source, target)

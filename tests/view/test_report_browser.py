@@ -125,6 +125,7 @@ def pick(page, points):
     settled(page)
 
 
+@pytest.mark.long
 def test_a_flipped_map_is_seen_as_in_the_files_and_hidden_when_turned_by_the_map(report, visit):
     page = visit(report)
     as_filed = difference(*panes(page))
@@ -167,6 +168,7 @@ def test_layers_checker_and_wireframe_change_what_is_drawn(report, visit):
     assert page.locator("#layer option").all_text_contents() == ["position", "stretch"]
 
 
+@pytest.mark.long
 def test_landmarks_are_picked_listed_kept_saved_and_removed(report, visit, tmp_path):
     page = visit(report)
     pick(page, SOURCE_POINTS)

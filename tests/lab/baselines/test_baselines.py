@@ -41,6 +41,7 @@ from isomatch.lab.baselines import (
     spectral_gradient_fields,
     zoomout,
 )
+from later import some_later
 from shapes import disguised
 
 pytestmark = pytest.mark.usefixtures("prepared_once")
@@ -89,9 +90,7 @@ def test_signature_is_that_of_match(method):
     assert list(inspect.signature(method).parameters) == expected
 
 
-@pytest.mark.parametrize(
-    "method", [pytest.param(each, marks=pytest.mark.long if each is gmds else []) for each in ALL]
-)
+@pytest.mark.parametrize("method", some_later(ALL, lambda method: method not in (gmds, gdd)))
 def test_relabelled_copy_gives_the_relabelling(copies, method):
     area, uniform, truth = copies
     shapes = area if method in BY_AREA else uniform
@@ -104,9 +103,7 @@ def test_relabelled_copy_gives_the_relabelling(copies, method):
     assert found.outcome is Outcome.CONVERGED
 
 
-@pytest.mark.parametrize(
-    "method", [pytest.param(each, marks=pytest.mark.long if each is gmds else []) for each in BY_AREA]
-)
+@pytest.mark.parametrize("method", some_later(BY_AREA, lambda method: method is not gmds))
 def test_true_initial_map_is_not_left(copies, method):
     shapes, _, truth = copies
     found = method(*shapes, initial_map=truth, config=CONFIG[method])
@@ -122,6 +119,7 @@ def test_copy_without_hints(copies):
         assert (image == truth).mean() > 0.95
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [zoomout, spectral_gradient_fields])
 def test_mirror_image_needs_the_other_orientation(animal, method):
     mirrored = Mesh(animal.vertices * [-1, 1, 1], animal.faces[:, ::-1])
@@ -137,17 +135,20 @@ def test_mirror_image_needs_the_other_orientation(animal, method):
 
 @pytest.mark.parametrize(
     ("method", "bound"),
-    [
-        (functional_maps, 0.03),
-        (zoomout, 0.02),
-        (laplace_nearest_neighbours, 0.04),
-        (gmds, 0.03),
-        (gromov_wasserstein, 0.03),
-        (spectral_gmds, 0.02),
-        (spectral_gradient_fields, 0.02),
-        (gdd, 0.04),
-        (gdd_post, 0.03),
-    ],
+    some_later(
+        [
+            (functional_maps, 0.03),
+            (zoomout, 0.02),
+            (laplace_nearest_neighbours, 0.04),
+            (gmds, 0.03),
+            (gromov_wasserstein, 0.03),
+            (spectral_gmds, 0.02),
+            (spectral_gradient_fields, 0.02),
+            (gdd, 0.04),
+            (gdd_post, 0.03),
+        ],
+        lambda case: case[0] not in (gmds, zoomout, functional_maps, gdd_post),
+    ),
 )
 def test_example_pair_with_landmarks(example, example_truth, prepared_example, method, bound):
     shapes = prepared_example if method in BY_AREA else [made.mesh for made in example]
@@ -157,6 +158,7 @@ def test_example_pair_with_landmarks(example, example_truth, prepared_example, m
     assert found.quality.landmark_error < 0.06
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("signatures", [pytest.param("heat", marks=pytest.mark.long), "both"])
 def test_heat_kernel_signatures_serve_as_well(example, example_truth, prepared_example, signatures):
     landmarks = landmarks_of(prepared_example[0], example_truth)
@@ -207,6 +209,7 @@ def test_what_a_result_tells(copies):
     assert "a baseline tries no other map" in record["notes"][-1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [functional_maps, spectral_gmds, spectral_gradient_fields])
 def test_points_have_no_orientation(animal, method):
     cloud = PointCloud(animal.vertices)

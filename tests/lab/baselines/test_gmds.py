@@ -186,6 +186,7 @@ def test_points_go_to_triangles_only(poses):
         gmds(source, cloud, initial_map=np.arange(len(truth)))
 
 
+@pytest.mark.long
 def test_wolf_with_five_landmarks():
     other = disguised(tosca("wolf1"), seed=1)
     source, target = prepare(tosca("wolf0")), prepare(other.mesh)

@@ -9,6 +9,7 @@ from isomatch.lab.baselines.pyfm import pyfm_zoomout
 from shapes import disguised, icosphere
 
 
+@pytest.mark.long
 def test_the_map_goes_from_source_to_target(example):
     source = example[0].mesh
     copy = disguised(source)

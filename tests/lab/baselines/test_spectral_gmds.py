@@ -89,6 +89,7 @@ def test_signs_of_eigenfunctions_do_not_matter(poses):
     np.testing.assert_allclose(other, plain * flips[:30], atol=1e-6)
 
 
+@pytest.mark.long
 def test_distances_landmarks_and_growth_decide(poses):
     """Without distances α commutes less with them; without growth, or with wrong landmarks, the map is worse."""
     source, target, truth = poses

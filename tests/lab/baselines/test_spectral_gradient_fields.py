@@ -75,6 +75,7 @@ def test_sides_of_a_symmetric_animal():
     assert mirrored.min() == -1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "hinted", "bound"),
     [

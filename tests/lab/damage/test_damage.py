@@ -63,6 +63,7 @@ def test_every_damage_is_seeded_and_knows_where_its_vertices_were(name, level):
     assert (np.sort(np.unique(one.mesh.faces)) == np.arange(one.mesh.n_vertices)).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "level"), [each for each in LEVELS if each[0] in REMOVING])
 def test_what_remains_is_a_piece_of_the_whole(name, level):
     found = REMOVING[name](BODY, level, seed=3).mesh
@@ -71,6 +72,7 @@ def test_what_remains_is_a_piece_of_the_whole(name, level):
     assert found.area < BODY.area
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cut", "holes", "limb_removed"])
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.6])
 def test_the_share_that_is_asked_for_is_removed(name, share):
@@ -267,6 +269,7 @@ def whole():
     return BenchmarkPair("a-b", BODY, target, np.column_stack([np.arange(len(new)), new]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["source", "target", "both"])
 @pytest.mark.parametrize(("name", "level"), DEFAULTS)
 def test_truth_of_damaged_pairs(whole, name, level, side):

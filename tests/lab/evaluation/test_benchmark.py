@@ -108,6 +108,7 @@ def test_rows_tables_and_resuming(small, tmp_path):
     assert "http" not in page.replace("http-equiv", ""), "nothing is loaded from elsewhere"
 
 
+@pytest.mark.long
 def test_rows_of_another_version_are_computed_again_and_told_apart(small, monkeypatch, tmp_path):
     run = BenchmarkRun("small", ("right",), n_points=20, jobs=1)
     earlier = list(run_benchmark(run, tmp_path))
@@ -279,6 +280,7 @@ def test_distortion_of_the_table_is_recorded_where_it_is_asked_for(small, tmp_pa
     assert row["distortion_table"] == row["distortion_table_truth"] > 0
 
 
+@pytest.mark.long
 def test_the_command_judges_at_landmarks_and_measures_cycles(example_on_disk, capsys, tmp_path):
     folder, _, _ = example_on_disk
     places = ["--data", str(folder), "--landmarks", str(folder / "landmarks"), "-o", str(tmp_path / "out")]
@@ -502,6 +504,7 @@ def half_of(mesh, seed):
     return DAMAGES["cut"].function(mesh, 0.5, seed=crc32(f"standing-running target {seed}".encode()))
 
 
+@pytest.mark.long
 def test_maps_to_a_damaged_target_are_judged_on_the_whole_one(monkeypatch, tmp_path):
     target = example_pair()[1].mesh
     truth = ground_truth(*example_pair()).vertices
@@ -558,6 +561,7 @@ def test_the_nearer_of_two_merged_vertices_counts(monkeypatch, tmp_path):
     assert row["error"] == row["unmatched"] == 0
 
 
+@pytest.mark.long
 def test_damage_tells_rows_apart_in_every_table(small, tmp_path):
     run = BenchmarkRun("small", ("flipped",), n_points=20, n_pairs=1, jobs=1)
     for damage in (None, "noise", "noise:0.3"):

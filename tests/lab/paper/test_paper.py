@@ -78,6 +78,7 @@ def number(text):
         return text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ITEMS)
 def test_item_writes_picture_numbers_and_verdict(made, name):
     out, records = made
@@ -195,6 +196,7 @@ def test_a_pair_without_a_map_counts_as_wrong(tmp_path, monkeypatch):
     assert facts["without a map"] == {"example, gdd": 1}
 
 
+@pytest.mark.long
 def test_distortions_by_another_route(made):
     (row,) = table(made, "distortion-table")
     pair = next(iter(benchmark_set("example")))
