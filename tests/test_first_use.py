@@ -89,6 +89,7 @@ def test_a_star_imports_all_public_names():
     assert set(isomatch.__all__) <= set(names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("module", "name"),
     [

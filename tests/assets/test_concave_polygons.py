@@ -11,6 +11,7 @@ from isomatch import Asset, read_asset, read_mesh, write_asset
 from isomatch.assets import Attribute, Polygons, asset_from, surface_from, to_trimesh
 from isomatch.assets.fans import triangulate
 from isomatch.cli import main
+from later import some_later
 
 L_SHAPE = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]]
 OUTLINES = {  # with their areas
@@ -148,7 +149,7 @@ SUFFIXES = [".obj", ".off", ".ply", ".vtk", ".vtp", ".vtu", ".stl", ".glb", ".gi
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("first", some_later(range(6), lambda first: first == 1))
 def test_prisms_in_every_format(tmp_path, suffix, first):
     given = prism(first)
     write_asset(tmp_path / f"a{suffix}", given)

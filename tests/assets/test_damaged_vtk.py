@@ -48,6 +48,7 @@ ARRAYS = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "within"), ARRAYS)
 def test_an_array_that_is_too_short(vtp, name, within, capfd):
     vtp.write_bytes(shortened(vtp.read_bytes(), name, within))

@@ -147,6 +147,7 @@ def test_every_entrance_takes_them(made):
     assert canonical_form(given, p=10).points.shape == (sphere.n_vertices, 3)
 
 
+@pytest.mark.long
 def test_matching_tells_the_vertices_of_the_user(tmp_path, example):
     """The source as a file, the target as an object of another library, shuffled."""
     mesh = example[0].mesh

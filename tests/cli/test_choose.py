@@ -83,6 +83,7 @@ def test_an_alternative_becomes_the_map_and_the_map_an_alternative(matched, resu
     assert "<figcaption>Alternative 1, from the map before, extremities</figcaption>" in report
 
 
+@pytest.mark.long
 def test_choosing_again_tells_where_maps_came_from(result):
     record = json.loads((result / "result.json").read_text())
     first = record["origin"]

@@ -122,6 +122,7 @@ def test_a_map_is_not_lost_with_a_drawing_that_fails(shapes, tmp_path, monkeypat
     assert not (tmp_path / name).exists()
 
 
+@pytest.mark.long
 def test_match_takes_hints_is_forced_and_prints_one_json_object(shapes, matched, tmp_path, capsys):
     folder, _ = matched
     (tmp_path / "map.npz").write_bytes(b"an earlier result")

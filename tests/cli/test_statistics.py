@@ -257,6 +257,7 @@ def test_sizes_scores_and_what_size_describes(tmp_path, capsys):
     assert {"scores", "modes", "variance", "groups", "allometry"} <= {path.stem for path in out.glob("*.svg")}
 
 
+@pytest.mark.long
 def test_without_sizes_that_differ_nothing_is_regressed(tmp_path, capsys):
     folder = write(tmp_path / "shapes", ellipsoids([1.0, 1.0, 1.0]))
     assert main(["statistics", str(folder), "-o", str(tmp_path / "out")]) == 0

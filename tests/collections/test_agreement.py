@@ -134,6 +134,7 @@ def test_without_prepared_shapes_nothing_is_compared(tmp_path):
     assert agreed(broken) == []
 
 
+@pytest.mark.long
 def test_a_shape_whose_row_was_forgotten_is_left_out(spoilt):
     with writing_ledger(spoilt.layout.ledger()) as ledger:
         ledger.put_shape("y", {"state": "failed", "error": "gone", "time": 0.0})
@@ -238,6 +239,7 @@ def test_a_star_has_no_triangles(right, in_threads, tmp_path):
         command_line("agree", star.folder, "--jobs", 1)
 
 
+@pytest.mark.long
 def test_too_many_triangles_are_refused_and_the_command_goes_on(
     right, in_threads, tmp_path, monkeypatch, capsys
 ):

@@ -98,6 +98,7 @@ def test_a_report_that_cannot_be_written_is_told(copied, plain_reports):
     assert dict(reported(copied, "all"))[PAIR] == "failed"
 
 
+@pytest.mark.long
 def test_a_surface_is_written_again_when_its_map_is_replaced(star, tmp_path):
     collection = Collection.open(shutil.copytree(star.folder, tmp_path / "star"))
     assert finished_lines(collection) == []

@@ -117,6 +117,7 @@ def test_reflected_shapes_are_reflected_in_the_tables(copied, marks, tmp_path, c
     assert "reflected in the tables, as they were matched: s0" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_other_curves_are_not_in_the_tables_and_what_a_format_lacks_is_told(
     finished, small, marks, tmp_path, capsys
 ):

@@ -121,6 +121,7 @@ def test_what_seems_to_be_a_mirror_image_is_named_but_not_reflected(blobs, plain
     assert "l0, l1; run again with --reflect auto" in said
 
 
+@pytest.mark.long
 def test_reflecting_later_matches_only_what_changes(blobs, plain, tmp_path, work):
     folder = shutil.copytree(plain, tmp_path / "out")
     before = arrays_of(folder)

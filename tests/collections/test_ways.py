@@ -93,6 +93,7 @@ def test_the_median_of_all_ways_is_nearer_to_the_truth_than_the_map_of_the_pair(
     assert ways(cohort) == {"a": "1", **dict.fromkeys(NAMES[1:], "5")}
 
 
+@pytest.mark.long
 def test_the_template_is_as_it_was(cohort):
     np.testing.assert_array_equal(written(cohort, "a"), read_mesh(cohort.paths["a"]).vertices)
 

@@ -5,6 +5,8 @@ import pytest
 import isomatch
 from isomatch.datasets import example_pair
 
+collect_ignore = ["like_windows"]  # changes the process that imports it
+
 QUICK = "n_columns = 40\nrank = 20\nn_functions = 40\nn_search = 100\nn_refine = 100\nrefinement = 'none'\n"
 
 

@@ -188,6 +188,7 @@ def changed(draw, array):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", LOADERS)
 @fuzzed
 @given(data=st.data())

@@ -21,6 +21,7 @@ def mean_relative_errors(mesh, sources):
     return np.array(errors)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pose", [0, 2])
 def test_creature(pose):
     mesh = creature(5000, pose=pose).mesh

@@ -224,6 +224,7 @@ SYMMETRIC = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", some_later(SYMMETRIC, {"sphere", "torus", "mobius", "curved sheet"}.__contains__)
 )

@@ -123,6 +123,7 @@ def test_labels_and_place_do_not_matter(parts, landmarks, led):
     assert shape.mean_distance(*images) < 0.02
 
 
+@pytest.mark.long
 def test_a_map_that_is_given_around_some_vertex_is_grown(parts):
     source, _, truth = parts
     centre = np.flatnonzero(truth >= 0)[50]

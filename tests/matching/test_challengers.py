@@ -40,6 +40,7 @@ def test_a_winner_without_rival_that_fits_well_is_sure(matched):
         assert not is_sure(relation, replace(selection, winner=replace(fit, misfit=0.3)))
 
 
+@pytest.mark.long
 def test_the_right_map_is_among_the_challengers_of_mixed_ones(matched):
     relation, selection, mixed, known = matched
     pair, right = relation.pair, selection.winner.candidate.target_row

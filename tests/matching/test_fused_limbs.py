@@ -45,6 +45,7 @@ def was_cut(found):
     return any("holes closed" in note for note in found.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("source", "target"),
     [
@@ -177,6 +178,7 @@ def test_limbs_apart_are_tried_where_the_map_is_poor():
     assert timer.stop()["limbs apart"] > 0
 
 
+@pytest.mark.long
 def test_a_shape_knows_its_handles():
     shapes = [prepare(body(**pose).mesh) for pose in POSES.values()]
     assert [shape.handles for shape in shapes] == [0, 1, 1, 2]

@@ -65,6 +65,7 @@ def test_landmarks_contend_whatever_starts_are_handed_in(bodies, relation):
     assert mean_error(found, target, truth) < 0.04
 
 
+@pytest.mark.long
 @RELATIONS
 def test_without_hints_none_may_win(bodies, relation):
     with pytest.raises(SettingError, match="hypotheses = 'given', but no landmarks"):
@@ -85,6 +86,7 @@ def test_the_origin_is_the_start_that_won(bodies, relation):
     assert mean_error(found, target, truth) < 0.04
 
 
+@pytest.mark.long
 def test_descriptors_lead_an_elastic_map_and_no_part(bodies):
     source, target, truth = bodies
     of_target = np.zeros((target.n_vertices, 3))

@@ -23,6 +23,7 @@ def mean_error(result, old_vertex, mesh):
     return apart.mean() / np.sqrt(mesh.area)
 
 
+@pytest.mark.long
 def test_a_marked_corner_tells_the_turns_of_a_brick_apart(brick):
     """Four turns fit alike; a spot that is known on both brings the right one, wherever the numbering starts."""
     corner = np.exp(-((np.linalg.norm(brick.vertices - brick.vertices.max(axis=0), axis=1) / 4) ** 2))

@@ -159,6 +159,7 @@ def test_what_was_lifted_is_restricted_to_itself(shapes):
         np.testing.assert_array_equal(shape.restrict(shape.lift(values)), values)
 
 
+@pytest.mark.long
 def test_the_map_of_two_poses(made, truth, shapes, found, found_in_full):
     """The levels are a quarter and a half finer than in practice; the full resolution is hardly better."""
     assert_valid(found, made[0].mesh, made[1].mesh)
@@ -300,6 +301,7 @@ def test_landmarks_of_the_mirror_image_are_obeyed():
     assert led.outcome is Outcome.SYMMETRY_AMBIGUOUS
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1, later(37)])
 def test_an_initial_map_is_obeyed(made, truth, shapes, step):
     known = np.full(len(truth), -1)

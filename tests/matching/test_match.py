@@ -277,6 +277,7 @@ def test_another_animal_is_not_called_converged():
     assert match(source, target).outcome is Outcome.LOW_CONFIDENCE
 
 
+@pytest.mark.long
 def test_contradicted_landmarks_are_told(example, example_truth, prepared_example):
     rng = np.random.default_rng(0)
     sizes = [each.mesh.n_vertices for each in example]

@@ -91,6 +91,7 @@ def test_self_match_is_the_identity(example, prepared_example, config):
     assert found.origin == "landmarks"
 
 
+@pytest.mark.long
 def test_self_match_without_landmarks(example, prepared_example):
     other = disguised(example[0].mesh, seed=10)
     found = match(prepared_example[0], prepare(other.mesh))

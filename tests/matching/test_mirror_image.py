@@ -15,6 +15,7 @@ def lopsided(pose, **changes):
     return creature(2000, pose=pose, style=3, **changes).mesh
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", some_later(["quadruped", "biped"], lambda kind: kind == "quadruped"))
 def test_a_lopsided_body_and_its_mirror_image(kind):
     """Poses differ, the mirror image is renumbered and turned, and its faces keep their orientation."""

@@ -24,6 +24,7 @@ def test_a_broken_ring_is_matched_by_its_pose(seed):
     assert found.origin == "poses"
 
 
+@pytest.mark.long
 def test_where_a_shape_lies_does_not_matter():
     (source, rest), (target, there) = ring(1), ring(1, n=45, bent=0.03)
     turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])

@@ -106,6 +106,7 @@ def test_a_map_that_is_settled_is_more_exact(found, bodies, prepared):
     assert best.score < unsettled.score
 
 
+@pytest.mark.long
 def test_hopeless_maps_are_given_up(found, prepared):
     _, best = found
     bold = match_part(best.pair.part, prepared, Config(parts=PartSettings(hopeless=1.0)))

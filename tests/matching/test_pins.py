@@ -209,6 +209,7 @@ def test_landmarks_that_contradict_the_map_are_named(bodies):
     assert all(f"{i} → {j}" in note for i, j in pairs[:2])
 
 
+@pytest.mark.long
 def test_bad_pins(bodies):
     with pytest.raises(SettingError, match="pin = 0, but no landmarks"):
         match(*bodies[:2], config=Config(pin=0))

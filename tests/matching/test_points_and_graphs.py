@@ -72,6 +72,7 @@ def test_a_mesh_finds_itself_in_the_graph_of_its_edges(mesh, graph, relabelled, 
     assert told["quality"]["orientation"] is None
 
 
+@pytest.mark.long
 def test_relabelled_graphs_match_exactly(mesh, graph, truth):
     found = match(Graph(mesh.n_vertices, mesh.edges, mesh.edge_lengths), graph)
     np.testing.assert_array_equal(found.map.vertices, truth[:, 1])

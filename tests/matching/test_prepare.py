@@ -167,6 +167,7 @@ def test_values_are_lifted_to_the_users_vertices_and_back(example, shape):
     assert labels[0] == -1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["matrix", "function", "engine"])
 def test_given_distances_take_the_place_of_the_engine(kind):
     """In the user's units and vertices, of which one is no part of the body."""

@@ -29,6 +29,7 @@ def known():
     return pair, *maps
 
 
+@pytest.mark.long
 def test_flips_of_the_mirror_image_contain_the_true_map(known):
     pair, true, mirrored = known
     found = flips(pair, mirrored, [mirrored])

@@ -226,6 +226,7 @@ def test_without_a_map_the_report_is_a_picker(shape, visit, tmp_path):
         assert not page.locator(hidden).is_visible()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_nothing_sticks_out_or_overlaps(report, visit, viewport, scheme):

@@ -58,6 +58,7 @@ def test_average_distance_of_a_sphere():
     np.testing.assert_allclose(found - np.diag(np.diag(found)), 0, atol=0.01)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hint", ["landmarks", "initial_map", "signatures"])
 def test_map_of_a_relabelled_copy_commutes(copies, hint):
     source, target, truth = copies

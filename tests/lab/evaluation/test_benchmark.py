@@ -294,6 +294,7 @@ def test_the_command_judges_at_landmarks_and_measures_cycles(example_on_disk, ca
     assert "the set 'example' has no hand-picked landmarks" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_what_continues_a_map_runs_the_method_once(small, monkeypatch, tmp_path):
     def turned(source, target, initial_map):
         return Correspondence(np.roll(initial_map, 7), target.n_vertices)

@@ -95,6 +95,7 @@ def test_item_writes_picture_numbers_and_verdict(made, name):
     assert record["seed"] == 0
 
 
+@pytest.mark.long
 def test_one_page_shows_all(made):
     out, records = made
     page = (out / "index.md").read_text(encoding="utf-8")

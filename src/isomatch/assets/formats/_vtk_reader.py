@@ -46,7 +46,7 @@ def _disk() -> Iterator[None]:
     try:
         yield
     except OSError:
-        sys.exit(DISK)
+        raise SystemExit(DISK) from None
 
 
 def _by_vtk(path: Path, room: int) -> dict[str, object]:
